@@ -1,0 +1,312 @@
+"""The occupancy grid: what has been seen, cell by cell.
+
+ROS conventions throughout: row = y, column = x, the origin is the lower-left corner of cell
+(0, 0), and cell values are those of nav_msgs/OccupancyGrid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from predictor.body import Body, covered
+from predictor.scan import Scan
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Cell values, as in nav_msgs/OccupancyGrid."""
+
+HIT, MISS = 17, -8
+"""What one scan adds to a cell: log-odds in steps of 0.05, after Hornung et al. 2013 (OctoMap)."""
+LOWEST, HIGHEST = -40, 70
+"""The bounds that log-odds are clamped to: the same source, the same unit."""
+
+
+@dataclass(frozen=True)
+class GridFrame:
+    """Where a grid lies: an axis-aligned lattice of square cells.
+
+    Attributes:
+        resolution: side of a cell [m].
+        origin: x, y of the lower-left corner of cell (0, 0) [m].
+        shape: rows (y), columns (x).
+    """
+
+    resolution: float
+    origin: tuple[float, float]
+    shape: tuple[int, int]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent along x and along y [m]."""
+        return self.shape[1] * self.resolution, self.shape[0] * self.resolution
+
+    def cell(self, x: float, y: float) -> tuple[int, int]:
+        """Row and column of the cell that holds a point [m]; may lie outside the grid."""
+        return (
+            math.floor((y - self.origin[1]) / self.resolution),
+            math.floor((x - self.origin[0]) / self.resolution),
+        )
+
+    def centre(self, row: float, col: float) -> tuple[float, float]:
+        """The centre x, y of a cell [m]."""
+        return (
+            self.origin[0] + (col + 0.5) * self.resolution,
+            self.origin[1] + (row + 0.5) * self.resolution,
+        )
+
+    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All cell centres: x (columns,) and y (rows,) [m]."""
+        rows, cols = self.shape
+        return (
+            self.origin[0] + (np.arange(cols) + 0.5) * self.resolution,
+            self.origin[1] + (np.arange(rows) + 0.5) * self.resolution,
+        )
+
+    def contains(self, x: float, y: float) -> bool:
+        """Whether a point [m] lies inside the grid."""
+        row, col = self.cell(x, y)
+        return 0 <= row < self.shape[0] and 0 <= col < self.shape[1]
+
+    def offset(self, other: GridFrame) -> tuple[int, int]:
+        """Row and column of `other`'s cell (0, 0) in this frame.
+
+        Raises:
+            ValueError: if the two frames do not share one lattice.
+        """
+        row = (other.origin[1] - self.origin[1]) / self.resolution
+        col = (other.origin[0] - self.origin[0]) / self.resolution
+        on_lattice = max(abs(row - round(row)), abs(col - round(col))) < 1e-3
+        if not math.isclose(self.resolution, other.resolution, rel_tol=1e-6) or not on_lattice:
+            raise ValueError(f"{other} is not on the lattice of {self}: same cells are needed")
+        return round(row), round(col)
+
+    def square(self, x: float, y: float, side: float) -> GridFrame:
+        """The square of a given side [m] around a point [m], snapped to this lattice."""
+        n = max(1, round(side / self.resolution))
+        row = round((y - self.origin[1]) / self.resolution - n / 2)
+        col = round((x - self.origin[0]) / self.resolution - n / 2)
+        origin = (
+            self.origin[0] + col * self.resolution,
+            self.origin[1] + row * self.resolution,
+        )
+        return GridFrame(self.resolution, origin, (n, n))
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A map: cells that are FREE, OCCUPIED or UNKNOWN, in a frame.
+
+    Attributes:
+        frame: where the cells lie.
+        cells: (rows, columns) int8.
+    """
+
+    frame: GridFrame
+    cells: NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        if self.cells.shape != self.frame.shape:
+            raise ValueError(f"cells are {self.cells.shape}, the frame says {self.frame.shape}")
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Cells seen free, (rows, columns)."""
+        return np.asarray(self.cells == FREE)
+
+    @cached_property
+    def occupied(self) -> NDArray[np.bool_]:
+        """Cells seen occupied, (rows, columns)."""
+        return np.asarray(self.cells == OCCUPIED)
+
+    @cached_property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Cells never seen, (rows, columns)."""
+        return np.asarray(self.cells == UNKNOWN)
+
+    def crop(self, frame: GridFrame) -> Grid:
+        """The part of this map inside a frame on the same lattice; outside is UNKNOWN."""
+        return Grid(frame, paste(self.frame, self.cells, frame, np.int8(UNKNOWN)))
+
+
+def paste(frame: GridFrame, values: NDArray, into: GridFrame, fill: np.generic) -> NDArray:
+    """Values given on one frame, laid onto another of the same lattice; `fill` elsewhere."""
+    row, col = frame.offset(into)
+    out = np.full(into.shape, fill, dtype=values.dtype)
+    r0, r1 = max(0, row), min(frame.shape[0], row + into.shape[0])
+    c0, c1 = max(0, col), min(frame.shape[1], col + into.shape[1])
+    if r0 < r1 and c0 < c1:
+        out[r0 - row : r1 - row, c0 - col : c1 - col] = values[r0:r1, c0:c1]
+    return out
+
+
+class OccupancyGrid:
+    """What a robot has seen so far: log-odds of occupancy that scans are integrated into.
+
+    The one long-lived value of the loop that changes in place: copying a building at every tick
+    would cost more than the rest of the cycle. It grows to hold what the window reaches.
+
+    Args:
+        frame: the first extent; its lattice is kept when the grid grows.
+        window: side of the square around the robot inside which returns are written [m].
+    """
+
+    def __init__(self, frame: GridFrame, window: float) -> None:
+        if not window > 0:
+            raise ValueError(f"window is {window} m, it must be positive")
+        self.frame = frame
+        self.window = window
+        self.log_odds = np.zeros(frame.shape, dtype=np.int8)
+        """(rows, columns) int8 in steps of 0.05; below 0 free, above 0 occupied, 0 unknown."""
+
+    @classmethod
+    def from_grid(cls, grid: Grid, window: float) -> OccupancyGrid:
+        """A grid in which a whole map counts as seen (the `full` arm's knowledge)."""
+        known = cls(grid.frame, window)
+        known.log_odds[grid.free] = LOWEST
+        known.log_odds[grid.occupied] = HIGHEST
+        return known
+
+    @property
+    def cells(self) -> NDArray[np.int8]:
+        """The whole map as FREE, OCCUPIED, UNKNOWN: (rows, columns) int8."""
+        return _classify(self.log_odds)
+
+    def crop(self, frame: GridFrame) -> Grid:
+        """What is known inside a frame on this lattice."""
+        return Grid(frame, _classify(paste(self.frame, self.log_odds, frame, np.int8(0))))
+
+    def integrate(self, scan: Scan, pose: ArrayLike) -> None:
+        """Write one scan, taken from a robot pose (x, y, yaw), into the cells of the window.
+
+        Each cell is updated once a scan: a cell that a beam ends in is a hit, one that a beam
+        crosses a miss. A range of NaN says nothing; one at or above `range_max` (+inf too) says
+        that the beam was free up to there (REP 117).
+
+        Raises:
+            ValueError: if the pose is not finite.
+        """
+        x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
+            raise ValueError(f"pose is ({x}, {y}, {yaw}), it must be finite")
+        window = self._cover(self.frame.square(x, y, self.window))
+        sx, sy, bearing = scan.sensor_pose(x, y, yaw)
+        row, col = self.frame.offset(window)
+        marks = np.zeros(window.shape, dtype=np.uint8)
+        trace_beams(
+            marks,
+            (sx - window.origin[0]) / window.resolution,
+            (sy - window.origin[1]) / window.resolution,
+            bearing + scan.angle_min,
+            scan.angle_increment,
+            scan.ranges / window.resolution,
+            scan.range_max / window.resolution,
+        )
+        _update(self.log_odds[row : row + window.shape[0], col : col + window.shape[1]], marks)
+
+    def mark_free(self, pose: ArrayLike, body: Body, around: float) -> None:
+        """Count a body's footprint and the space `around` it [m] as seen free (a start)."""
+        x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
+        grown = body.inflated(around)
+        self._cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
+        inside = covered(self.frame.shape, self.frame.resolution, self.frame.origin, x, y, yaw,
+                         grown.half_length, grown.half_width)  # fmt: skip
+        region = self.log_odds[tuple(inside.T)]
+        self.log_odds[tuple(inside.T)] = np.where(region == 0, MISS, region)
+
+    def _cover(self, wanted: GridFrame) -> GridFrame:
+        """Grow, if need be, by whole windows until a frame fits; return that frame."""
+        row, col = self.frame.offset(wanted)
+        rows, cols = self.frame.shape
+        step = max(wanted.shape[0], 100)
+        before = [math.ceil(max(0, -start) / step) * step for start in (row, col)]
+        after = [
+            math.ceil(max(0, start + length - have) / step) * step
+            for start, length, have in zip((row, col), wanted.shape, (rows, cols), strict=True)
+        ]
+        if any(before) or any(after):
+            self.log_odds = np.pad(self.log_odds, list(zip(before, after, strict=True)))
+            origin = (
+                self.frame.origin[0] - before[1] * self.frame.resolution,
+                self.frame.origin[1] - before[0] * self.frame.resolution,
+            )
+            shape = (self.log_odds.shape[0], self.log_odds.shape[1])
+            self.frame = GridFrame(self.frame.resolution, origin, shape)
+        return wanted
+
+
+def _classify(log_odds: NDArray[np.int8]) -> NDArray[np.int8]:
+    return np.choose(np.sign(log_odds) + 1, (FREE, UNKNOWN, OCCUPIED)).astype(np.int8)
+
+
+@njit(cache=True, nogil=True)
+def _update(log_odds, marks):  # type: ignore[no-untyped-def]
+    """Add one scan's marks (0 nothing, 1 crossed, 2 hit) to log-odds, clamped, in place."""
+    for row in range(marks.shape[0]):
+        for col in range(marks.shape[1]):
+            mark = marks[row, col]
+            if mark:
+                value = np.int32(log_odds[row, col]) + (HIT if mark == 2 else MISS)
+                log_odds[row, col] = min(max(value, LOWEST), HIGHEST)
+
+
+@njit(cache=True, nogil=True)
+def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-untyped-def]
+    """Mark the cells that beams cross (1) and end in (2).
+
+    Exact: a beam is followed along its longer axis; in each column (or row) that it passes it
+    touches at most two cells. A cell is crossed when the beam's way inside it is longer than
+    about 1e-6 cells, so that rounding never frees a cell that a beam only grazes at a corner.
+
+    Args:
+        marks: (rows, columns) uint8, written in place; cells outside it are passed over.
+        x: sensor position along the columns [cells].
+        y: sensor position along the rows [cells].
+        first: direction of beam 0 [rad].
+        step: angle between beams [rad].
+        ranges: (beams,) [cells]; NaN says nothing.
+        longest: the sensor's range [cells].
+    """
+    rows, cols = marks.shape
+    tiny = 1e-6
+    for beam in range(ranges.size):
+        length = ranges[beam]
+        if not length > 0.0:
+            continue
+        returned = length < longest
+        length = min(length, longest)
+        cos, sin = math.cos(first + beam * step), math.sin(first + beam * step)
+        steep = abs(sin) > abs(cos)
+        # u runs along the longer axis, w across it.
+        u, w, du, dw, nu, nw = x, y, cos, sin, cols, rows
+        if steep:
+            u, w, du, dw, nu, nw = y, x, sin, cos, rows, cols
+        end = u + du * length
+        slope = dw / du
+        forward = 1 if du > 0 else -1
+        lo, hi = min(u, end) + tiny, max(u, end) - tiny
+        start = max(0, math.floor(lo))
+        stop = min(nu - 1, math.floor(hi))
+        # A return's own cell is a hit, and never a miss by the same beam.
+        hit_u = math.floor(end + tiny * forward)
+        hit_w = math.floor(w + slope * (end - u) + tiny * (1 if dw > 0 else -1))
+        for cell in range(start, stop + 1):
+            a = w + slope * (max(float(cell), lo) - u)
+            b = w + slope * (min(float(cell + 1), hi) - u)
+            low, high = math.floor(min(a, b) + tiny), math.floor(max(a, b) - tiny)
+            for across in range(max(low, 0), min(high, nw - 1) + 1):
+                if returned and cell == hit_u and across == hit_w:
+                    continue
+                if steep:
+                    marks[cell, across] = max(marks[cell, across], 1)
+                else:
+                    marks[across, cell] = max(marks[across, cell], 1)
+        if returned and 0 <= hit_u < nu and 0 <= hit_w < nw:
+            if steep:
+                marks[hit_u, hit_w] = 2
+            else:
+                marks[hit_w, hit_u] = 2

@@ -1,0 +1,129 @@
+"""The contract between a predictor and everything that uses one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What is believed of a piece of map, cell by cell.
+
+    The rest, 1 - p_free - p_occupied, is the probability that nothing will ever be observed
+    there, such as inside a wall.
+
+    Attributes:
+        frame: where the cells lie.
+        p_free: probability that a cell is free, (rows, columns).
+        p_occupied: probability that a cell is a surface that a ray can hit, (rows, columns).
+        confidence: trust in the two, in [0, 1], (rows, columns). 0 means unknown.
+        hypotheses: optionally, K maps that are each consistent in themselves, as probabilities
+            of free: (K, rows, columns).
+    """
+
+    frame: GridFrame
+    p_free: NDArray[np.float32]
+    p_occupied: NDArray[np.float32]
+    confidence: NDArray[np.float32]
+    hypotheses: NDArray[np.float32] | None = None
+
+
+@runtime_checkable
+class Predictor(Protocol):
+    """Anything that extends a known map: the one method a plug-in has to offer."""
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+        """Predict a map.
+
+        Args:
+            known: all that has been seen inside the predicted window, which is `expansion`
+                times as wide as the sensed one and centred on the robot.
+            pose: x, y, yaw of the robot [m, m, rad].
+
+        Returns:
+            A prediction on the frame of `known`.
+        """
+        ...
+
+
+class BadPredictionError(ValueError):
+    """A predictor returned something that breaks its contract."""
+
+
+def checked(prediction: Prediction, known: Grid) -> Prediction:
+    """A predictor's answer, if it may be used, with observed cells as they were observed.
+
+    A NaN in a probability or in a confidence makes its cell unknown.
+
+    Raises:
+        BadPredictionError: if it is not a Prediction, lies elsewhere than asked, has the wrong
+            shape, or holds values outside [0, 1].
+    """
+    if not isinstance(prediction, Prediction):
+        raise BadPredictionError(
+            f"predict() returned {type(prediction).__name__}, it must return a Prediction"
+        )
+    if prediction.frame != known.frame:
+        raise BadPredictionError(f"prediction lies on {prediction.frame}, asked: {known.frame}")
+    shape = known.frame.shape
+    fields = {}
+    for name in ("p_free", "p_occupied", "confidence"):
+        values = np.asarray(getattr(prediction, name))
+        if values.shape != shape or values.dtype.kind not in "fiub":
+            raise BadPredictionError(
+                f"{name} is {values.dtype} {values.shape}, it must be real numbers {shape}"
+            )
+        if (values < 0).any() or (values > 1).any():
+            raise BadPredictionError(f"{name} has values outside [0, 1]")
+        fields[name] = values.astype(np.float32)
+    sum_ = fields["p_free"] + fields["p_occupied"]
+    if (sum_ > 1 + 1e-4).any():
+        raise BadPredictionError("p_free + p_occupied exceeds 1 in some cells")
+    unusable = np.isnan(sum_ + fields["confidence"])
+    for values in fields.values():
+        values[unusable] = 0.0
+    seen = ~known.unknown
+    fields["p_free"][seen] = known.free[seen]
+    fields["p_occupied"][seen] = known.occupied[seen]
+    fields["confidence"][seen] = 1.0
+    return Prediction(known.frame, **fields, hypotheses=prediction.hypotheses)
+
+
+def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> None:
+    """Run a predictor through what the planner will ask of it; for authors of plug-ins.
+
+    Asks for a prediction of an empty, a wholly unknown and a cluttered map, at two sizes and
+    several poses, and twice each.
+
+    Raises:
+        BadPredictionError: with what was wrong and what would be right.
+    """
+    if not callable(getattr(predictor, "predict", None)):
+        raise BadPredictionError(
+            f"{type(predictor).__name__} has no method predict(known, pose) -> Prediction"
+        )
+    rng = np.random.default_rng(seed)
+    for length in (side, 0.55 * side):
+        n = round(length / 0.05)
+        clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
+        for cells in (
+            np.full((n, n), FREE, np.int8),
+            np.full((n, n), UNKNOWN, np.int8),
+            clutter,
+        ):
+            origin = (float(rng.integers(-9, 9)), float(rng.integers(-9, 9)))
+            known = Grid(GridFrame(0.05, origin, (n, n)), cells)
+            kept = cells.copy()
+            pose = np.array([*known.frame.centre(n / 2, n / 2), rng.uniform(-np.pi, np.pi)])
+            first = checked(predictor.predict(known, pose), known)
+            again = checked(predictor.predict(known, pose), known)
+            if not np.array_equal(cells, kept):
+                raise BadPredictionError("predict() changed the map that it was given")
+            if not np.array_equal(first.p_free, again.p_free):
+                raise BadPredictionError("predict() gave two answers to one question")
