@@ -1,1 +1,38 @@
-"""."""
+"""What has been seen of a building, and what is believed of the rest.
+
+A predictor is any object with `predict(known: Grid, pose) -> Prediction`; run `check_predictor`
+on one of your own.
+"""
+
+from predictor.body import Body
+from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
+from predictor.none import NoPrediction
+from predictor.prediction import (
+    BadPredictionError,
+    Prediction,
+    Predictor,
+    check_predictor,
+    checked,
+)
+from predictor.registry import PredictorError, available, load_predictor
+from predictor.scan import Scan
+
+__all__ = [
+    "FREE",
+    "OCCUPIED",
+    "UNKNOWN",
+    "BadPredictionError",
+    "Body",
+    "Grid",
+    "GridFrame",
+    "NoPrediction",
+    "OccupancyGrid",
+    "Prediction",
+    "Predictor",
+    "PredictorError",
+    "Scan",
+    "available",
+    "check_predictor",
+    "checked",
+    "load_predictor",
+]

@@ -1,0 +1,119 @@
+"""Predictors by name: those that installed packages offer, and any class in a file of one's own."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+import sys
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+from typing import Any
+
+from predictor.prediction import Predictor
+
+GROUP = "foresee.predictors"
+"""The entry point group in which a package offers predictors."""
+
+
+class PredictorError(ValueError):
+    """There is no such predictor, or it cannot be loaded; one line says why."""
+
+
+def available() -> tuple[str, ...]:
+    """The names that `load_predictor` knows, sorted."""
+    return tuple(sorted(_offered()))
+
+
+def load_predictor(spec: str) -> Predictor:
+    """Make a predictor from what a user wrote on a command line.
+
+    Args:
+        spec: a name out of `available()`, or `package.module:Class`. The module is looked for
+            where Python looks and in the current working directory; the class, or any other
+            factory, is called without arguments.
+
+    Raises:
+        PredictorError: with what was wrong and what would be right.
+    """
+    factory = _imported(spec) if ":" in spec else _named(spec)
+    if not callable(factory):
+        raise PredictorError(
+            f"predictor {spec!r} is of type {type(factory).__name__}, it must be a class or a "
+            "function that makes a predictor"
+        )
+    try:
+        predictor = factory()
+    except Exception as error:
+        raise PredictorError(f"predictor {spec!r} could not be made: {_line(error)}") from error
+    predict = getattr(predictor, "predict", None)
+    if not callable(predict):
+        raise PredictorError(f"predictor {spec!r} has no method predict(known, pose) -> Prediction")
+    if not _takes_two(predict):
+        raise PredictorError(
+            f"predictor {spec!r} has predict{inspect.signature(predict)}, it must be "
+            "predict(known, pose) -> Prediction"
+        )
+    loaded: Predictor = predictor
+    return loaded
+
+
+def _offered() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def _named(name: str) -> Any:
+    offered = _offered()
+    if name not in offered:
+        raise PredictorError(
+            f"no predictor is named {name!r}: choose one of {', '.join(sorted(offered))}, "
+            "or give package.module:Class"
+        )
+    try:
+        return offered[name].load()
+    except Exception as error:
+        raise PredictorError(f"predictor {name!r} could not be loaded: {_line(error)}") from error
+
+
+def _imported(spec: str) -> Any:
+    path, _, attribute = spec.partition(":")
+    if not path or not attribute or path.startswith("."):
+        raise PredictorError(f"{spec!r} is not of the form package.module:Class")
+    found: Any = _module(path, spec)
+    for name in attribute.split("."):
+        if not hasattr(found, name):
+            raise PredictorError(f"predictor {spec!r}: module {path} has no {attribute}")
+        found = getattr(found, name)
+    return found
+
+
+def _module(path: str, spec: str) -> ModuleType:
+    here = os.getcwd()
+    if here not in sys.path and "" not in sys.path:
+        # As `python -m` does, but last. It stays: a plug-in may import its neighbours later.
+        sys.path.append(here)
+    try:
+        return importlib.import_module(path)
+    except ModuleNotFoundError as error:
+        if error.name is not None and (path == error.name or path.startswith(error.name + ".")):
+            raise PredictorError(
+                f"predictor {spec!r}: no module {error.name}, neither installed nor in {here}"
+            ) from error
+        raise PredictorError(f"predictor {spec!r}: importing {path}: {_line(error)}") from error
+    except Exception as error:
+        raise PredictorError(f"predictor {spec!r}: importing {path}: {_line(error)}") from error
+
+
+def _takes_two(predict: Any) -> bool:
+    try:
+        inspect.signature(predict).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:  # Compiled code may have no signature to read.
+        return True
+    return True
+
+
+def _line(error: Exception) -> str:
+    """An exception on one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
