@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from predictor.beams import trace_beams
 from predictor.body import Body, covered
 from predictor.scan import Scan
 
@@ -62,10 +63,9 @@ class GridFrame:
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """All cell centres: x (columns,) and y (rows,) [m]."""
         rows, cols = self.shape
-        return (
-            self.origin[0] + (np.arange(cols) + 0.5) * self.resolution,
-            self.origin[1] + (np.arange(rows) + 0.5) * self.resolution,
-        )
+        x = self.origin[0] + (np.arange(cols) + 0.5) * self.resolution
+        y = self.origin[1] + (np.arange(rows) + 0.5) * self.resolution
+        return x.astype(np.float64), y.astype(np.float64)
 
     def contains(self, x: float, y: float) -> bool:
         """Whether a point [m] lies inside the grid."""
@@ -246,67 +246,11 @@ def _classify(log_odds: NDArray[np.int8]) -> NDArray[np.int8]:
 @njit(cache=True, nogil=True)
 def _update(log_odds, marks):  # type: ignore[no-untyped-def]
     """Add one scan's marks (0 nothing, 1 crossed, 2 hit) to log-odds, clamped, in place."""
+    # Free of branches and within int8, so that it compiles to vector code.
     for row in range(marks.shape[0]):
         for col in range(marks.shape[1]):
             mark = marks[row, col]
-            if mark:
-                value = np.int32(log_odds[row, col]) + (HIT if mark == 2 else MISS)
-                log_odds[row, col] = min(max(value, LOWEST), HIGHEST)
-
-
-@njit(cache=True, nogil=True)
-def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-untyped-def]
-    """Mark the cells that beams cross (1) and end in (2).
-
-    Exact: a beam is followed along its longer axis; in each column (or row) that it passes it
-    touches at most two cells. A cell is crossed when the beam's way inside it is longer than
-    about 1e-6 cells, so that rounding never frees a cell that a beam only grazes at a corner.
-
-    Args:
-        marks: (rows, columns) uint8, written in place; cells outside it are passed over.
-        x: sensor position along the columns [cells].
-        y: sensor position along the rows [cells].
-        first: direction of beam 0 [rad].
-        step: angle between beams [rad].
-        ranges: (beams,) [cells]; NaN says nothing.
-        longest: the sensor's range [cells].
-    """
-    rows, cols = marks.shape
-    tiny = 1e-6
-    for beam in range(ranges.size):
-        length = ranges[beam]
-        if not length > 0.0:
-            continue
-        returned = length < longest
-        length = min(length, longest)
-        cos, sin = math.cos(first + beam * step), math.sin(first + beam * step)
-        steep = abs(sin) > abs(cos)
-        # u runs along the longer axis, w across it.
-        u, w, du, dw, nu, nw = x, y, cos, sin, cols, rows
-        if steep:
-            u, w, du, dw, nu, nw = y, x, sin, cos, rows, cols
-        end = u + du * length
-        slope = dw / du
-        forward = 1 if du > 0 else -1
-        lo, hi = min(u, end) + tiny, max(u, end) - tiny
-        start = max(0, math.floor(lo))
-        stop = min(nu - 1, math.floor(hi))
-        # A return's own cell is a hit, and never a miss by the same beam.
-        hit_u = math.floor(end + tiny * forward)
-        hit_w = math.floor(w + slope * (end - u) + tiny * (1 if dw > 0 else -1))
-        for cell in range(start, stop + 1):
-            a = w + slope * (max(float(cell), lo) - u)
-            b = w + slope * (min(float(cell + 1), hi) - u)
-            low, high = math.floor(min(a, b) + tiny), math.floor(max(a, b) - tiny)
-            for across in range(max(low, 0), min(high, nw - 1) + 1):
-                if returned and cell == hit_u and across == hit_w:
-                    continue
-                if steep:
-                    marks[cell, across] = max(marks[cell, across], 1)
-                else:
-                    marks[across, cell] = max(marks[across, cell], 1)
-        if returned and 0 <= hit_u < nu and 0 <= hit_w < nw:
-            if steep:
-                marks[hit_u, hit_w] = 2
-            else:
-                marks[hit_w, hit_u] = 2
+            change = np.int8(MISS) if mark == 1 else np.int8(HIT) if mark == 2 else np.int8(0)
+            value = np.int8(log_odds[row, col] + change)
+            value = np.int8(HIGHEST) if value > HIGHEST else value
+            log_odds[row, col] = np.int8(LOWEST) if value < LOWEST else value
