@@ -1,0 +1,180 @@
+"""The car: the paper's Dubins model, the model with bounded acceleration, and its collisions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from predictor.body import Body, first_contact
+from sim.world import World
+
+SPACING = 0.2
+"""How far a corner of the body moves between two poses tested for collision [cells]."""
+
+
+@dataclass(frozen=True)
+class CarConfig:
+    """A fast indoor robot; it cannot reverse.
+
+    Attributes:
+        v_max: top speed [m/s].
+        acceleration: hardest speeding up [m/s²].
+        braking: hardest slowing down [m/s²].
+        lateral_acceleration: hardest cornering, v²·κ [m/s²].
+        turning_radius: of the tightest arc [m].
+        body: the rectangle around (x, y).
+    """
+
+    v_max: float = 4.0
+    acceleration: float = 1.5
+    braking: float = 1.5
+    lateral_acceleration: float = 3.0
+    turning_radius: float = 0.8
+    body: Body = field(default_factory=Body)
+
+    def __post_init__(self) -> None:
+        for name in ("v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ValueError(f"{name} is {value}, it must be positive and finite")
+
+    @property
+    def max_curvature(self) -> float:
+        """Curvature of the tightest arc [1/m]."""
+        return 1.0 / self.turning_radius
+
+
+class DubinsCar:
+    """State [x, y, yaw, v], control [acceleration, curvature], in closed form.
+
+    Args:
+        config: the car's limits.
+    """
+
+    def __init__(self, config: CarConfig | None = None) -> None:
+        self.config = config or CarConfig()
+
+    def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
+        """The state (4,) after `dt` [s] of constant control (2,).
+
+        Control beyond the limits is cut to them. Speed saturates at 0 and at v_max, inside the step
+        too, so the path is one circular arc.
+
+        Raises:
+            ValueError: if something is not finite, the speed or `dt` negative.
+        """
+        x, y, yaw, length, v_end, curvature = self._arc(state, control, dt)
+        return np.array([*along_arc(x, y, yaw, curvature, length), v_end])
+
+    def motion(
+        self, state: ArrayLike, control: ArrayLike, dt: float, spacing: float
+    ) -> NDArray[np.float64]:
+        """Poses (n, 3) along a step, its end included and its start not.
+
+        No point of the body moves further than `spacing` [m] from one pose to the next.
+
+        Raises:
+            ValueError: as `step`, and if `spacing` is not positive.
+        """
+        if not spacing > 0:
+            raise ValueError(f"spacing is {spacing} m, it must be positive")
+        x, y, yaw, length, _, curvature = self._arc(state, control, dt)
+        # A point of the body moves at most (1 + |κ|·radius) times as far as its centre.
+        swept = length * (1.0 + abs(curvature) * self.config.body.radius)
+        count = max(1, math.ceil(swept / spacing))
+        steps = (length * i / count for i in range(1, count + 1))
+        return np.array([along_arc(x, y, yaw, curvature, s) for s in steps])
+
+    def collides(self, world: World, state: ArrayLike, control: ArrayLike, dt: float) -> bool:
+        """Whether the body meets something solid anywhere along a step."""
+        spacing = SPACING * world.grid.frame.resolution
+        poses = self.motion(state, control, dt, spacing)
+        return collides(world, poses, self.config.body, spacing)
+
+    def _arc(
+        self, state: ArrayLike, control: ArrayLike, dt: float
+    ) -> tuple[float, float, float, float, float, float]:
+        """Start x, y, yaw; then the arc's length, the speed at its end, and its curvature."""
+        x, y, yaw, v = (float(value) for value in np.asarray(state, dtype=np.float64))
+        acceleration, curvature = (float(value) for value in np.asarray(control, dtype=np.float64))
+        if not math.isfinite(x + y + yaw + v + acceleration + curvature + dt):
+            raise ValueError(f"state {state!r}, control {control!r}, dt {dt} must be finite")
+        if v < 0 or dt < 0:
+            raise ValueError(f"speed {v} m/s and dt {dt} s may not be negative")
+        config = self.config
+        acceleration = min(max(acceleration, -config.braking), config.acceleration)
+        length, v_end = travel(v, acceleration, dt, config.v_max)
+        fastest = max(v, v_end)
+        tightest = config.max_curvature
+        if fastest > 0:
+            tightest = min(tightest, config.lateral_acceleration / fastest**2)
+        return x, y, yaw, length, v_end, min(max(curvature, -tightest), tightest)
+
+
+class PaperCar:
+    """The paper's Dubins car: state [x, y, θ], control [v, dθ/dt] (Katyal et al. 2018)."""
+
+    def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
+        """The state (3,) after `dt` [s] of constant control (2,), exactly."""
+        x, y, yaw = (float(value) for value in np.asarray(state, dtype=np.float64))
+        v, turn = (float(value) for value in np.asarray(control, dtype=np.float64))
+        chord = v * dt * sinc(0.5 * turn * dt)
+        heading = yaw + 0.5 * turn * dt
+        return np.array(
+            [x + chord * math.cos(heading), y + chord * math.sin(heading), wrap(yaw + turn * dt)]
+        )
+
+
+def travel(v: float, acceleration: float, dt: float, v_max: float) -> tuple[float, float]:
+    """Distance [m] and final speed [m/s] after `dt`, the speed saturating at 0 and v_max."""
+    if acceleration < 0 and v + acceleration * dt <= 0:
+        return -0.5 * v**2 / acceleration, 0.0
+    if acceleration > 0 and v + acceleration * dt > v_max:
+        rising = max(0.0, (v_max - v) / acceleration)
+        v_end = max(v, v_max)
+        return 0.5 * (v + v_end) * rising + v_end * (dt - rising), v_end
+    return v * dt + 0.5 * acceleration * dt**2, v + acceleration * dt
+
+
+def along_arc(
+    x: float, y: float, yaw: float, curvature: float, length: float
+) -> tuple[float, float, float]:
+    """The pose at an arc length [m] along a circular arc; a straight line where curvature is 0."""
+    half = 0.5 * curvature * length
+    chord = length * sinc(half)
+    return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), wrap(yaw + 2 * half)
+
+
+def sinc(angle: float) -> float:
+    """sin(angle) / angle, 1 at 0."""
+    # The next term of the series, angle⁴/120, is below rounding here.
+    return 1.0 - angle * angle / 6.0 if abs(angle) < 1e-4 else math.sin(angle) / angle
+
+
+def wrap(angle: float) -> float:
+    """The same angle in (−π, π] [rad]."""
+    wrapped = math.remainder(angle, 2 * math.pi)
+    return math.pi if wrapped <= -math.pi else wrapped
+
+
+def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -> bool:
+    """Whether a body meets something solid at any of the poses, or between them.
+
+    The body is grown by half of `spacing`: whatever a pose between two of these covers, one of
+    the two covers as well, so nothing is missed.
+
+    Args:
+        world: the truth.
+        poses: (n, 3) x, y, yaw.
+        body: the rectangle.
+        spacing: how far a point of the body moves from pose to pose at most [m].
+    """
+    frame = world.grid.frame
+    grown = body.inflated(0.5 * spacing)
+    array = np.atleast_2d(np.asarray(poses, dtype=np.float64))
+    contact = first_contact(world.solid, frame.resolution, frame.origin, array,
+                            grown.half_length, grown.half_width)  # fmt: skip
+    return bool(contact >= 0)

@@ -1,0 +1,77 @@
+"""The world: a building's ground truth, and what rays and collisions read from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from predictor.grid import FREE, Grid
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """A building as it truly is.
+
+    One grid serves rays and collisions alike: OCCUPIED cells stop both; UNKNOWN cells and all that
+    lies outside are solid to the body and end a ray without a return.
+
+    Attributes:
+        name: what reports call it.
+        grid: the truth, cell by cell.
+    """
+
+    name: str
+    grid: Grid
+
+    @cached_property
+    def solid(self) -> NDArray[np.bool_]:
+        """Cells that the body may not touch: all that are not FREE, (rows, columns)."""
+        return np.asarray(self.grid.cells != FREE)
+
+    @cached_property
+    def clearance(self) -> NDArray[np.float64]:
+        """From each cell's centre to the nearest solid cell's centre [m], (rows, columns)."""
+        free = np.pad(~self.solid, 1)
+        distance = np.asarray(distance_transform_edt(free), dtype=np.float64)
+        return distance[1:-1, 1:-1] * self.grid.frame.resolution
+
+    @cached_property
+    def skips(self) -> NDArray[np.uint8]:
+        """How far a ray may jump from each cell: `empty_squares` of the solid cells."""
+        return empty_squares(self.solid)
+
+
+@njit(cache=True, nogil=True)
+def empty_squares(solid):  # type: ignore[no-untyped-def]
+    """Side of the largest empty square whose corner a cell is, for each of four quadrants.
+
+    Quadrant 2·(dy < 0) + (dx < 0) holds the squares that reach along the signs of dx and dy. One
+    plane a quadrant: a ray stays in one, and neighbouring beams read neighbouring bytes.
+
+    Args:
+        solid: (rows, columns) bool.
+
+    Returns:
+        (4, rows + 2, columns + 2) uint8 [cells], 0 where solid, with a solid ring around the map
+        so that rays need no bounds check; capped at 255.
+    """
+    rows, cols = solid.shape
+    sides = np.zeros((4, rows + 2, cols + 2), dtype=np.uint8)
+    for quadrant in range(4):
+        dx = -1 if quadrant & 1 else 1
+        dy = -1 if quadrant & 2 else 1
+        plane = sides[quadrant]
+        for i in range(rows):
+            row = 1 + i if dy < 0 else rows - i
+            for j in range(cols):
+                col = 1 + j if dx < 0 else cols - j
+                if not solid[row - 1, col - 1]:
+                    side = min(plane[row + dy, col], plane[row, col + dx])
+                    side = min(side, plane[row + dy, col + dx])
+                    plane[row, col] = min(np.int64(side) + 1, 255)
+    return sides
