@@ -109,8 +109,8 @@ class DubinsCar:
         length, v_end = travel(v, acceleration, dt, config.v_max)
         fastest = max(v, v_end)
         tightest = config.max_curvature
-        if fastest > 0:
-            tightest = min(tightest, config.lateral_acceleration / fastest**2)
+        if tightest * fastest**2 > config.lateral_acceleration:
+            tightest = config.lateral_acceleration / fastest**2
         return x, y, yaw, length, v_end, min(max(curvature, -tightest), tightest)
 
 
