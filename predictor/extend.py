@@ -1,0 +1,124 @@
+"""The classical predictor: what is seen along a straight line goes on for a while.
+
+Buildings have straight walls, most of them along two directions. From each unknown cell it looks
+back along these to what was seen last: open space, and for how far it has been open; a wall that
+runs along the line; or a wall that bars it. These, and how near the cell is to anything seen, are
+the evidence of two logistic regressions, so that confidence * p_free is a probability that was
+fitted to drives, not a score.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from predictor.lines import NONE, OPEN, look_back, main_direction, nearness
+from predictor.prediction import Prediction
+
+
+@dataclass(frozen=True)
+class ExtendConfig:
+    """Constants of `Extend`, fitted to drives through generated worlds.
+
+    Attributes:
+        memory: way along a line after which what it has been counts as established [m].
+        reach: distance over which what a line shows loses its weight, by 1/e [m].
+        near: the same, for evidence that is only good close by [m].
+        trust: distance over which the confidence falls, by 1/e [m].
+        free: log-odds of free: bias, then a weight for each of the openest and the second openest
+            line, a wall along a line, the nearest and the second wall across, a wall along a
+            line close by, known free space close by, a known wall close by.
+        occupied: the same, for occupied.
+    """
+
+    memory: float = 0.5
+    reach: float = 3.0
+    near: float = 0.3
+    trust: float = 10.0
+    free: tuple[float, ...] = (-1.48, 3.16, 0.95, -3.29, -2.18, -1.35, 6.49, 4.22, -7.12)
+    occupied: tuple[float, ...] = (-5.04, 1.30, -0.60, 7.05, -1.36, 1.48, -2.12, 0.56, -0.17)
+
+
+class Extend:
+    """Continues walls and free space beyond the frontier, with less confidence the further.
+
+    Args:
+        config: its constants.
+    """
+
+    def __init__(self, config: ExtendConfig | None = None) -> None:
+        self.config = config or ExtendConfig()
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+        """Extend a known map along the main direction of its walls."""
+        config, resolution, cells = self.config, known.frame.resolution, known.cells
+        # Without a wall in sight, the robot's own heading is the best guess at the building's.
+        angle = main_direction(cells, default=float(pose[2]))
+        lines = look_back(cells, angle, config.memory / resolution)
+        p_free, p_occupied, confidence = _believe(
+            cells,
+            *lines,
+            nearness(cells, FREE, config.near / resolution),
+            nearness(cells, OCCUPIED, config.near / resolution),
+            config.reach / resolution,
+            config.near / resolution,
+            config.trust / resolution,
+            np.array(config.free),
+            np.array(config.occupied),
+        )
+        return Prediction(known.frame, p_free, p_occupied, confidence)
+
+
+@njit(cache=True, nogil=True)
+def _believe(  # type: ignore[no-untyped-def]
+    cells, kind, distance, support, near_free, near_wall, reach, near, trust, free, occupied
+):
+    """Evidence to probabilities: p_free, p_occupied and confidence, each (rows, columns)."""
+    rows, cols = cells.shape
+    out = np.zeros((3, rows, cols), dtype=np.float32)
+    x = np.ones(9)
+    for row in range(rows):
+        for col in range(cols):
+            if cells[row, col] != UNKNOWN:
+                out[0, row, col] = 1.0 if cells[row, col] == FREE else 0.0
+                out[1, row, col] = 1.0 - out[0, row, col]
+                out[2, row, col] = 1.0
+                continue
+            x[1:7] = 0.0
+            doubt = 1.0
+            for line in range(4):
+                if kind[line, row, col] == NONE:
+                    continue
+                gap, strength = distance[line, row, col], support[line, row, col]
+                weight = math.exp(-gap / reach)
+                doubt *= 1.0 - strength * math.exp(-gap / trust)
+                if kind[line, row, col] == OPEN:
+                    x[1], x[2] = _two_largest(x[1], x[2], strength * weight)
+                else:
+                    x[3] = max(x[3], strength * weight)
+                    x[4], x[5] = _two_largest(x[4], x[5], (1.0 - strength) * weight)
+                    x[6] = max(x[6], strength * math.exp(-gap / near))
+            confidence = 1.0 - doubt
+            if confidence <= 0.0:
+                continue
+            x[7], x[8] = near_free[row, col], near_wall[row, col]
+            # Confidence takes the part of the belief that it can: their product is what was
+            # fitted, unless that exceeds what the lines vouch for.
+            a = min(1.0 / (1.0 + math.exp(-np.dot(free, x))), confidence)
+            b = min(1.0 / (1.0 + math.exp(-np.dot(occupied, x))), confidence - a)
+            out[0, row, col] = a / confidence
+            out[1, row, col] = b / confidence
+            out[2, row, col] = confidence
+    return out[0], out[1], out[2]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _two_largest(first, second, value):  # type: ignore[no-untyped-def]
+    if value > first:
+        return value, first
+    return first, max(second, value)
