@@ -1,0 +1,74 @@
+"""The exact Euclidean distance transform."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+def distance_field(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Distance from each cell's centre to the nearest True cell's centre [cells].
+
+    Exact, in two passes of lower envelopes of parabolas (Felzenszwalb & Huttenlocher 2012).
+    Where no cell is True the distance is that of the grid's diagonal.
+
+    Args:
+        mask: (rows, columns).
+
+    Returns:
+        (rows, columns) float32.
+    """
+    return _transform(np.ascontiguousarray(mask))
+
+
+@njit(cache=True, nogil=True)
+def _transform(mask):  # type: ignore[no-untyped-def]
+    rows, cols = mask.shape
+    far = np.float32(rows * rows + cols * cols)
+    out = np.empty((rows, cols), dtype=np.float32)
+    # Along columns: a scan down and one up give the distance to the nearest True in the column.
+    for col in range(cols):
+        out[0, col] = 0.0 if mask[0, col] else np.float32(rows + cols)
+    for row in range(1, rows):
+        for col in range(cols):
+            out[row, col] = 0.0 if mask[row, col] else out[row - 1, col] + np.float32(1.0)
+    for row in range(rows - 2, -1, -1):
+        for col in range(cols):
+            out[row, col] = min(out[row, col], out[row + 1, col] + np.float32(1.0))
+    # Along rows: the lower envelope of the parabolas rooted at the squared column distances.
+    roots = np.empty(cols, dtype=np.int32)
+    starts = np.empty(cols + 1, dtype=np.float32)
+    squares = np.empty(cols, dtype=np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            squares[col] = min(out[row, col] * out[row, col], far)
+        top = 0
+        roots[0] = 0
+        starts[0] = -np.inf
+        starts[1] = np.inf
+        for q in range(1, cols):
+            lifted = squares[q] + np.float32(q) * np.float32(q)
+            while True:
+                p = roots[top]
+                crossing = (lifted - squares[p] - np.float32(p) * np.float32(p)) / np.float32(
+                    2 * (q - p)
+                )
+                if crossing > starts[top] or top == 0:
+                    break
+                top -= 1
+            if crossing <= starts[top]:
+                roots[0] = q
+                starts[1] = np.inf
+                continue
+            top += 1
+            roots[top] = q
+            starts[top] = crossing
+            starts[top + 1] = np.inf
+        k = 0
+        for q in range(cols):
+            while starts[k + 1] < q:
+                k += 1
+            step = np.float32(q - roots[k])
+            out[row, q] = np.sqrt(step * step + squares[roots[k]])
+    return out

@@ -1,0 +1,78 @@
+"""The risk map: what a plan may rely upon, at a stated risk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.distance import distance_field
+from predictor import Grid, GridFrame, Prediction
+
+
+@dataclass(frozen=True, eq=False)
+class RiskMap:
+    """The safe set, and how far each place is from leaving it.
+
+    Attributes:
+        frame: where the cells lie.
+        known: what has been seen there.
+        trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
+            free, 0 where seen occupied, (rows, columns).
+        safe: cells that a plan may rely upon, (rows, columns).
+        clearance: distance to the edge of the nearest cell that is not safe [m], (rows,
+            columns); what lies outside the frame is not safe.
+    """
+
+    frame: GridFrame
+    known: Grid
+    trust: NDArray[np.float32]
+    safe: NDArray[np.bool_]
+    clearance: NDArray[np.float32]
+
+    @classmethod
+    def from_prediction(
+        cls, known: Grid, prediction: Prediction | None, epsilon: float, margin: float = 0.0
+    ) -> RiskMap:
+        """The risk map at a risk ε.
+
+        ε = 0: only what has been seen free is safe. ε = 1: all that has not been seen occupied.
+        Between them a cell not seen is safe where confidence · p_free >= 1 - ε, so that the
+        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown.
+
+        Args:
+            known: what has been seen, on the frame that the map shall have.
+            prediction: what is believed, on a frame of the same lattice; None: nothing is.
+            epsilon: the risk ε in [0, 1].
+            margin: what the safe set is eroded by [m]: 3σ + 1 cell for a LIDAR of noise σ.
+
+        Raises:
+            ValueError: if ε lies outside [0, 1].
+        """
+        if not 0.0 <= epsilon <= 1.0:
+            raise ValueError(f"risk is {epsilon}, it must lie in [0, 1]")
+        trust = known.free.astype(np.float32)
+        if prediction is not None:
+            believed = np.nan_to_num(prediction.confidence * prediction.p_free, nan=0.0)
+            row, col = prediction.frame.offset(known.frame)
+            rows, cols = known.frame.shape
+            r0, r1 = max(0, row), min(prediction.frame.shape[0], row + rows)
+            c0, c1 = max(0, col), min(prediction.frame.shape[1], col + cols)
+            if r0 < r1 and c0 < c1:
+                here = (slice(r0 - row, r1 - row), slice(c0 - col, c1 - col))
+                part = trust[here]
+                unseen = known.unknown[here]
+                part[unseen] = believed[r0:r1, c0:c1][unseen]
+        safe = known.free.copy()
+        if epsilon > 0.0:
+            # 1e-6: a single-precision product of ones must still count at its face value.
+            safe |= known.unknown & (trust >= 1.0 - epsilon - 1e-6)
+        if margin > 0.0:
+            safe &= distance_field(~safe) * known.frame.resolution > margin
+        return cls(known.frame, known, trust, safe, _clearance(safe, known.frame.resolution))
+
+
+def _clearance(safe: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
+    cells = distance_field(np.pad(~safe, 1, constant_values=True))[1:-1, 1:-1]
+    return np.asarray((cells - np.float32(0.5)) * np.float32(resolution), dtype=np.float32)
