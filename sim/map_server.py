@@ -1,0 +1,286 @@
+"""Maps on disk, in the format of ROS map_server: a YAML file that names an image.
+
+The meaning of pixels is that of nav2_map_server (`map_io.cpp`), which agrees with ROS 1's.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import tempfile
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from reprlib import repr as short
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+
+from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from sim.world import World
+
+MODES = ("trinary", "scale", "raw")
+MAX_CELLS = 64_000_000
+"""Larger images are refused: at 0.05 m this is a square of 400 m."""
+MAX_YAML = 1_000_000
+"""Larger YAML files are refused [bytes]."""
+
+
+class MapError(ValueError):
+    """A map that cannot be read or written; the message is one line that says why."""
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """What the YAML file of a map says.
+
+    Attributes:
+        image: path of the image.
+        resolution: side of a cell [m].
+        origin: x, y of the image's lower-left corner [m].
+        negate: whether white means occupied (not in raw mode).
+        occupied_thresh: above this share of black a pixel is occupied, in [0, 1].
+        free_thresh: below this share of black it is free, in [0, 1].
+        mode: one of `MODES`.
+    """
+
+    image: Path
+    resolution: float
+    origin: tuple[float, float]
+    negate: bool = False
+    occupied_thresh: float = 0.65
+    free_thresh: float = 0.196
+    mode: str = "trinary"
+
+
+def load_world(path: str | Path) -> World:
+    """Read a map_server map; the world is named after the YAML file.
+
+    A world has three kinds of cells. Scale mode's in-between values become UNKNOWN; raw mode's
+    occupancies are cut by the file's own thresholds, as nav2's map saver does.
+
+    Args:
+        path: the YAML file; the image's path is relative to it.
+
+    Raises:
+        MapError: if the map cannot be read.
+    """
+    path = Path(path)
+    meta = read_yaml(path)
+    data = occupancy(_read_image(meta.image), meta)
+    free, occupied = FREE, OCCUPIED
+    if meta.mode == "raw":
+        free, occupied = round(100 * meta.free_thresh), round(100 * meta.occupied_thresh)
+    cells = np.where(data >= occupied, np.int8(OCCUPIED), np.int8(UNKNOWN))
+    cells[(data >= 0) & (data <= free)] = FREE
+    rows, cols = data.shape
+    return World(path.stem, Grid(GridFrame(meta.resolution, meta.origin, (rows, cols)), cells))
+
+
+def save_world(world: World, path: str | Path, mode: str = "trinary") -> None:
+    """Write a world as a map_server map: the YAML file and, beside it, its image.
+
+    The image is a binary PGM, in scale mode a PNG, which needs transparency. Each file appears
+    whole or not at all, the YAML after the image that it names.
+
+    Raises:
+        MapError: if the mode is unknown or the files cannot be written.
+    """
+    if mode not in MODES:
+        raise MapError(f"mode is {mode!r}, it must be one of {', '.join(MODES)}")
+    path = Path(path)
+    if path.suffix not in (".yaml", ".yml"):
+        raise MapError(f"{path}: a map is saved under the name of its .yaml file")
+    cells = world.grid.cells[::-1]
+    shades = {"trinary": (254, 0, 205), "scale": (255, 0, 128), "raw": (0, 100, 255)}[mode]
+    pixels = np.choose((cells == OCCUPIED) + 2 * (cells == UNKNOWN), shades).astype(np.uint8)
+    if mode == "scale":
+        alpha = np.where(cells == UNKNOWN, 0, 255).astype(np.uint8)
+        pixels = np.stack([pixels, alpha], axis=-1)
+    frame = world.grid.frame
+    image = path.with_suffix(".png" if mode == "scale" else ".pgm")
+    text = yaml.safe_dump(
+        {
+            "image": image.name,
+            "mode": mode,
+            "resolution": float(frame.resolution),
+            "origin": [float(frame.origin[0]), float(frame.origin[1]), 0.0],
+            "negate": 0,
+            "occupied_thresh": 0.65,
+            "free_thresh": 0.196,
+        },
+        sort_keys=False,
+    )
+    encoded = io.BytesIO()
+    Image.fromarray(pixels).save(encoded, "PNG" if mode == "scale" else "PPM")
+    try:
+        _write(image, encoded.getvalue())
+        _write(path, text.encode())
+    except OSError as error:
+        raise MapError(f"{path}: cannot be written: {_line(error)}") from error
+
+
+def read_yaml(path: Path) -> MapFile:
+    """Read and check a map's YAML file.
+
+    Raises:
+        MapError: if it is missing, broken or makes no sense.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(MAX_YAML + 1)
+        if len(text) > MAX_YAML:
+            raise MapError(f"{path}: over {MAX_YAML} bytes, this is not a map's YAML file")
+        said = yaml.safe_load(text)
+    except OSError as error:
+        raise MapError(f"{path}: cannot be read: {_line(error)}") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        if isinstance(error, MapError):
+            raise
+        raise MapError(f"{path}: not valid YAML: {_line(error)}") from error
+    if not isinstance(said, dict):
+        raise MapError(f"{path}: not a map_server file, it holds no keys")
+    needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+    missing = [key for key in needed if key not in said]
+    if missing:
+        raise MapError(f"{path}: missing key {', '.join(missing)}")
+    return _checked(path, said)
+
+
+def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
+    image, mode, origin = said["image"], said.get("mode", "trinary"), said["origin"]
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise MapError(f"{path}: image is {short(image)}, it must be a path")
+    if mode not in MODES:
+        raise MapError(f"{path}: mode is {short(mode)}, it must be one of {', '.join(MODES)}")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapError(f"{path}: origin is {short(origin)}, it must be [x, y, yaw]")
+    x, y, yaw = (_number(path, "origin", value) for value in origin)
+    if yaw != 0:
+        raise MapError(f"{path}: origin has a yaw of {yaw} rad, which is unsupported: turn the map")
+    resolution = _number(path, "resolution", said["resolution"])
+    if not resolution > 0:
+        raise MapError(f"{path}: resolution is {resolution} m, it must be positive")
+    occupied = _number(path, "occupied_thresh", said["occupied_thresh"])
+    free = _number(path, "free_thresh", said["free_thresh"])
+    if not 0 <= free < occupied <= 1:
+        raise MapError(
+            f"{path}: free_thresh {free} and occupied_thresh {occupied} "
+            "must satisfy 0 <= free_thresh < occupied_thresh <= 1"
+        )
+    if said["negate"] not in (0, 1):
+        raise MapError(f"{path}: negate is {short(said['negate'])}, it must be 0 or 1")
+    return MapFile(
+        path.parent / image, resolution, (x, y), bool(said["negate"]), occupied, free, mode
+    )
+
+
+def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.int8]:
+    """The nav_msgs/OccupancyGrid values of an image: 0–100, −1 unknown; row 0 is the lowest y.
+
+    Args:
+        pixels: (height, width, channels) uint8 or uint16, top row first; one or three channels of
+            colour, then alpha if there is a second or fourth.
+        meta: mode, thresholds and negation.
+    """
+    height, width, _ = pixels.shape
+    data = np.empty((height, width), dtype=np.int8)
+    full = np.iinfo(pixels.dtype).max
+    # In strips, since the arithmetic takes many times the memory of the image.
+    for top in range(0, height, 256):
+        data[top : top + 256] = _strip(pixels[top : top + 256] / full, meta)
+    return np.ascontiguousarray(data[::-1])
+
+
+def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
+    """`occupancy` of some rows of pixels in [0, 1], top row first."""
+    alpha = pixels.shape[2] in (2, 4)
+    colours = pixels[:, :, :-1] if alpha else pixels
+    if alpha and meta.mode == "trinary":
+        # Here map_server averages alpha in, to grey's three equal channels as their fourth.
+        colours = pixels[:, :, [0, 0, 0, 1]] if pixels.shape[2] == 2 else pixels
+    shade = colours.mean(axis=2)
+    if meta.mode == "raw":
+        value = np.round(255 * shade)
+        return np.where(value <= 100, value, UNKNOWN)
+    # Rounded, so that a shade equal to a threshold such as 0.8 = 204/255 is neither side of it.
+    black = np.round(shade if meta.negate else 1.0 - shade, 12)
+    between = np.full(black.shape, float(UNKNOWN))
+    if meta.mode == "scale":
+        ratio = (black - meta.free_thresh) / (meta.occupied_thresh - meta.free_thresh)
+        # 0 and 100 are left to what passed a threshold, as in ROS 1.
+        between = np.clip(np.rint(100 * ratio), 1, 99)
+    data = np.where(black < meta.free_thresh, FREE, between)
+    data = np.where(black > meta.occupied_thresh, OCCUPIED, data)
+    if alpha and meta.mode == "scale":
+        data = np.where(pixels[:, :, -1] < 1.0, UNKNOWN, data)
+    return data
+
+
+def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
+    """Pixels (height, width, channels), uint8 or uint16."""
+    if not path.is_file():
+        raise MapError(f"{path}: the image that the map names is not there")
+    try:
+        with warnings.catch_warnings():
+            # Sizes are checked here, by a stricter rule.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as image:
+                width, height = image.size
+                if width * height > MAX_CELLS:
+                    raise ValueError(f"{width} x {height} pixels, the limit is {MAX_CELLS}")
+                return _channels(image)
+    except Exception as error:
+        # Decoders raise whatever they like on broken files, from OSError to struct.error.
+        raise MapError(f"{path}: not a usable image: {_line(error)}") from error
+
+
+def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
+    if image.mode.startswith("I"):
+        return np.asarray(image).astype(np.uint16)[:, :, None]
+    if image.mode == "F":
+        raise ValueError("its pixels are floating-point numbers")
+    grey = image.mode in ("1", "L", "LA")
+    clear = "A" in image.getbands() or "transparency" in image.info
+    wanted = ("LA" if grey else "RGBA") if clear else ("L" if grey else "RGB")
+    pixels = np.asarray(image.convert(wanted))
+    return pixels.reshape(*pixels.shape[:2], -1)
+
+
+def _number(path: Path, key: str, value: object) -> float:
+    # YAML 1.1 reads 5e-2 as a string, which map_server takes for the number that it is.
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError
+        number = float(value)
+        if not math.isfinite(number):
+            raise ValueError
+    except (ValueError, OverflowError) as error:
+        raise MapError(f"{path}: {key} holds {short(value)}, it must be a finite number") from error
+    return number
+
+
+def _line(error: Exception) -> str:
+    """What an exception says, on one line."""
+    return " ".join(
+        (getattr(error, "strerror", None) or str(error) or type(error).__name__).split()
+    )
+
+
+def _write(path: Path, content: bytes) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        # mkstemp makes files that only their owner may read.
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
