@@ -21,7 +21,7 @@ class RiskMap:
         trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
             free, 0 where seen occupied, (rows, columns).
         safe: cells that a plan may rely upon, (rows, columns).
-        clearance: distance to the edge of the nearest cell that is not safe [m], (rows,
+        clearance: distance to the edge of the safe set [m], negative outside it, (rows,
             columns); what lies outside the frame is not safe.
     """
 
@@ -74,5 +74,7 @@ class RiskMap:
 
 
 def _clearance(safe: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
-    cells = distance_field(np.pad(~safe, 1, constant_values=True))[1:-1, 1:-1]
-    return np.asarray((cells - np.float32(0.5)) * np.float32(resolution), dtype=np.float32)
+    padded = np.pad(safe, 1, constant_values=False)
+    inside, outside = distance_field(~padded), distance_field(padded)
+    cells = np.where(padded, inside - np.float32(0.5), np.float32(0.5) - outside)
+    return np.asarray(cells[1:-1, 1:-1] * np.float32(resolution), dtype=np.float32)

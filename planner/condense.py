@@ -1,0 +1,236 @@
+"""The kernels of the SQP: from stage derivatives to one dense QP in the controls.
+
+Row and column order of the QP's variables: a_0, κ_0, a_1, κ_1, … Sensitivities are those of the
+states to the controls. Array layouts are casadi's: one stage after the other, columns first.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def clearances(field, resolution, origin, states, offset):  # type: ignore[no-untyped-def]
+    """Clearance of two circles at ± `offset` [m] along the heading of each state.
+
+    The field is read by cubic convolution (Keys 1981): continuous with its gradient, and needs
+    no prefilter. Beyond the field's border its border counts.
+
+    Returns:
+        Values (n, 2) [m], and gradients by x, y, yaw (n, 2, 3).
+    """
+    n = states.shape[0]
+    rows, cols = field.shape
+    values = np.empty((n, 2))
+    gradients = np.empty((n, 2, 3))
+    wx, wy, dx, dy = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    for k in range(n):
+        cos, sin = math.cos(states[k, 2]), math.sin(states[k, 2])
+        for i in range(2):
+            o = offset if i == 0 else -offset
+            u = (states[k, 0] + o * cos - origin[0]) / resolution - 0.5
+            w = (states[k, 1] + o * sin - origin[1]) / resolution - 0.5
+            u = min(max(u, 1.0), cols - 2.001)
+            w = min(max(w, 1.0), rows - 2.001)
+            col, row = int(math.floor(u)), int(math.floor(w))
+            _keys(u - col, wx, dx)
+            _keys(w - row, wy, dy)
+            f, fu, fw = 0.0, 0.0, 0.0
+            for p in range(4):
+                for q in range(4):
+                    value = field[min(row - 1 + p, rows - 1), min(col - 1 + q, cols - 1)]
+                    f += wy[p] * wx[q] * value
+                    fu += wy[p] * dx[q] * value
+                    fw += dy[p] * wx[q] * value
+            fu, fw = fu / resolution, fw / resolution
+            values[k, i] = f
+            gradients[k, i, 0] = fu
+            gradients[k, i, 1] = fw
+            gradients[k, i, 2] = o * (fw * cos - fu * sin)
+    return values, gradients
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
+    weight[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
+    weight[1] = (1.5 * t - 2.5) * t * t + 1.0
+    weight[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
+    weight[3] = (0.5 * t - 0.5) * t * t
+    slope[0] = (-1.5 * t + 2.0) * t - 0.5
+    slope[1] = (4.5 * t - 5.0) * t
+    slope[2] = (-4.5 * t + 4.0) * t + 0.5
+    slope[3] = (1.5 * t - 1.0) * t
+
+
+@njit(cache=True, nogil=True)
+def add_closeness(gradient, lacking, normal, weight):  # type: ignore[no-untyped-def]
+    """Add to gradients (n, 6) that of weight/2 · lacking², in place."""
+    for k in range(lacking.shape[0]):
+        for i in range(2):
+            for j in range(3):
+                gradient[k, j] -= weight * lacking[k, i] * normal[k, i, j]
+
+
+@njit(cache=True, nogil=True)
+def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-def]
+    """Add to Hessians (n, 6, 6) Gauss-Newton's of weight/2 · lacking², in place."""
+    for k in range(lacking.shape[0]):
+        for i in range(2):
+            if lacking[k, i] > 0.0:
+                for j in range(3):
+                    for m in range(3):
+                        hessian[k, j, m] += weight * normal[k, i, j] * normal[k, i, m]
+
+
+@njit(cache=True, nogil=True)
+def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-untyped-def]
+    """Multipliers of the dynamics, backwards: out[k] belongs to the step from k to k+1 (n, 4)."""
+    last = out.shape[0] - 1
+    here = np.zeros(4)
+    for k in range(last, 0, -1):
+        # `here` is ∂(cost from k+1 on)/∂x_{k+1} before, and ∂(cost from k on)/∂x_k after.
+        out[k, :] = here
+        after = np.zeros(4)
+        for j in range(4):
+            after[j] = gradient[k, j]
+            if k < last:
+                for i in range(4):
+                    after[j] += jacobian[k, j, i] * here[i]
+        for i in range(2):
+            for j in range(3):
+                after[j] -= multipliers[k, i] * normal[k, i, j]
+        here = after
+    out[0, :] = here
+
+
+@njit(cache=True, nogil=True)
+def condense(jacobian, gradient, hessian):  # type: ignore[no-untyped-def]
+    """Eliminate the states.
+
+    Args:
+        jacobian: (N+1, 6, 4): of stage k, by state and control, transposed; the last is unused.
+        gradient: (N+1, 6).
+        hessian: (N+1, 6, 6).
+
+    Returns:
+        Hessian (2N, 2N), gradient (2N,), sensitivities of the states (N+1, 4, 2N).
+    """
+    n = jacobian.shape[0] - 1
+    size = 2 * n
+    s = np.zeros((n + 1, 4, size))
+    for k in range(n):
+        for i in range(4):
+            for j in range(2 * k):
+                total = 0.0
+                for m in range(4):
+                    total += jacobian[k, m, i] * s[k, m, j]
+                s[k + 1, i, j] = total
+            s[k + 1, i, 2 * k] = jacobian[k, 4, i]
+            s[k + 1, i, 2 * k + 1] = jacobian[k, 5, i]
+    flat = s.reshape(4 * (n + 1), size)
+    weighted = np.zeros_like(flat)
+    g = np.zeros(size)
+    for k in range(1, n + 1):
+        for i in range(4):
+            for j in range(2 * k):
+                total = 0.0
+                for m in range(4):
+                    total += hessian[k, i, m] * s[k, m, j]
+                weighted[4 * k + i, j] = total
+                g[j] += gradient[k, i] * s[k, i, j]
+    h = np.dot(flat.T, weighted)
+    for k in range(n):
+        for i in range(2):
+            g[2 * k + i] += gradient[k, 4 + i]
+            for j in range(2):
+                h[2 * k + i, 2 * k + j] += hessian[k, 4 + i, 4 + j]
+            for j in range(2 * k):
+                total = 0.0
+                for m in range(4):
+                    total += hessian[k, 4 + i, m] * s[k, m, j]
+                h[2 * k + i, j] += total
+                h[j, 2 * k + i] += total
+    return h, g, s
+
+
+@njit(cache=True, nogil=True)
+def add_smoothness(h, g, controls, last, weight):  # type: ignore[no-untyped-def]
+    """Add the cost of changing curvature, weight · Σ (κ_k - κ_{k-1})², in place."""
+    before = last
+    for k in range(controls.shape[0]):
+        i = 2 * k + 1
+        change = controls[k, 1] - before
+        before = controls[k, 1]
+        h[i, i] += 2 * weight
+        g[i] += 2 * weight * change
+        if k > 0:
+            h[i - 2, i - 2] += 2 * weight
+            h[i, i - 2] -= 2 * weight
+            h[i - 2, i] -= 2 * weight
+            g[i - 2] -= 2 * weight * change
+
+
+@njit(cache=True, nogil=True)
+def constraints(sensitivity, states, controls, value, normal, dt, v_max, accel, braking,  # type: ignore[no-untyped-def]
+                lateral, max_curvature, required, trust, near):  # fmt: skip
+    """The QP's bounds and rows: limits of the car, v_N = 0, and clearance (soft).
+
+    Clearance rows are kept only where less than `near` [m] remains beyond what is required.
+
+    Returns:
+        A (rows, 2N), lower and upper (2N + rows,), daqp's sense (2N + rows,) int32, and which
+        state and circle each clearance row belongs to (n, 2). Row order: bounds, v_1 … v_N,
+        lateral 0 … N-1, clearance.
+    """
+    n = controls.shape[0]
+    size = 2 * n
+    count = 0
+    which = np.empty((2 * n, 2), dtype=np.int64)
+    for k in range(1, n + 1):
+        for i in range(2):
+            if value[k, i] < required + near:
+                which[count, 0], which[count, 1] = k, i
+                count += 1
+    a = np.zeros((2 * n + count, size))
+    lower = np.empty(size + 2 * n + count)
+    upper = np.empty(size + 2 * n + count)
+    sense = np.zeros(size + 2 * n + count, dtype=np.int32)
+    for k in range(n):
+        lower[2 * k] = -braking - controls[k, 0]
+        upper[2 * k] = accel - controls[k, 0]
+        lower[2 * k + 1] = max(-max_curvature - controls[k, 1], -trust)
+        upper[2 * k + 1] = min(max_curvature - controls[k, 1], trust)
+        row = k
+        for j in range(k + 1):
+            a[row, 2 * j] = dt
+        # A car that is measured above v_max must still have a plan: it may brake down to it.
+        top = max(v_max, states[0, 3] - braking * dt * (k + 1))
+        lower[size + row] = -states[k + 1, 3]
+        upper[size + row] = top - states[k + 1, 3]
+    lower[size + n - 1] = upper[size + n - 1] = -states[n, 3]
+    sense[size + n - 1] = 5
+    for k in range(n):
+        # Lateral acceleration v²κ at the faster end of the step.
+        end = k + 1 if controls[k, 0] > 0 else k
+        v, kappa = states[end, 3], controls[k, 1]
+        row = n + k
+        for j in range(end):
+            a[row, 2 * j] = 2 * v * kappa * dt
+        a[row, 2 * k + 1] = v * v
+        lower[size + row] = min(-lateral - v * v * kappa, 0.0)
+        upper[size + row] = max(lateral - v * v * kappa, 0.0)
+    for r in range(count):
+        k, i = which[r, 0], which[r, 1]
+        row = 2 * n + r
+        for j in range(2 * k):
+            total = 0.0
+            for m in range(3):
+                total += normal[k, i, m] * sensitivity[k, m, j]
+            a[row, j] = total
+        lower[size + row] = required - value[k, i]
+        upper[size + row] = 1e30
+        sense[size + row] = 8
+    return a, lower, upper, sense, which[:count]

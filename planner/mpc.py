@@ -1,0 +1,320 @@
+"""Model-predictive control by direct transcription: how fast, and how to stop.
+
+    minimise    Σ progress along the path, distance from it, smoothness, closeness to the unsafe
+    subject to  car dynamics and limits,
+                the body inside the safe set at every stage,
+                v_N = 0: every plan ends stopped, so that it is its own emergency plan.
+
+Sequential quadratic programming: casadi derives the stages' exact Hessians, each is projected to
+positive semidefinite, the states are condensed out, and daqp solves the dense QP. Every iterate
+is rolled out through the dynamics, so its gaps are closed and what is checked is what is driven.
+A plan counts only once the whole body, swept along it, has been tested cell by cell against the
+safe set; the solver's word is never taken for it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from planner import condense
+from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions, swept
+from planner.reference import SPACING, Path, references
+from planner.risk import RiskMap
+from predictor.body import first_contact
+
+
+class Status(StrEnum):
+    """How a solve ended."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "iteration_limit"
+    QP_FAILED = "qp_failed"
+    NOT_FINITE = "not_finite"
+
+
+@dataclass(frozen=True)
+class MPCConfig:
+    """Settings of the MPC.
+
+    Attributes:
+        dt: step [s] (the paper's 10 Hz).
+        progress: reward of a metre of progress, a stage.
+        contour: cost of a squared metre off the path, a stage.
+        effort: cost of a² and of κ², a stage.
+        smoothness: cost of a squared change of κ from stage to stage.
+        closeness: cost of a squared metre of clearance lacking, a stage.
+        comfort: clearance beyond what is required below which closeness costs [m].
+        violation: merit of a metre of clearance lacking of what is required.
+        margin: clearance required of the circles that cover the body, beyond its outline [m].
+        trust: most that a curvature may change in one iteration [1/m].
+        iterations: at most.
+        tolerance: relative decrease of the merit at which the iteration stops.
+    """
+
+    dt: float = 0.1
+    progress: float = 1.0
+    contour: float = 0.3
+    effort: tuple[float, float] = (0.01, 0.02)
+    smoothness: float = 0.1
+    closeness: float = 4.0
+    comfort: float = 0.25
+    violation: float = 100.0
+    margin: float = 0.03
+    trust: float = 0.6
+    iterations: int = 10
+    tolerance: float = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A motion that ends stopped.
+
+    Attributes:
+        states: (N+1, 4) x, y, yaw, v.
+        controls: (N, 2) a, κ.
+        cost: of the optimal-control problem, lower is better.
+        status: how its solve ended.
+        iterations: QPs solved for it.
+    """
+
+    states: NDArray[np.float64]
+    controls: NDArray[np.float64]
+    cost: float
+    status: Status
+    iterations: int
+
+    def poses(self, dt: float, spacing: float) -> NDArray[np.float64]:
+        """Poses along the plan, at most `spacing` [m] apart: (n, 3)."""
+        return np.asarray(swept(self.states, self.controls, dt, spacing))
+
+
+@dataclass
+class _Problem:
+    """One tick's data, gathered so that a solve reads like the algorithm."""
+
+    state: NDArray[np.float64]
+    path: Path
+    segment: int
+    risk: RiskMap
+    last_curvature: float
+
+
+@dataclass
+class MPC:
+    """The solver; build it once, call `solve` at every tick."""
+
+    limits: CarLimits = field(default_factory=CarLimits)
+    config: MPCConfig = field(default_factory=MPCConfig)
+
+    def __post_init__(self) -> None:
+        c, car = self.config, self.limits
+        self.stages = math.ceil(car.v_max / (car.braking * c.dt)) + 5
+        n = self.stages + 1
+        self._stage = stage_functions(c.dt, n, np.array(c.effort))
+        # Two circles cover the body; along a straight they leave no gap up to 5 m/s at 0.1 s.
+        self._offset = car.body.length / 4
+        self._required = math.hypot(self._offset, car.body.half_width) + c.margin
+        self._args = (c.dt, car.v_max, car.acceleration, car.braking,
+                      0.99 * car.lateral_acceleration, car.max_curvature)  # fmt: skip
+        self._io = {
+            "z": np.zeros((n, 6)), "multiplier": np.zeros((n, NX)),
+            "reference": np.zeros((n, REFERENCE)), "jacobian": np.zeros((n, 6, NX)),
+            "gradient": np.zeros((n, 6)), "hessian": np.zeros((n, 6, 6)),
+        }  # fmt: skip
+        self._buffer, self._evaluate = self._stage.buffer()
+        for i, name in enumerate(("z", "multiplier", "reference")):
+            self._buffer.set_arg(i, memoryview(self._io[name]))
+        for i, name in enumerate(("jacobian", "gradient", "hessian")):
+            self._buffer.set_res(i, memoryview(self._io[name]))
+
+    @property
+    def horizon(self) -> float:
+        """[s]."""
+        return self.stages * self.config.dt
+
+    def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
+        """The plan that controls (N, 2) give from a state, clipped to the car's limits."""
+        states, applied = rollout(state, controls, *self._args)
+        return Plan(states, applied, math.inf, Status.ITERATION_LIMIT, 0)
+
+    def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
+        """Whether the body stays inside the safe set along a whole plan that ends stopped."""
+        if not np.isfinite(plan.states).all() or plan.states[-1, 3] > 1e-3:
+            return False
+        return self.contact(plan, ~risk.safe, risk) is None
+
+    def contact(
+        self, plan: Plan, blocked: NDArray[np.bool_], risk: RiskMap
+    ) -> tuple[float, float] | None:
+        """Where and how fast the body first meets a blocked cell.
+
+        Returns:
+            Distance along the plan [m] and speed there [m/s], or None if it meets none.
+        """
+        spacing = 0.02
+        poses = plan.poses(self.config.dt, spacing)
+        # Half the spacing, and what a corner swings out on the tightest arc within it.
+        body = self.limits.body.inflated(0.6 * spacing)
+        f = risk.frame
+        i = first_contact(blocked, f.resolution, f.origin, poses, body.half_length, body.half_width)
+        if i < 0:
+            return None
+        along = float(np.hypot(*np.diff(poses[: i + 1, :2], axis=0).T).sum()) if i else 0.0
+        travelled = np.concatenate(
+            [[0.0], np.cumsum(np.hypot(*np.diff(plan.states[:, :2], axis=0).T))]
+        )
+        return along, float(np.interp(along, travelled, plan.states[:, 3]))
+
+    def solve(
+        self,
+        state: NDArray[np.float64],
+        path: Path,
+        risk: RiskMap,
+        guess: NDArray[np.float64],
+        segment: int = 0,
+        last_curvature: float = 0.0,
+    ) -> Plan:
+        """Improve a guess of the controls until it converges.
+
+        Args:
+            state: x, y, yaw, v now, (4,).
+            path: to make progress along.
+            risk: whose safe set the body is to stay in.
+            guess: controls to start from, (N, 2).
+            segment: of the path, near which the car is.
+            last_curvature: applied at the last tick [1/m].
+
+        Returns:
+            The best plan found. It may violate the safe set: ask `is_safe`.
+        """
+        if not (np.isfinite(state).all() and np.isfinite(guess).all()):
+            raise ValueError("state and guess must be finite")
+        problem = _Problem(state, path, segment, risk, last_curvature)
+        states, controls = rollout(state, guess, *self._args)
+        merit = self._merit(problem, states, controls)
+        multipliers = np.zeros((self.stages + 1, 2))
+        status = Status.ITERATION_LIMIT
+        iteration = 0
+        for iteration in range(1, self.config.iterations + 1):
+            step, multipliers = self._direction(problem, states, controls, multipliers)
+            if step is None:
+                status = Status.QP_FAILED
+                break
+            before = merit
+            for length in (1.0, 0.5, 0.2, 0.05):
+                trial = rollout(state, controls + length * step, *self._args)
+                value = self._merit(problem, *trial)
+                if value < merit:
+                    states, controls, merit = trial[0], trial[1], value
+                    break
+            if before - merit <= self.config.tolerance * (1.0 + abs(before)):
+                status = Status.CONVERGED
+                break
+        if not math.isfinite(merit):
+            status = Status.NOT_FINITE
+        return Plan(states, controls, merit, status, iteration)
+
+    def evaluate(
+        self, plan: Plan, path: Path, risk: RiskMap, segment: int, last_curvature: float
+    ) -> float:
+        """What a plan costs: the merit that `solve` lowers."""
+        problem = _Problem(plan.states[0], path, segment, risk, last_curvature)
+        return self._merit(problem, plan.states, plan.controls)
+
+    def _reach(self) -> int:
+        return math.ceil(2.0 * self.limits.v_max * self.config.dt / SPACING) + 2
+
+    def _references(
+        self, problem: _Problem, states: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        c = self.config
+        refs, _, costs = references(
+            problem.path.points, problem.segment, states, self._reach(), c.progress, c.contour
+        )
+        return refs, costs
+
+    def _clearances(
+        self, problem: _Problem, states: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Clearance of the two circles at each state (n, 2), and its gradient (n, 2, 3)."""
+        f = problem.risk.frame
+        value, gradient = condense.clearances(
+            problem.risk.clearance, f.resolution, f.origin, states, self._offset
+        )
+        return value, gradient
+
+    def _merit(
+        self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
+    ) -> float:
+        c = self.config
+        _, costs = self._references(problem, states[1:])
+        value, _ = self._clearances(problem, states[1:])
+        kappa = np.concatenate([[problem.last_curvature], controls[:, 1]])
+        lacking = np.maximum(0.0, self._required + c.comfort - value)
+        outside = np.maximum(0.0, self._required - value)
+        return float(
+            costs.sum()
+            + c.effort[0] * (controls[:, 0] ** 2).sum()
+            + c.effort[1] * (controls[:, 1] ** 2).sum()
+            + c.smoothness * (np.diff(kappa) ** 2).sum()
+            + 0.5 * c.closeness * (lacking**2).sum()
+            + c.violation * (outside.sum() + 10.0 * states[-1, 3])
+        )
+
+    def _direction(
+        self,
+        problem: _Problem,
+        states: NDArray[np.float64],
+        controls: NDArray[np.float64],
+        multipliers: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+        """One QP: the step of the controls (N, 2), and the clearances' multipliers (N+1, 2)."""
+        c, car, io, n = self.config, self.limits, self._io, self.stages
+        io["z"][:, :4] = states
+        io["z"][:n, 4:] = controls
+        io["reference"][1:], _ = self._references(problem, states[1:])
+        io["reference"][0] = 0.0
+        io["multiplier"][:] = 0.0
+        self._evaluate()
+        value, normal = self._clearances(problem, states)
+        lacking = np.maximum(0.0, self._required + c.comfort - value)
+        lacking[0] = 0.0
+        condense.add_closeness(io["gradient"], lacking, normal, c.closeness)
+        condense.costates(io["jacobian"], io["gradient"], normal, multipliers, io["multiplier"])
+        gradient = io["gradient"].copy()
+        self._evaluate()
+        hessian = io["hessian"]
+        condense.add_curvature(hessian, lacking, normal, c.closeness)
+        values, vectors = np.linalg.eigh(hessian)
+        hessian = np.einsum("kij,kj,klj->kil", vectors, np.maximum(values, 1e-6), vectors)
+        h, g, sensitivity = condense.condense(io["jacobian"], gradient, hessian)
+        condense.add_smoothness(h, g, controls, problem.last_curvature, c.smoothness)
+
+        h[np.diag_indices_from(h)] += 1e-6
+        a, lower, upper, sense, rows = condense.constraints(
+            sensitivity, states, controls, value, normal, c.dt, car.v_max, car.acceleration,
+            car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self._required,
+            c.trust, 1.0,
+        )  # fmt: skip
+        step, _, flag, info = daqp.solve(
+            h, g, a, upper, lower, sense, rho_soft=1e-4, iter_limit=500, eps_prox=0.0
+        )
+        if flag not in (1, 2) or not np.isfinite(step).all():
+            return None, multipliers
+        lam = np.asarray(info["lam"])[2 * n + 2 * n :]
+        multipliers = np.zeros_like(multipliers)
+        multipliers[rows[:, 0], rows[:, 1]] = np.maximum(0.0, -lam)
+        return np.asarray(step).reshape(n, 2), multipliers
+
+
+def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:
+    """Brake as hard as the car can along one curvature: (stages, 2)."""
+    return np.tile([-braking, curvature], (stages, 1))
+
+
