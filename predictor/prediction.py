@@ -88,11 +88,16 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     unusable = np.isnan(sum_ + fields["confidence"])
     for values in fields.values():
         values[unusable] = 0.0
+    hypotheses = prediction.hypotheses
+    if hypotheses is not None:
+        hypotheses = np.asarray(hypotheses)
+        if hypotheses.shape[1:] != shape or not ((hypotheses >= 0) & (hypotheses <= 1)).all():
+            raise BadPredictionError(f"hypotheses must be (K, {shape[0]}, {shape[1]}) in [0, 1]")
     seen = ~known.unknown
     fields["p_free"][seen] = known.free[seen]
     fields["p_occupied"][seen] = known.occupied[seen]
     fields["confidence"][seen] = 1.0
-    return Prediction(known.frame, **fields, hypotheses=prediction.hypotheses)
+    return Prediction(known.frame, **fields, hypotheses=hypotheses)
 
 
 def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> None:
