@@ -1,0 +1,154 @@
+"""The path: Dubins curves along the route, found by OMPL's BIT*."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.costmap import CostMap
+from planner.reference import Path
+
+
+@dataclass(frozen=True)
+class PathConfig:
+    """Settings of the path search.
+
+    Attributes:
+        turning_radius: of the curves [m]; a little over the car's leaves it room to correct.
+        ahead: how far along the route a curve is planned [m]; beyond it the route serves.
+        batch: samples that BIT* draws at a time.
+        iterations: of BIT*, a count so that the same input gives the same path.
+    """
+
+    turning_radius: float = 0.9
+    ahead: float = 9.0
+    batch: int = 60
+    iterations: int = 120
+
+
+def plan_path(
+    cost: CostMap,
+    pose: NDArray[np.float64],
+    route: NDArray[np.float64],
+    half_length: float,
+    config: PathConfig,
+    seed: int,
+) -> Path | None:
+    """The cheapest drivable path from a pose onto the route.
+
+    Args:
+        cost: what a metre of way costs; where the body fits.
+        pose: x, y, yaw, (3,).
+        route: vertices (n, 2) from near the pose to the goal.
+        half_length: of the body, whose ends are kept clear too [m].
+        config: settings.
+        seed: of the samples.
+
+    Returns:
+        The path, all the way to the route's end; None where OMPL found none in its iterations.
+    """
+    # Here and not above: loading OMPL takes longer than all else that a --help needs.
+    from ompl import base as ob
+    from ompl import geometric as og
+    from ompl import util as ou
+
+    ou.setLogLevel(ou.LogLevel.LOG_NONE)
+    # Samplers made from here on draw their seeds from this one. OMPL logs that a seed set late
+    # is not deterministic; it is for all generators made after it, and none is kept.
+    ou.RNG.setSeed(seed % 2**31 + 1)
+
+    along = Path.through(route, "dijkstra").points
+    target = min(len(along) - 1, round(config.ahead / 0.1))
+    space = ob.DubinsStateSpace(config.turning_radius)
+    bounds = ob.RealVectorBounds(2)
+    near = np.vstack([along[: target + 1], pose[None, :2]])
+    for axis in (0, 1):
+        bounds.setLow(axis, float(near[:, axis].min()) - 3.0)
+        bounds.setHigh(axis, float(near[:, axis].max()) + 3.0)
+    space.setBounds(bounds)
+    info = ob.SpaceInformation(space)
+
+    clearance, density = cost.clearance, cost.density
+    inverse = 1.0 / cost.frame.resolution
+    ox, oy = cost.frame.origin
+    rows, cols = cost.frame.shape
+    x0, y0 = float(pose[0]), float(pose[1])
+    ends = half_length / 2
+
+    def fits(x: float, y: float) -> bool:
+        row, col = int((y - oy) * inverse), int((x - ox) * inverse)
+        return 0 <= row < rows and 0 <= col < cols and clearance[row, col] >= cost.required
+
+    def is_valid(state: ob.State) -> bool:
+        x, y, yaw = state.getX(), state.getY(), state.getYaw()
+        # The car may start closer to something than it likes; it must be able to leave.
+        if (x - x0) ** 2 + (y - y0) ** 2 < 0.2:
+            return True
+        cos, sin = ends * math.cos(yaw), ends * math.sin(yaw)
+        return fits(x + cos, y + sin) and fits(x - cos, y - sin)
+
+    info.setStateValidityChecker(is_valid)
+    info.setStateValidityCheckingResolution(0.15 / space.getMaximumExtent())
+    info.setup()
+    between = space.allocState()
+
+    class WayCost(ob.OptimizationObjective):
+        """The integral of the cost density along a curve."""
+
+        def motionCost(self, a: ob.State, b: ob.State) -> ob.Cost:  # noqa: N802
+            length = space.distance(a, b)
+            steps = max(1, math.ceil(length / 0.3))
+            total = 0.0
+            for i in range(steps):
+                space.interpolate(a, b, (i + 0.5) / steps, between)
+                row = int((between.getY() - oy) * inverse)
+                col = int((between.getX() - ox) * inverse)
+                total += density[row, col] if 0 <= row < rows and 0 <= col < cols else 4.0
+            return ob.Cost(float(total) * length / steps)
+
+        def motionCostHeuristic(self, a: ob.State, b: ob.State) -> ob.Cost:  # noqa: N802
+            return ob.Cost(space.distance(a, b))
+
+        def stateCost(self, state: ob.State) -> ob.Cost:  # noqa: N802, ARG002
+            return ob.Cost(0.0)
+
+    def state(x: float, y: float, yaw: float) -> ob.State:
+        made = space.allocState()
+        made.setX(float(x))
+        made.setY(float(y))
+        made.setYaw(float(yaw))
+        return made
+
+    problem = ob.ProblemDefinition(info)
+    problem.addStartState(state(*pose))
+    goals = ob.GoalStates(info)
+    back = along[max(0, target - 5)]
+    heading = math.atan2(*(along[target] - back)[::-1])
+    turns = (0.0, 0.6, -0.6) if target == len(along) - 1 else (0.0, 0.35, -0.35)
+    for turn in turns:
+        yaw = math.remainder(heading + turn, 2 * math.pi)
+        goals.addState(state(along[target, 0], along[target, 1], yaw))
+    problem.setGoal(goals)
+    problem.setOptimizationObjective(WayCost(info))
+    search = og.BITstar(info)
+    search.setProblemDefinition(problem)
+    search.setSamplesPerBatch(config.batch)
+    search.setup()
+
+    done = 0
+
+    def is_over() -> bool:
+        nonlocal done
+        done += 1
+        return done > config.iterations
+
+    search.solve(ob.PlannerTerminationCondition(is_over))
+    if not problem.hasExactSolution():
+        return None
+    found = problem.getSolutionPath()
+    found.interpolate(max(2, math.ceil(found.length() / 0.1)))
+    points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
+    return Path.through(np.vstack([points, along[target + 1 :]]), "ompl")

@@ -1,0 +1,136 @@
+"""The route: the cheapest way to the goal over the whole map, by Dijkstra's algorithm."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from planner.costmap import CostMap
+
+
+def find_route(
+    cost: CostMap, start: tuple[float, float], goal: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    """Vertices (n, 2) [m] from start to goal, or None where seen-occupied space closes all ways.
+
+    The search runs on cells of twice the map's size: such a cell is open where the body fits
+    somewhere inside it, and costs its cheapest part.
+    """
+    rows, cols = (n // 2 * 2 for n in cost.frame.shape)
+    fits = cost.clearance[:rows, :cols] >= cost.required
+    density = np.where(fits, cost.density[:rows, :cols], np.inf)
+    coarse = density.reshape(rows // 2, 2, cols // 2, 2).min(axis=(1, 3))
+    step = 2 * cost.frame.resolution
+    ends = []
+    for x, y in (start, goal):
+        row = math.floor((y - cost.frame.origin[1]) / step)
+        col = math.floor((x - cost.frame.origin[0]) / step)
+        ends.append(_nearest_open(coarse, row, col, math.ceil(0.6 / step)))
+    if ends[0] is None or ends[1] is None:
+        return None
+    cells = _dijkstra(np.ascontiguousarray(coarse), ends[0][0], ends[0][1], ends[1][0], ends[1][1])
+    if len(cells) == 0:
+        return None
+    points = np.column_stack([
+        cost.frame.origin[0] + (cells[:, 1] + 0.5) * step,
+        cost.frame.origin[1] + (cells[:, 0] + 0.5) * step,
+    ])  # fmt: skip
+    # Moving averages take the staircase out without leaving the cells' neighbourhood.
+    if len(points) > 4:
+        padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
+        points = sum(padded[i : i + len(points)] for i in range(5)) / 5.0
+    return np.vstack([np.asarray(start)[None], points[1:-1], np.asarray(goal)[None]])
+
+
+def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> tuple | None:
+    r0, c0 = max(0, row - reach), max(0, col - reach)
+    part = cost[r0 : row + reach + 1, c0 : col + reach + 1]
+    rows, cols = np.nonzero(np.isfinite(part))
+    if len(rows) == 0:
+        return None
+    i = int(np.argmin((rows + r0 - row) ** 2 + (cols + c0 - col) ** 2))
+    return int(rows[i] + r0), int(cols[i] + c0)
+
+
+@njit(cache=True, nogil=True)
+def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
+    """Cells (n, 2) of the cheapest 8-connected way from start to goal; none if there is none."""
+    rows, cols = cost.shape
+    best = np.full(rows * cols, np.inf, dtype=np.float32)
+    towards = np.full(rows * cols, -1, dtype=np.int32)
+    keys = np.empty(1024, dtype=np.float32)
+    nodes = np.empty(1024, dtype=np.int32)
+    goal = goal_row * cols + goal_col
+    start = start_row * cols + start_col
+    best[goal] = 0.0
+    keys[0], nodes[0] = 0.0, goal
+    count = 1
+    diagonal = np.float32(math.sqrt(2.0))
+    while count:
+        key, node = keys[0], nodes[0]
+        count -= 1
+        # Sift the last entry down from the heap's top.
+        last_key, last_node = keys[count], nodes[count]
+        i = 0
+        while True:
+            child = 2 * i + 1
+            if child >= count:
+                break
+            if child + 1 < count and keys[child + 1] < keys[child]:
+                child += 1
+            if keys[child] >= last_key:
+                break
+            keys[i], nodes[i] = keys[child], nodes[child]
+            i = child
+        keys[i], nodes[i] = last_key, last_node
+        if key > best[node]:
+            continue
+        if node == start:
+            break
+        row, col = node // cols, node % cols
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                r, c = row + dr, col + dc
+                if (dr == 0 and dc == 0) or r < 0 or c < 0 or r >= rows or c >= cols:
+                    continue
+                if not math.isfinite(cost[r, c]):
+                    continue
+                if dr != 0 and dc != 0:
+                    # A diagonal step passes both corners.
+                    if not (math.isfinite(cost[row, c]) and math.isfinite(cost[r, col])):
+                        continue
+                    length = diagonal
+                else:
+                    length = np.float32(1.0)
+                value = key + np.float32(0.5) * length * (cost[row, col] + cost[r, c])
+                other = r * cols + c
+                if value < best[other]:
+                    best[other] = value
+                    towards[other] = node
+                    if count == keys.size:
+                        keys = np.concatenate((keys, np.empty_like(keys)))
+                        nodes = np.concatenate((nodes, np.empty_like(nodes)))
+                    i = count
+                    count += 1
+                    while i > 0:
+                        parent = (i - 1) // 2
+                        if keys[parent] <= value:
+                            break
+                        keys[i], nodes[i] = keys[parent], nodes[parent]
+                        i = parent
+                    keys[i], nodes[i] = value, other
+    if start != goal and towards[start] < 0:
+        return np.empty((0, 2), dtype=np.int64)
+    length, node = 1, start
+    while node != goal:
+        node = towards[node]
+        length += 1
+    cells = np.empty((length, 2), dtype=np.int64)
+    node = start
+    for i in range(length):
+        cells[i, 0], cells[i, 1] = node // cols, node % cols
+        node = towards[node]
+    return cells
