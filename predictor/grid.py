@@ -240,7 +240,12 @@ class OccupancyGrid:
 
 
 def _classify(log_odds: NDArray[np.int8]) -> NDArray[np.int8]:
-    return np.choose(np.sign(log_odds) + 1, (FREE, UNKNOWN, OCCUPIED)).astype(np.int8)
+    return _MEANING[np.ascontiguousarray(log_odds).view(np.uint8)]
+
+
+_MEANING = np.full(256, UNKNOWN, dtype=np.int8)
+_MEANING[1:128], _MEANING[128:] = OCCUPIED, FREE
+"""Cell values by log-odds, whose negative numbers are the upper half of a byte."""
 
 
 @njit(cache=True, nogil=True)

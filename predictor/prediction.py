@@ -86,17 +86,15 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     if (sum_ > 1 + 1e-4).any():
         raise BadPredictionError("p_free + p_occupied exceeds 1 in some cells")
     unusable = np.isnan(sum_ + fields["confidence"])
-    for values in fields.values():
-        values[unusable] = 0.0
     hypotheses = prediction.hypotheses
     if hypotheses is not None:
         hypotheses = np.asarray(hypotheses)
         if hypotheses.shape[1:] != shape or not ((hypotheses >= 0) & (hypotheses <= 1)).all():
             raise BadPredictionError(f"hypotheses must be (K, {shape[0]}, {shape[1]}) in [0, 1]")
-    seen = ~known.unknown
-    fields["p_free"][seen] = known.free[seen]
-    fields["p_occupied"][seen] = known.occupied[seen]
-    fields["confidence"][seen] = 1.0
+    seen = {"p_free": known.free, "p_occupied": known.occupied, "confidence": ~known.unknown}
+    for name, observed in seen.items():
+        believed = np.where(unusable, np.float32(0.0), fields[name])
+        fields[name] = np.where(known.unknown, believed, observed).astype(np.float32, copy=False)
     return Prediction(known.frame, **fields, hypotheses=hypotheses)
 
 
@@ -130,5 +128,8 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
             again = checked(predictor.predict(known, pose), known)
             if not np.array_equal(cells, kept):
                 raise BadPredictionError("predict() changed the map that it was given")
-            if not np.array_equal(first.p_free, again.p_free):
+            if any(
+                not np.array_equal(getattr(first, name), getattr(again, name))
+                for name in ("p_free", "p_occupied", "confidence")
+            ):
                 raise BadPredictionError("predict() gave two answers to one question")
