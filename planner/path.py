@@ -71,7 +71,7 @@ def plan_path(
     space.setBounds(bounds)
     info = ob.SpaceInformation(space)
 
-    clearance, density = cost.clearance, cost.density
+    open_, density = cost.clearance >= cost.required, cost.density
     inverse = 1.0 / cost.frame.resolution
     ox, oy = cost.frame.origin
     rows, cols = cost.frame.shape
@@ -80,7 +80,7 @@ def plan_path(
 
     def fits(x: float, y: float) -> bool:
         row, col = int((y - oy) * inverse), int((x - ox) * inverse)
-        return 0 <= row < rows and 0 <= col < cols and clearance[row, col] >= cost.required
+        return 0 <= row < rows and 0 <= col < cols and bool(open_[row, col])
 
     def is_valid(state: ob.State) -> bool:
         x, y, yaw = state.getX(), state.getY(), state.getYaw()
@@ -132,7 +132,9 @@ def plan_path(
         yaw = math.remainder(heading + turn, 2 * math.pi)
         goals.addState(state(along[target, 0], along[target, 1], yaw))
     problem.setGoal(goals)
-    problem.setOptimizationObjective(WayCost(info))
+    # The binding does not keep what Python made alive.
+    objective = WayCost(info)
+    problem.setOptimizationObjective(objective)
     search = og.BITstar(info)
     search.setProblemDefinition(problem)
     search.setSamplesPerBatch(config.batch)
