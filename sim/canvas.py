@@ -1,0 +1,91 @@
+"""A drawing board for buildings: free shapes are carved, things are put into them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from sim.world import World
+
+RESOLUTION = 0.05
+"""Side of a cell [m]."""
+WALL = 3
+"""Thickness of a wall [cells]."""
+
+Point = tuple[float, float]
+
+
+class Canvas:
+    """A square of solid ground, (0, 0) at its lower-left corner, to be carved.
+
+    Args:
+        width: extent along x [m].
+        height: extent along y [m].
+    """
+
+    def __init__(self, width: float, height: float) -> None:
+        shape = (math.ceil(height / RESOLUTION), math.ceil(width / RESOLUTION))
+        self.frame = GridFrame(RESOLUTION, (0.0, 0.0), shape)
+        self.free = np.zeros(shape, dtype=np.bool_)
+        self.x, self.y = self.frame.centres()
+
+    def box(self, centre: Point, size: Point, yaw: float = 0.0, free: bool = False) -> None:
+        """Fill a rectangle of a size [m] along and across its yaw; with `free`, carve it."""
+        reach = 0.5 * math.hypot(*size)
+        part, dx, dy = self._around(centre, reach)
+        along = dx * math.cos(yaw) + dy * math.sin(yaw)
+        across = dy * math.cos(yaw) - dx * math.sin(yaw)
+        # A hair wider: a cell whose centre lies on the edge belongs to it on both sides.
+        inside = (abs(along) <= 0.5 * size[0] + 1e-9) & (abs(across) <= 0.5 * size[1] + 1e-9)
+        self.free[part][inside] = free
+
+    def disc(self, centre: Point, radius: float, free: bool = False) -> None:
+        """Fill a disc of a radius [m]; with `free`, carve it."""
+        part, dx, dy = self._around(centre, radius)
+        self.free[part][dx**2 + dy**2 <= radius**2] = free
+
+    def passage(self, start: Point, end: Point, width: float) -> None:
+        """Carve a straight passage of a width [m], square at both ends."""
+        length, yaw = math.dist(start, end), math.atan2(end[1] - start[1], end[0] - start[0])
+        middle = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]))
+        self.box(middle, (length, width), yaw, free=True)
+
+    def room(self, low: Point, high: Point) -> None:
+        """Carve an axis-aligned room between two corners [m]."""
+        middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
+        self.box(middle, (high[0] - low[0], high[1] - low[1]), free=True)
+
+    def is_free(self, x: float, y: float) -> bool:
+        """Whether a point [m] is inside something carved."""
+        return self.frame.contains(x, y) and bool(self.free[self.frame.cell(x, y)])
+
+    def world(self, name: str) -> World:
+        """The building: walls around all that is free, beyond them UNKNOWN."""
+        solid = ~self.free
+        near = binary_dilation(self.free, np.ones((3, 3), dtype=np.bool_), iterations=WALL)
+        cells = np.where(self.free, np.int8(FREE), np.int8(UNKNOWN))
+        cells[solid & near] = OCCUPIED
+        rows, cols = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
+        kept = cells[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        frame = GridFrame(RESOLUTION, (0.0, 0.0), (kept.shape[0], kept.shape[1]))
+        return World(name, Grid(frame, np.ascontiguousarray(kept)))
+
+    def _around(
+        self, centre: Point, reach: float
+    ) -> tuple[tuple[slice, slice], NDArray[np.float64], NDArray[np.float64]]:
+        """The cells within reach of a point, and their offsets from it: (1, n) and (m, 1) [m].
+
+        The canvas keeps a rim as thick as a wall, in which nothing is carved.
+        """
+        rows, cols = self.frame.shape
+        row, col = self.frame.cell(centre[0] - reach, centre[1] - reach)
+        row_end, col_end = self.frame.cell(centre[0] + reach, centre[1] + reach)
+        part = (
+            slice(max(row, WALL), max(min(row_end + 1, rows - WALL), WALL)),
+            slice(max(col, WALL), max(min(col_end + 1, cols - WALL), WALL)),
+        )
+        return part, (self.x[part[1]] - centre[0])[None, :], (self.y[part[0]] - centre[1])[:, None]

@@ -1,0 +1,153 @@
+"""Families of generated buildings; the same family and seed give the same world."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.canvas import Canvas
+from sim.network import NetworkConfig, Segment, carve, grow
+from sim.office import draw_office
+from sim.world import World
+
+FAMILIES = ("corridor", "narrow", "office", "trap")
+
+CORRIDOR = NetworkConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
+NARROW = NetworkConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, reach=45.0)
+TRAP = NetworkConfig(60.0, (2.4, 4.5), (8.0, 16.0), 16, oblique=0.15, gap=1.0, reach=50.0)
+
+PASSAGE = 1.5
+"""What an obstacle of a trap leaves open beside it [m]."""
+
+
+def generate(family: str, seed: int) -> World:
+    """A building of a family.
+
+    - `corridor`: the network of Katyal et al. 2018, 3.5–10 m wide.
+    - `narrow`: corridors of 1.5–3 m, door frames across them, small rooms behind doors.
+    - `office`: rooms off corridors, doors, furniture.
+    - `trap`: an obstacle just behind a blind corner; dead ends that look like a corridor going on.
+
+    Raises:
+        ValueError: if there is no such family.
+    """
+    draw = {"corridor": _corridor, "narrow": _narrow, "office": _office, "trap": _trap}
+    if family not in draw:
+        raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")
+    # The family is part of the seed, so that equal seeds do not give equal skeletons.
+    rng = np.random.default_rng([FAMILIES.index(family), seed])
+    return draw[family](rng).world(f"{family}-{seed}")
+
+
+def empty_straight(length: float = 60.0, width: float = 4.0) -> World:
+    """One straight corridor of a length and width [m], closed at both ends."""
+    canvas = Canvas(length + 1.0, width + 1.0)
+    canvas.room((0.5, 0.5), (0.5 + length, 0.5 + width))
+    return canvas.world(f"straight-{length:g}x{width:g}")
+
+
+def _corridor(rng: np.random.Generator) -> Canvas:
+    canvas = Canvas(CORRIDOR.size, CORRIDOR.size)
+    carve(canvas, grow(CORRIDOR, rng))
+    return canvas
+
+
+def _office(rng: np.random.Generator) -> Canvas:
+    size = (rng.uniform(36.0, 52.0), rng.uniform(24.0, 36.0))
+    canvas = Canvas(size[0] + 1.0, size[1] + 1.0)
+    draw_office(canvas, size, rng)
+    return canvas
+
+
+def _narrow(rng: np.random.Generator) -> Canvas:
+    canvas = Canvas(NARROW.size, NARROW.size)
+    segments = grow(NARROW, rng)
+    carve(canvas, segments)
+    for segment in segments:
+        if segment.length > 5.0 and rng.random() < 0.6:
+            at = rng.uniform(0.35, 0.65) * segment.length
+            _door_frame(canvas, segment, at, rng)
+        for side in (-1, 1):
+            if rng.random() < 0.6:
+                _side_room(canvas, segment, side, rng)
+    return canvas
+
+
+def _door_frame(canvas: Canvas, segment: Segment, at: float, rng: np.random.Generator) -> None:
+    """A wall across a corridor, with a door in it."""
+    door = rng.uniform(0.8, 1.0)
+    slack = 0.5 * (segment.width - door) - 0.1
+    aside = rng.uniform(-slack, slack)
+    canvas.box(segment.at(at), (0.15, segment.width + 0.1), segment.yaw)
+    canvas.box(segment.at(at, aside), (0.25, door), segment.yaw, free=True)
+
+
+def _side_room(canvas: Canvas, segment: Segment, side: int, rng: np.random.Generator) -> None:
+    """A room beside a corridor, behind a door, if there is solid ground for it."""
+    wide, deep = rng.uniform(2.5, 5.0), rng.uniform(2.5, 4.5)
+    if segment.length < wide:
+        return
+    at = rng.uniform(0.5 * wide, segment.length - 0.5 * wide)
+    wall = 0.5 * segment.width + 0.2
+    # The room, the walls around it, and nothing else there yet.
+    for along in np.arange(-0.5 * wide - 0.3, 0.5 * wide + 0.31, 0.1):
+        for across in np.arange(wall - 0.14, wall + deep + 0.31, 0.1):
+            x, y = segment.at(at + along, side * across)
+            if not 0.5 < min(x, y) <= max(x, y) < NARROW.size - 0.5 or canvas.is_free(x, y):
+                return
+    canvas.box(segment.at(at, side * (wall + 0.5 * deep)), (wide, deep), segment.yaw, free=True)
+    door = at + rng.uniform(-0.5, 0.5) * (wide - 1.2)
+    canvas.box(
+        segment.at(door, side * (wall - 0.1)), (rng.uniform(0.8, 1.0), 0.5), segment.yaw, free=True
+    )
+
+
+def _trap(rng: np.random.Generator) -> Canvas:
+    canvas = Canvas(TRAP.size, TRAP.size)
+    segments = grow(TRAP, rng)
+    carve(canvas, segments)
+    for segment in segments:
+        if segment.parent >= 0:
+            parent = segments[segment.parent]
+            turn = math.remainder(segment.yaw - parent.yaw, 2 * math.pi)
+            if abs(turn) > 0.3 and rng.random() < 0.75:
+                _behind_corner(canvas, parent, segment, math.copysign(1.0, turn), rng)
+        if not segment.children and rng.random() < 0.7:
+            _false_end(canvas, segment, rng)
+    return canvas
+
+
+def _behind_corner(
+    canvas: Canvas, parent: Segment, segment: Segment, turn: float, rng: np.random.Generator
+) -> None:
+    """An obstacle that the corner hides until the car is in the bend."""
+    room = segment.width - PASSAGE
+    if room < 0.4:
+        return
+    size = (rng.uniform(0.4, 1.2), rng.uniform(0.4, min(room, 1.8)))
+    # Just past the mouth, at the inner wall: what the corner hides longest.
+    at = 0.5 * parent.width + rng.uniform(0.3, 1.5) + 0.5 * size[0]
+    inner = 0.5 * segment.width - 0.5 * size[1]
+    aside = turn * inner * rng.choice((1.0, 1.0, 0.0 if room > 2 * PASSAGE else 1.0, -1.0))
+    if at + 0.5 * size[0] + 1.5 > segment.length:
+        return
+    if abs(size[0] - size[1]) < 0.3 and rng.random() < 0.5:
+        canvas.disc(segment.at(at, aside), 0.5 * min(size))
+    else:
+        canvas.box(segment.at(at, aside), size, segment.yaw)
+
+
+def _false_end(canvas: Canvas, segment: Segment, rng: np.random.Generator) -> None:
+    """A dead end made to look like a corridor going on: a short stub round a bend, then a wall."""
+    side = rng.choice((-1.0, 1.0))
+    depth = rng.uniform(1.2, 3.0)
+    width = min(segment.width, 3.0)
+    at = segment.length - 0.5 * width
+    for along in np.arange(-0.5 * width - 0.4, 0.5 * width + 0.41, 0.2):
+        for across in np.arange(0.5 * segment.width + 0.1, 0.5 * segment.width + depth + 0.5, 0.2):
+            x, y = segment.at(at + along, side * across)
+            if not 0.5 < min(x, y) <= max(x, y) < TRAP.size - 0.5 or canvas.is_free(x, y):
+                return
+    middle = segment.at(at, side * (0.5 * segment.width + 0.5 * depth - 0.1))
+    canvas.box(middle, (width, depth + 0.2), segment.yaw, free=True)
