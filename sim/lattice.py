@@ -1,0 +1,158 @@
+"""Where a car that cannot reverse can get to: a search over arcs, on the true map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from predictor.body import Body
+
+HEADINGS = 16
+"""Directions that the search tells apart."""
+CELL = 0.2
+"""Side of the squares of positions that it tells apart [m]."""
+CHECKS = 3
+"""Points of an arc at which the body is tested."""
+RINGS = 64
+"""More than the dearest arc costs: the length of the ring of buckets."""
+
+
+def body_circles(body: Body) -> tuple[NDArray[np.float64], float]:
+    """Circles that together cover a body: offsets of their centres along it, their radius [m]."""
+    count = max(1, math.ceil(body.length / body.width))
+    half = 0.5 * body.length / count
+    offsets = half * np.arange(1.0 - count, count, 2.0)
+    return offsets, math.hypot(half, body.half_width)
+
+
+@njit(cache=True, nogil=True)
+def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: ignore[no-untyped-def]
+    """The least clearance of the body's circles beyond what they need; negative if it collides."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    spare = np.inf
+    for offset in offsets:
+        row = math.floor((y + offset * sin - origin[1]) / resolution)
+        col = math.floor((x + offset * cos - origin[0]) / resolution)
+        if not (0 <= row < clearance.shape[0] and 0 <= col < clearance.shape[1]):
+            return -1.0
+        spare = min(spare, clearance[row, col] - needed)
+    return spare
+
+
+@njit(cache=True, nogil=True)
+def explore(  # type: ignore[no-untyped-def]
+    clearance, resolution, origin, start, radius, offsets, needed, comfort, longest
+):
+    """Cheapest ways from a start pose, over arcs to the left, straight on, and to the right.
+
+    Dijkstra with a ring of buckets, since costs are small whole numbers. Poses stay exact: the
+    lattice only decides which of them count as the same, so every way found can be driven. Arcs
+    near a wall cost more, so that the ways keep to the middle where there is one.
+
+    Args:
+        clearance: distance to the nearest solid cell, (rows, columns) [m].
+        resolution: side of a cell [m].
+        origin: x, y of the lower-left corner [m].
+        start: x, y, yaw.
+        radius: of the arcs [m]; an arc turns by one of `HEADINGS`.
+        offsets: `body_circles`' centres (n,) [m].
+        needed: clearance that each circle needs [m].
+        comfort: clearance beyond it at which a wall stops mattering [m].
+        longest: ways longer than this are not followed [m].
+
+    Returns:
+        poses (n, 3) reached, in the order of cost; parents (n,), −1 for the start; arcs (n,) along
+        the way; and whether each pose is the first in its square of positions (n,).
+    """
+    turn = 2.0 * math.pi / HEADINGS
+    length = radius * turn
+    rows = int(clearance.shape[0] * resolution / CELL) + 1
+    cols = int(clearance.shape[1] * resolution / CELL) + 1
+    closed = np.zeros((rows, cols, HEADINGS), dtype=np.bool_)
+    entered = np.zeros((rows, cols), dtype=np.bool_)
+
+    # All poses ever proposed; each bucket is a list linked through `following`.
+    size = 1 << 16
+    poses = np.empty((size, 3))
+    headings = np.empty(size, dtype=np.int8)
+    parents = np.empty(size, dtype=np.int32)
+    arcs = np.empty(size, dtype=np.int32)
+    following = np.empty(size, dtype=np.int32)
+    buckets = np.full(RINGS, -1, dtype=np.int32)
+    settled = np.empty(size, dtype=np.int32)
+    first = np.empty(size, dtype=np.bool_)
+
+    poses[0, 0], poses[0, 1], poses[0, 2] = start[0], start[1], start[2]
+    headings[0], parents[0], arcs[0], following[0] = 0, -1, 0, -1
+    buckets[0] = 0
+    proposed, waiting, done, cost = 1, 1, 0, 0
+    while waiting:
+        node = buckets[cost % RINGS]
+        if node < 0:
+            cost += 1
+            continue
+        buckets[cost % RINGS] = following[node]
+        waiting -= 1
+        row = int((poses[node, 1] - origin[1]) / CELL)
+        col = int((poses[node, 0] - origin[0]) / CELL)
+        if closed[row, col, headings[node]]:
+            continue
+        closed[row, col, headings[node]] = True
+        if done == settled.size:
+            settled = np.concatenate((settled, np.empty_like(settled)))
+            first = np.concatenate((first, np.empty_like(first)))
+        settled[done] = node
+        first[done] = not entered[row, col]
+        entered[row, col] = True
+        done += 1
+        if (arcs[node] + 1) * length > longest:
+            continue
+        if proposed + 3 > headings.size:
+            poses = np.concatenate((poses, np.empty_like(poses)))
+            headings = np.concatenate((headings, np.empty_like(headings)))
+            parents = np.concatenate((parents, np.empty_like(parents)))
+            arcs = np.concatenate((arcs, np.empty_like(arcs)))
+            following = np.concatenate((following, np.empty_like(following)))
+        x, y, yaw = poses[node, 0], poses[node, 1], poses[node, 2]
+        for side in range(-1, 2):
+            spare = np.inf
+            end_x, end_y, end_yaw = x, y, yaw
+            for check in range(1, CHECKS + 1):
+                part = check / CHECKS
+                half = 0.5 * side * turn * part
+                straight = length * part if side == 0 else 2.0 * radius * math.sin(abs(half))
+                end_x = x + straight * math.cos(yaw + half)
+                end_y = y + straight * math.sin(yaw + half)
+                end_yaw = yaw + 2.0 * half
+                spare = min(spare, _fits(clearance, resolution, origin, end_x, end_y, end_yaw,
+                                         offsets, needed))  # fmt: skip
+                if spare < 0.0:
+                    break
+            if spare < 0.0:
+                continue
+            heading = (headings[node] + side) % HEADINGS
+            if closed[int((end_y - origin[1]) / CELL), int((end_x - origin[0]) / CELL), heading]:
+                continue
+            price = 20 + abs(side) + int(20.0 * max(0.0, 1.0 - spare / comfort))
+            poses[proposed, 0], poses[proposed, 1], poses[proposed, 2] = end_x, end_y, end_yaw
+            headings[proposed] = heading
+            parents[proposed] = node
+            arcs[proposed] = arcs[node] + 1
+            bucket = (cost + price) % RINGS
+            following[proposed] = buckets[bucket]
+            buckets[bucket] = proposed
+            proposed += 1
+            waiting += 1
+
+    settled = settled[:done]
+    place = np.full(proposed, -1, dtype=np.int32)
+    for i in range(done):
+        place[settled[i]] = i
+    found_parents = np.empty(done, dtype=np.int32)
+    for i in range(done):
+        parent = parents[settled[i]]
+        found_parents[i] = place[parent] if parent >= 0 else -1
+    return poses[settled], found_parents, arcs[settled], first[:done].copy()

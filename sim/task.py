@@ -1,0 +1,155 @@
+"""What the car is asked to do: a start, a goal far away, and a way that exists between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.grid import FREE, OCCUPIED
+from sim.car import CarConfig, wrap
+from sim.lattice import HEADINGS, body_circles, explore
+from sim.lidar import cast_rays
+from sim.world import World
+
+START_CLEARANCE = 0.3
+"""Free space around the body at the start and around the goal [m]."""
+WAY_CLEARANCE = 0.05
+"""Free space around the body along the way [m]."""
+COMFORT = 0.4
+"""Where there is room, the way keeps this far from walls [m]."""
+SPACING = 2.0
+"""Between waypoints, about [m]."""
+SLACK = 1.1
+"""How much wider than the car's tightest arc those of the way are."""
+STARTS = 25
+"""Starts tried before a world is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A drive through a world.
+
+    Attributes:
+        world: where.
+        start: x, y, yaw [m, m, rad].
+        goal: x, y [m].
+        waypoints: the full-map way, (n, 2) about 2 m apart, the last one the goal [m].
+        path_length: of the full-map way [m].
+        seed: what it was drawn with.
+    """
+
+    world: World
+    start: tuple[float, float, float]
+    goal: tuple[float, float]
+    waypoints: NDArray[np.float64]
+    path_length: float
+    seed: int
+
+
+class NoTaskError(ValueError):
+    """A world has no start and goal of the kind that was asked for."""
+
+
+def sample_task(
+    world: World,
+    seed: int,
+    car: CarConfig | None = None,
+    min_length: float = 20.0,
+    max_length: float = 80.0,
+) -> Task:
+    """Draw a start and a goal that this car, which cannot reverse, can drive between.
+
+    The start has room around it and looks along free space; the goal is drawn from the far part of
+    what can be reached from there. The same seed gives the same task.
+
+    Args:
+        world: where to drive.
+        seed: decides start and goal.
+        car: body and turning radius.
+        min_length: shortest way [m].
+        max_length: longest way [m].
+
+    Raises:
+        NoTaskError: if no start that was tried leads that far.
+        ValueError: if the lengths make no sense.
+    """
+    if not 0 <= min_length <= max_length < math.inf:
+        raise ValueError(f"lengths are {min_length} to {max_length} m, they must satisfy 0 <= "
+                         "min_length <= max_length")  # fmt: skip
+    car = car or CarConfig()
+    rng = np.random.default_rng(seed)
+    frame = world.grid.frame
+    # A cell's clearance runs from centre to centre: a diagonal's worth is not there.
+    lost = math.sqrt(2.0) * frame.resolution
+    roomy = world.clearance > car.body.radius + START_CLEARANCE + lost
+    candidates = np.argwhere(roomy)
+    offsets, radius = body_circles(car.body)
+    arc_radius = SLACK * car.turning_radius
+    farthest = 0.0
+    for _ in range(STARTS if len(candidates) else 0):
+        row, col = candidates[rng.integers(len(candidates))]
+        x, y = frame.centre(row, col)
+        start = (x, y, _free_direction(world, x, y, rng))
+        poses, parents, arcs, first = explore(
+            world.clearance,
+            frame.resolution,
+            frame.origin,
+            np.array(start),
+            arc_radius,
+            offsets,
+            radius + WAY_CLEARANCE + lost,
+            COMFORT,
+            max_length,
+        )
+        lengths = arcs * (arc_radius * 2 * math.pi / HEADINGS)
+        cells = np.floor((poses[:, :2] - frame.origin) / frame.resolution).astype(int)
+        # The first time that a place is reached: later ones come there by a detour.
+        goals = first & roomy[cells[:, 1], cells[:, 0]]
+        reach = float(lengths[goals].max(initial=0.0))
+        farthest = max(farthest, reach)
+        goals &= (lengths >= max(min_length, 0.6 * reach)) & (lengths <= max_length)
+        if goals.any():
+            chosen = int(rng.choice(np.flatnonzero(goals)))
+            way = _trace(poses, parents, chosen)
+            goal = (float(way[-1, 0]), float(way[-1, 1]))
+            return Task(world, start, goal, _thinned(way), float(lengths[chosen]), seed)
+    raise NoTaskError(
+        f"{world.name}: no way of {min_length:g} to {max_length:g} m for this car was found; "
+        f"the longest of {STARTS} starts led {farthest:.1f} m"
+    )
+
+
+def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) -> float:
+    """A direction in which there is much free space, drawn from the best quarter [rad]."""
+    frame = world.grid.frame
+    angles = rng.uniform(-math.pi, math.pi) + np.arange(32) * (2 * math.pi / 32)
+    beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    # Every solid cell as one that returns: the body minds UNKNOWN as much as walls.
+    cells = np.where(world.solid, np.int8(OCCUPIED), np.int8(FREE))
+    u, v = ((x - frame.origin[0]) / frame.resolution, (y - frame.origin[1]) / frame.resolution)
+    ranges = cast_rays(world.skips, cells, u, v, 0.0, beams, math.inf)
+    best = np.argsort(-np.nan_to_num(ranges), kind="stable")[:8]
+    return wrap(float(angles[rng.choice(best)]))
+
+
+def _trace(
+    poses: NDArray[np.float64], parents: NDArray[np.int32], node: int
+) -> NDArray[np.float64]:
+    """The poses (n, 3) from the start to a node."""
+    order = []
+    while node >= 0:
+        order.append(node)
+        node = int(parents[node])
+    return poses[order[::-1]]
+
+
+def _thinned(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 2) evenly along a way, without its start, ending where it ends."""
+    steps = np.hypot(*np.diff(way[:, :2], axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    count = max(1, round(along[-1] / SPACING))
+    at = along[-1] * np.arange(1, count + 1) / count
+    return np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
