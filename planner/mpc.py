@@ -65,7 +65,7 @@ class MPCConfig:
     closeness: float = 4.0
     comfort: float = 0.25
     violation: float = 100.0
-    margin: float = 0.03
+    margin: float = 0.035
     trust: float = 0.6
     iterations: int = 10
     tolerance: float = 1e-4
@@ -160,7 +160,7 @@ class MPC:
         spacing = 0.02
         poses = plan.poses(self.config.dt, spacing)
         # Half the spacing, and what a corner swings out on the tightest arc within it.
-        body = self.limits.body.inflated(0.6 * spacing)
+        body = self.limits.body.inflated(0.75 * spacing)
         f = risk.frame
         i = first_contact(blocked, f.resolution, f.origin, poses, body.half_length, body.half_width)
         if i < 0:

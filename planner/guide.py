@@ -1,0 +1,138 @@
+"""The guide: keeps a path to the goal at hand, planned beside the control loop."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.costmap import CostMap
+from planner.path import PathConfig, plan_path
+from planner.reference import Path, project
+from planner.route import find_route
+from predictor import Body, OccupancyGrid, Prediction
+
+
+@dataclass(frozen=True)
+class GuideConfig:
+    """When paths are planned and adopted.
+
+    Attributes:
+        every: ticks from one request to the next while nothing is wrong.
+        delay: ticks from a request to the adoption of its path: what the search may take.
+        search: settings of the search itself.
+    """
+
+    every: int = 8
+    delay: int = 2
+    search: PathConfig = PathConfig()
+
+
+class Guide:
+    """Requests paths, adopts each a fixed number of ticks later, and says where the car is.
+
+    OMPL's path is what the car follows; the route that Dijkstra found stands in, and is counted,
+    where OMPL found none. Planning time is measured apart from the control cycle's.
+
+    Args:
+        goal: x, y [m].
+        waypoints: (n, 2) a route given as the task, followed in place of one of our own.
+        body: of the car.
+        config: settings.
+        seed: of the search.
+    """
+
+    def __init__(
+        self,
+        goal: tuple[float, float],
+        waypoints: NDArray[np.float64] | None,
+        body: Body,
+        config: GuideConfig,
+        seed: int,
+    ) -> None:
+        self.goal, self.body, self.config, self.seed = goal, body, config, seed
+        self._given = None if waypoints is None else Path.through(waypoints, "given").points
+        self._given_at = 0
+        self.path: Path | None = None
+        self.segment = 0
+        self.is_new = False
+        self.counts: Counter[str] = Counter()
+        self.plan_ms = 0.0
+        self._pending: tuple[int, Path] | None = None
+        self._requested = -(10**9)
+
+    def update(
+        self,
+        tick: int,
+        state: NDArray[np.float64],
+        ahead: NDArray[np.float64],
+        known: OccupancyGrid,
+        steering: Prediction | None,
+        *,
+        urgent: bool,
+    ) -> None:
+        """Advance by a tick.
+
+        Args:
+            tick: number of this tick.
+            state: x, y, yaw, v now, (4,).
+            ahead: the states the car is going to be in, from now on, (n, 4).
+            known: what has been seen.
+            steering: a prediction that may move the route, or None.
+            urgent: plan anew at once: the path leads nowhere.
+        """
+        self.is_new = False
+        self.plan_ms = 0.0
+        if self._pending is not None and tick >= self._pending[0]:
+            self.path, self._pending = self._pending[1], None
+            self.segment = 0
+            self.is_new = True
+            self.counts[self.path.source] += 1
+        if self.path is not None:
+            # A new path starts where the car was expected to be: near its first metres.
+            reach = 40 if self.is_new else 15
+            self.segment, _, _ = project(
+                self.path.points, state[0], state[1], self.segment - 5, self.segment + reach
+            )
+        overdue = tick - self._requested >= self.config.every
+        if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
+            self._requested = tick
+            at = min(self.config.delay, len(ahead) - 1)
+            started = time.perf_counter()
+            path = self._plan(tick, ahead[at], known, steering)
+            self.plan_ms = 1e3 * (time.perf_counter() - started)
+            if path is not None:
+                # Nothing to follow yet: the car stands, so there is nothing to wait for.
+                self._pending = (tick + self.config.delay, path)
+
+    def _plan(
+        self,
+        tick: int,
+        state: NDArray[np.float64],
+        known: OccupancyGrid,
+        steering: Prediction | None,
+    ) -> Path | None:
+        cost = CostMap.build(known, steering, self.body.half_width)
+        position = (float(state[0]), float(state[1]))
+        route = self._remaining(position) if self._given is not None else None
+        if route is None:
+            route = find_route(cost, position, self.goal)
+        if route is None:
+            self.counts["no_route"] += 1
+            return None
+        pose = np.array([state[0], state[1], np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
+        found = plan_path(
+            cost, pose, route, self.body.half_length, self.config.search, self.seed * 100_003 + tick
+        )
+        return found or Path.through(route, "dijkstra")
+
+    def _remaining(self, position: tuple[float, float]) -> NDArray[np.float64]:
+        """The rest of the given route, from the point nearest the car on."""
+        assert self._given is not None
+        self._given_at, _, _ = project(
+            self._given, *position, self._given_at - 10, self._given_at + 60
+        )
+        return np.vstack([np.asarray(position)[None], self._given[self._given_at + 1 :]])

@@ -1,0 +1,329 @@
+"""The navigator: from a scan to a control, tick after tick."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as LateError
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.dynamics import CarLimits
+from planner.guess import pursue, shifted
+from planner.guide import Guide, GuideConfig
+from planner.limits import Limit, what_limits
+from planner.mpc import MPC, MPCConfig, Plan, Status, stop_controls
+from planner.reference import Path
+from planner.risk import RiskMap
+from planner.sweep import swept_cells
+from predictor import (
+    BadPredictionError,
+    OccupancyGrid,
+    Prediction,
+    Predictor,
+    Scan,
+    checked,
+)
+
+
+@dataclass(frozen=True)
+class NavigatorConfig:
+    """Settings of the chain.
+
+    Attributes:
+        window: side of the square that the LIDAR writes into [m].
+        expansion: how many times wider the predicted square is.
+        risk: the dial ε in [0, 1]: what a plan may rely upon.
+        steer: whether a prediction also moves the route.
+        margin: what the safe set is eroded by [m]; 0 for a noise-free LIDAR.
+        start_margin: around the body at the start that counts as seen free [m].
+        deadline: a prediction later than this is not used [s]. Far above what one takes: in
+            simulation the clock stands still meanwhile, and a tick must not depend on luck.
+        car: what the car can do.
+        mpc: settings of the MPC.
+        guide: settings of path planning.
+    """
+
+    window: float = 5.0
+    expansion: float = 2.0
+    risk: float = 0.0
+    steer: bool = False
+    margin: float = 0.0
+    start_margin: float = 0.5
+    deadline: float = 0.5
+    car: CarLimits = field(default_factory=CarLimits)
+    mpc: MPCConfig = field(default_factory=MPCConfig)
+    guide: GuideConfig = field(default_factory=GuideConfig)
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.risk <= 1.0:
+            raise ValueError(f"risk is {self.risk}, it must lie in [0, 1]")
+        if not self.expansion >= 1.0:
+            raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
+
+    @property
+    def predicted_side(self) -> float:
+        """Side of the predicted square [m]: no more than the car can make use of."""
+        return min(self.window * self.expansion, max(10.0, 2 * (self.car.stopping_distance + 1.5)))
+
+    @property
+    def ahead(self) -> float:
+        """How far the risk map's centre lies ahead of the car [m]."""
+        return 2.5
+
+    @property
+    def risk_side(self) -> float:
+        """Side of the risk map [m]: a full stop fits ahead of the car."""
+        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - self.ahead))
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """All that a tick decided, and why.
+
+    Attributes:
+        control: a [m/s²], κ [1/m] to apply for one `dt`.
+        plan: the motion it begins.
+        limit: what kept the car from going faster.
+        faults: what went wrong and was survived in this tick.
+        relied: centres of the cells not seen that the plan sweeps, (k, 2) [m].
+        relied_trust: confidence · p_free of each, (k,).
+        emergency: no plan was safe on the newest map: the car brakes as hard as it can.
+        times: stage → [ms]; "cycle" is scan in to control out, "path" runs beside it.
+        risk_map: what the plan relied upon.
+        prediction: what was believed, if anything.
+        path: what the plan follows, if anything.
+    """
+
+    control: NDArray[np.float64]
+    plan: Plan
+    limit: Limit
+    faults: tuple[str, ...]
+    relied: NDArray[np.float64]
+    relied_trust: NDArray[np.float32]
+    emergency: bool
+    times: dict[str, float]
+    risk_map: RiskMap
+    prediction: Prediction | None
+    path: Path | None
+
+
+class Navigator:
+    """Drives a car to a goal through space that it comes to see.
+
+    Args:
+        config: settings.
+        predictor: extends the known map; None: nothing is predicted.
+        start: x, y, yaw (and v) at the start, (3,) or (4,).
+        goal: x, y [m].
+        known: what is known at the start; it is written to.
+        waypoints: (n, 2) a route given as the task, or None: find one.
+        seed: of the path search.
+    """
+
+    def __init__(
+        self,
+        config: NavigatorConfig,
+        predictor: Predictor | None,
+        start: NDArray[np.float64],
+        goal: tuple[float, float],
+        known: OccupancyGrid,
+        waypoints: NDArray[np.float64] | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.config, self.predictor, self.goal, self.known = config, predictor, goal, known
+        self.mpc = MPC(config.car, config.mpc)
+        self.guide = Guide(goal, waypoints, config.car.body, config.guide, seed)
+        self.faults: Counter[str] = Counter()
+        self.plan: Plan | None = None
+        self._tick = -1
+        self._curvature = 0.0
+        self._worker: ThreadPoolExecutor | None = None
+        self._late: Future[Prediction] | None = None
+        known.mark_free(start, config.car.body, config.start_margin)
+
+    def close(self) -> None:
+        """Let go of the thread that predicts."""
+        if self._worker is not None:
+            self._worker.shutdown(wait=False, cancel_futures=True)
+
+    def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
+        """Decide what to do in the next `dt`.
+
+        Args:
+            state: x, y, yaw, v, (4,).
+            scan: taken at that state.
+
+        Raises:
+            ValueError: if the state is not finite; everything else is survived and counted.
+        """
+        if not np.isfinite(state).all():
+            raise ValueError(f"state is {state}, it must be finite")
+        self._tick += 1
+        clock = _Clock()
+        faults: list[str] = []
+        try:
+            self.known.integrate(scan, state)
+        except (ValueError, TypeError, AttributeError):
+            faults.append("bad_scan")
+        clock.lap("integrate")
+        prediction = self._predict(state, faults)
+        clock.lap("predict")
+        c = self.config
+        centre = state[:2] + c.ahead * np.array([math.cos(state[2]), math.sin(state[2])])
+        frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
+        believed = prediction if c.risk > 0 else None
+        risk = RiskMap.from_prediction(self.known.crop(frame), believed, c.risk, c.margin)
+        clock.lap("risk")
+        plan, emergency = self._decide(state, risk, faults)
+        control = plan.controls[0].copy()
+        clock.lap("mpc")
+        clock.total("cycle")
+
+        self.guide.update(
+            self._tick, state, plan.states, self.known, prediction if c.steer else None,
+            urgent=self.guide.path is None or bool(plan.states[:, 3].max() < 0.2),
+        )  # fmt: skip
+        clock.times["path"] = self.guide.plan_ms
+        rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
+        xs, ys = frame.centres()
+        limit = what_limits(plan, risk, self.goal, c.car, emergency)
+        self.plan, self._curvature = plan, float(control[1])
+        self.faults.update(faults)
+        return Decision(
+            control=control,
+            plan=plan,
+            limit=limit,
+            faults=tuple(faults),
+            relied=np.column_stack([xs[cols], ys[rows]]),
+            relied_trust=risk.trust[rows, cols],
+            emergency=emergency,
+            times=clock.times,
+            risk_map=risk,
+            prediction=prediction,
+            path=self.guide.path,
+        )
+
+    def _predict(self, state: NDArray[np.float64], faults: list[str]) -> Prediction | None:
+        """Ask the predictor; whatever it does wrong leaves the car with what it knows."""
+        c = self.config
+        if self.predictor is None or (c.risk == 0 and not c.steer):
+            return None
+        if self._late is not None and not self._late.done():
+            faults.append("predictor_late")
+            return None
+        self._late = None
+        if self._worker is None:
+            self._worker = ThreadPoolExecutor(1, "predictor")
+        frame = self.known.frame.square(float(state[0]), float(state[1]), c.predicted_side)
+        known = self.known.crop(frame)
+        answer = self._worker.submit(self.predictor.predict, known, state[:3].copy())
+        try:
+            # The first answer may have to compile or load something first.
+            return checked(answer.result(30.0 if self._tick == 0 else c.deadline), known)
+        except LateError:
+            self._late = answer
+            faults.append("predictor_late")
+        except BadPredictionError:
+            faults.append("predictor_bad")
+        except Exception:
+            # A plug-in may raise anything; none of it may reach the wheels.
+            faults.append("predictor_raised")
+        return None
+
+    def _decide(
+        self, state: NDArray[np.float64], risk: RiskMap, faults: list[str]
+    ) -> tuple[Plan, bool]:
+        """The cheapest safe plan; where none is safe, the least bad way to brake."""
+        mpc, car = self.mpc, self.config.car
+        stop = mpc.roll(state, stop_controls(mpc.stages, car.braking, self._curvature))
+        kept = stop
+        if self.plan is not None:
+            kept = mpc.roll(state, shifted(self.plan.controls, car.braking))
+        path = self.guide.path
+        safe = [plan for plan in (kept, stop) if mpc.is_safe(plan, risk)]
+        if path is None:
+            if safe:
+                return safe[-1], False
+            return self._brake(state, risk, kept), True
+
+        def cost(plan: Plan) -> float:
+            return mpc.evaluate(plan, path, risk, self.guide.segment, self._curvature)
+
+        guesses = [kept.controls]
+        if self._tick % 5 == 0 or self.guide.is_new or not safe or state[3] < 0.3:
+            guesses.append(self._pursuit(state, path, risk))
+        solved = []
+        for guess in guesses:
+            try:
+                plan = mpc.solve(state, path, risk, guess, self.guide.segment, self._curvature)
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+                faults.append("solver_failed")
+                continue
+            if plan.status in (Status.QP_FAILED, Status.NOT_FINITE):
+                faults.append("solver_failed")
+            if mpc.is_safe(plan, risk):
+                solved.append(plan)
+        if not solved:
+            faults.append("no_safe_solution")
+        candidates = solved + safe
+        if candidates:
+            return min(candidates, key=cost), False
+        faults.append("emergency")
+        return self._brake(state, risk, kept), True
+
+    def _pursuit(
+        self, state: NDArray[np.float64], path: Path, risk: RiskMap
+    ) -> NDArray[np.float64]:
+        """Controls that follow the path as far as it is safe."""
+        mpc, car = self.mpc, self.config.car
+        free = math.inf
+        controls = np.zeros((mpc.stages, 2))
+        for _ in range(2):
+            controls = pursue(
+                path.points, self.guide.segment, state, mpc.stages, mpc.config.dt, car.v_max,
+                car.acceleration, car.braking, car.lateral_acceleration, car.max_curvature,
+                min(free, 1e6),
+            )  # fmt: skip
+            met = mpc.contact(mpc.roll(state, controls), ~risk.safe, risk)
+            if met is None:
+                break
+            free = max(met[0] - 0.1, 0.0)
+        return controls
+
+    def _brake(self, state: NDArray[np.float64], risk: RiskMap, kept: Plan) -> Plan:
+        """Brake as hard as the car can, on the arc that meets what was seen most slowly."""
+        mpc, car = self.mpc, self.config.car
+        ways = [stop_controls(mpc.stages, car.braking, 0.0)]
+        ways[0][:, 1] = kept.controls[:, 1]
+        for share in np.linspace(-1.0, 1.0, 9):
+            ways.append(stop_controls(mpc.stages, car.braking, share * car.max_curvature))
+
+        def badness(plan: Plan) -> tuple[float, float]:
+            hit = mpc.contact(plan, risk.known.occupied, risk)
+            left = mpc.contact(plan, ~risk.safe, risk)
+            return (hit[1] if hit else 0.0, left[1] if left else 0.0)
+
+        return min((mpc.roll(state, way) for way in ways), key=badness)
+
+
+class _Clock:
+    """Wall-clock time of the stages of one tick [ms]."""
+
+    def __init__(self) -> None:
+        self.times: dict[str, float] = {}
+        self._start = self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.times[stage] = 1e3 * (now - self._last)
+        self._last = now
+
+    def total(self, stage: str) -> None:
+        self.times[stage] = 1e3 * (self._last - self._start)
+
+
