@@ -30,9 +30,10 @@ class ExtendConfig:
         reach: distance over which what a line shows loses its weight, by 1/e [m].
         near: the same, for evidence that is only good close by [m].
         trust: distance over which the confidence falls, by 1/e [m].
-        free: log-odds of free: bias, then a weight for each of the openest and the second openest
-            line, a wall along a line, the nearest and the second wall across, a wall along a
-            line close by, known free space close by, a known wall close by.
+        free: log-odds of free: bias, then a weight for each of the openest line, the same to the
+            third power, the second openest line, a wall along a line, the nearest and the second
+            wall across, a wall along a line close by, known free space close by, a known wall
+            close by.
         occupied: the same, for occupied.
     """
 
@@ -40,8 +41,8 @@ class ExtendConfig:
     reach: float = 3.0
     near: float = 0.3
     trust: float = 10.0
-    free: tuple[float, ...] = (-1.48, 3.16, 0.95, -3.29, -2.18, -1.35, 6.49, 4.22, -7.12)
-    occupied: tuple[float, ...] = (-5.04, 1.30, -0.60, 7.05, -1.36, 1.48, -2.12, 0.56, -0.17)
+    free: tuple[float, ...] = (-1.02, 5.53, -5.09, 2.35, -5.65, -1.09, 1.68, 1.18, 8.08, -8.01)
+    occupied: tuple[float, ...] = (-4.78, 1.64, -1.03, -0.74, 5.83, -1.01, 0.70, -1.41, 0.72, 1.40)
 
 
 class Extend:
@@ -81,7 +82,7 @@ def _believe(  # type: ignore[no-untyped-def]
     """Evidence to probabilities: p_free, p_occupied and confidence, each (rows, columns)."""
     rows, cols = cells.shape
     out = np.zeros((3, rows, cols), dtype=np.float32)
-    x = np.ones(9)
+    x = np.ones(10)
     for row in range(rows):
         for col in range(cols):
             if cells[row, col] != UNKNOWN:
@@ -89,26 +90,26 @@ def _believe(  # type: ignore[no-untyped-def]
                 out[1, row, col] = 1.0 - out[0, row, col]
                 out[2, row, col] = 1.0
                 continue
-            x[1:7] = 0.0
-            doubt = 1.0
+            x[1:8] = 0.0
+            closest = math.inf
             for line in range(4):
                 if kind[line, row, col] == NONE:
                     continue
                 gap, strength = distance[line, row, col], support[line, row, col]
                 weight = math.exp(-gap / reach)
-                doubt *= 1.0 - strength * math.exp(-gap / trust)
+                closest = min(closest, gap)
                 if kind[line, row, col] == OPEN:
-                    x[1], x[2] = _two_largest(x[1], x[2], strength * weight)
+                    x[1], x[3] = _two_largest(x[1], x[3], strength * weight)
                 else:
-                    x[3] = max(x[3], strength * weight)
-                    x[4], x[5] = _two_largest(x[4], x[5], (1.0 - strength) * weight)
-                    x[6] = max(x[6], strength * math.exp(-gap / near))
-            confidence = 1.0 - doubt
-            if confidence <= 0.0:
+                    x[4] = max(x[4], strength * weight)
+                    x[5], x[6] = _two_largest(x[5], x[6], (1.0 - strength) * weight)
+                    x[7] = max(x[7], strength * math.exp(-gap / near))
+            if closest == math.inf:
                 continue
-            x[7], x[8] = near_free[row, col], near_wall[row, col]
-            # Confidence takes the part of the belief that it can: their product is what was
-            # fitted, unless that exceeds what the lines vouch for.
+            confidence = math.exp(-closest / trust)
+            x[2] = x[1] ** 3
+            x[8], x[9] = near_free[row, col], near_wall[row, col]
+            # What was fitted is the product with the confidence.
             a = min(1.0 / (1.0 + math.exp(-np.dot(free, x))), confidence)
             b = min(1.0 / (1.0 + math.exp(-np.dot(occupied, x))), confidence - a)
             out[0, row, col] = a / confidence
