@@ -152,4 +152,7 @@ def _thinned(way: NDArray[np.float64]) -> NDArray[np.float64]:
     along = np.concatenate([[0.0], np.cumsum(steps)])
     count = max(1, round(along[-1] / SPACING))
     at = along[-1] * np.arange(1, count + 1) / count
-    return np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
+    points = np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
+    # Interpolation may be off by a rounding; the last waypoint is the goal.
+    points[-1] = way[-1, :2]
+    return points

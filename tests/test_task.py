@@ -1,0 +1,98 @@
+import math
+
+import numpy as np
+import pytest
+
+from predictor.body import Body
+from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
+from sim.car import CarConfig, along_arc, collides
+from sim.families import FAMILIES, empty_straight, generate
+from sim.lattice import HEADINGS, body_circles, explore
+from sim.task import SLACK, START_CLEARANCE, NoTaskError, sample_task
+from sim.world import World
+
+CAR = CarConfig()
+CASES = [(family, seed) for family in FAMILIES for seed in range(4)]
+
+
+@pytest.mark.parametrize(("family", "seed"), CASES)
+def test_every_family_gives_tasks_that_are_far_and_begin_and_end_in_the_open(family, seed):
+    world = generate(family, seed)
+    task = sample_task(world, seed, CAR)
+    assert 20.0 <= task.path_length <= 80.0
+    assert tuple(task.waypoints[-1]) == task.goal
+    assert not collides(world, task.start, CAR.body.inflated(START_CLEARANCE))
+    for yaw in np.linspace(-math.pi, math.pi, 16):
+        assert not collides(world, (*task.goal, yaw), CAR.body)
+    points = np.vstack([task.start[:2], task.waypoints])
+    gaps = np.hypot(*np.diff(points, axis=0).T)
+    assert gaps.max() < 2.1
+    # A car that goes 0.35 m an arc cuts no corner: the way is as long as its waypoints say.
+    assert 0.75 * task.path_length < gaps.sum() <= task.path_length + 1e-9
+
+
+def test_a_corridor_network_has_a_way_of_thirty_metres():
+    for seed in range(6):
+        assert sample_task(generate("corridor", seed), seed, CAR, min_length=30.0)
+
+
+def test_the_same_seed_gives_the_same_task_and_another_another():
+    world = generate("trap", 3)
+    first, again, other = (sample_task(world, seed, CAR) for seed in (1, 1, 2))
+    assert first.start == again.start
+    assert first.goal == again.goal
+    assert np.array_equal(first.waypoints, again.waypoints)
+    assert first.start != other.start
+
+
+@pytest.mark.parametrize("body", [Body(), Body(0.9, 0.3), Body(0.3, 0.3)])
+def test_every_way_that_is_found_can_be_driven_without_a_collision(body):
+    world = generate("narrow", 5)
+    frame = world.grid.frame
+    row, col = np.unravel_index(np.argmax(world.clearance), frame.shape)
+    offsets, circle = body_circles(body)
+    needed = circle + 0.05 + math.sqrt(2) * frame.resolution
+    radius = SLACK * CAR.turning_radius
+    poses, parents, arcs, first = explore(
+        world.clearance, frame.resolution, frame.origin,
+        np.array([*frame.centre(int(row), int(col)), 0.3]), radius, offsets, needed, 0.4, 40.0,
+    )  # fmt: skip
+    assert parents[0] == -1
+    assert first[0]
+    assert len(poses) > 1000
+    length = radius * 2 * math.pi / HEADINGS
+    rng = np.random.default_rng(0)
+    for node in rng.choice(np.arange(1, len(poses)), 400, replace=False):
+        parent = parents[node]
+        assert arcs[node] == arcs[parent] + 1
+        turn = poses[node, 2] - poses[parent, 2]
+        way = [along_arc(*poses[parent], turn / length, s) for s in np.linspace(0, length, 40)]
+        assert np.allclose(way[-1][:2], poses[node, :2], atol=1e-9)
+        assert not collides(world, way, body, 0.02)
+
+
+def test_circles_cover_the_body():
+    for body in (Body(), Body(1.3, 0.2), Body(0.2, 0.7)):
+        offsets, radius = body_circles(body)
+        x = np.linspace(-body.half_length, body.half_length, 50)
+        y = np.linspace(-body.half_width, body.half_width, 50)
+        distance = np.hypot(x[:, None, None] - offsets, y[None, :, None]).min(axis=2)
+        assert distance.max() <= radius + 1e-9
+
+
+def test_a_straight_leads_from_one_end_towards_the_other():
+    task = sample_task(empty_straight(60.0, 4.0), 0, CAR)
+    assert abs(task.goal[0] - task.start[0]) == pytest.approx(task.path_length, rel=0.15)
+
+
+def test_a_world_without_a_way_says_so():
+    cells = np.full((60, 60), FREE, np.int8)
+    cells[:, [0, -1]] = cells[[0, -1], :] = OCCUPIED
+    room = World("room", Grid(GridFrame(0.05, (0, 0), cells.shape), cells))
+    with pytest.raises(NoTaskError, match=r"room: no way of 20 to 80 m"):
+        sample_task(room, 0, CAR)
+    solid = World("solid", Grid(room.grid.frame, np.full((60, 60), OCCUPIED, np.int8)))
+    with pytest.raises(NoTaskError):
+        sample_task(solid, 0, CAR)
+    with pytest.raises(ValueError, match="min_length"):
+        sample_task(room, 0, CAR, min_length=9, max_length=3)
