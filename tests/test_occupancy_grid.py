@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from predictor import FREE, OCCUPIED, UNKNOWN, Body, Grid, GridFrame, OccupancyGrid, Scan
 from predictor.beams import trace_beams
 from predictor.grid import HIGHEST, HIT, LOWEST, MISS
+from sim.families import FAMILIES, generate
+from sim.lidar import Lidar
 
 FRAME = GridFrame(0.1, (-3.0, -3.0), (60, 60))
 
@@ -113,6 +115,20 @@ def test_hits_and_misses_add_up_to_their_bounds():
         known.integrate(scan([2.0]), (0.05, 0.05, 0.0))
     assert known.log_odds[row, col] == LOWEST
     assert known.cells[row, col] == FREE
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_without_noise_nothing_that_is_seen_is_wrong(family):
+    world = generate(family, 10_000)
+    truth, frame, rng = world.grid, world.grid.frame, np.random.default_rng(0)
+    for row, col in rng.permutation(np.argwhere(truth.free))[:40]:
+        x, y = frame.centre(row + rng.uniform(-0.5, 0.5), col + rng.uniform(-0.5, 0.5))
+        pose = x, y, rng.uniform(-math.pi, math.pi)
+        known = OccupancyGrid(frame, 10.0)
+        known.integrate(Lidar().scan(world, pose), pose)
+        seen = known.crop(frame)
+        assert not (seen.free & ~truth.free).any()
+        assert not (seen.occupied & ~truth.occupied).any()
 
 
 def test_a_range_of_nan_says_nothing():
