@@ -1,0 +1,74 @@
+"""The arms of a comparison: one planner, and how much of the world each lets it know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from predictor import Grid, Prediction, Predictor
+from sim.world import World
+
+
+@dataclass(frozen=True)
+class Arm:
+    """What one arm may rely upon.
+
+    Attributes:
+        predictor: "none", "chosen" (by the user) or "oracle".
+        risk: ε; None: the user's.
+        steer: whether the prediction moves the route.
+        whole_map: whether all of the world is known from the start.
+        about: a line for people.
+    """
+
+    predictor: str
+    risk: float | None
+    steer: bool
+    whole_map: bool
+    about: str
+
+
+ARMS = {
+    "known": Arm("none", 0.0, False, False, "what was seen, no prediction at all"),
+    "known+route": Arm("chosen", 0.0, True, False, "what was seen; the prediction steers the route"),
+    "predicted": Arm("chosen", None, True, False, "the prediction, at the stated risk"),
+    "optimistic": Arm("none", 1.0, False, False, "all that was not seen occupied"),
+    "oracle": Arm("oracle", None, True, False, "the truth inside the predicted window"),
+    "full": Arm("none", 0.0, False, True, "the whole map"),
+}
+
+
+class Oracle:
+    """A predictor that is told the truth: free and occupied, inside the window it is asked for.
+
+    Args:
+        world: the truth.
+    """
+
+    def __init__(self, world: World) -> None:
+        grid = world.grid
+        # Occupied truth is what a ray can hit: surface cells; the inside of walls is neither.
+        surface = grid.occupied & binary_dilation(grid.free, np.ones((3, 3), dtype=bool))
+        self._free = Grid(grid.frame, np.where(grid.free, 0, -1).astype(np.int8))
+        self._surface = Grid(grid.frame, np.where(surface, 100, -1).astype(np.int8))
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+        """The truth, with full confidence."""
+        free = self._free.crop(known.frame).free
+        surface = self._surface.crop(known.frame).occupied
+        return Prediction(
+            known.frame,
+            free.astype(np.float32),
+            surface.astype(np.float32),
+            np.ones(known.frame.shape, dtype=np.float32),
+        )
+
+
+def predictor_for(arm: Arm, chosen: Predictor, world: World) -> Predictor | None:
+    """The predictor that an arm drives with in a world."""
+    if arm.predictor == "oracle":
+        return Oracle(world)
+    return chosen if arm.predictor == "chosen" else None
