@@ -1,0 +1,243 @@
+"""A saved run: what `benchmarks.corridor` wrote into a folder, read back piece by piece."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+from numpy.typing import NDArray
+
+from benchmarks.arms import ARMS
+from predictor import Grid, GridFrame
+
+RESULTS, TRACES = "results.json", "traces.npz"
+"""The files of a run."""
+
+NEEDED: dict[str, type | tuple[type, ...]] = {
+    "arm": str, "index": int, "world": str, "start": list, "goal": list, "outcome": str,
+    "time": (int, float), "path_length": (int, float), "mean_speed": (int, float),
+}  # fmt: skip
+"""What an episode in the results must hold to be drawn."""
+
+
+class RunError(ValueError):
+    """A folder does not hold a run that can be read; the message is one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The arrays of one drive, each read when it is asked for; see `sim.episode.run_episode`.
+
+    Attributes:
+        file: where they are.
+        index: the episode's number.
+        arm: who drove.
+    """
+
+    file: Archive
+    index: int
+    arm: str
+
+    def __getitem__(self, name: str) -> NDArray:
+        return self.file.array(f"e{self.index}/{self.arm}/{name}")
+
+    def __contains__(self, name: str) -> bool:
+        return f"e{self.index}/{self.arm}/{name}" in self.file.names
+
+    @cached_property
+    def states(self) -> NDArray[np.float64]:
+        """x, y, yaw, v at the ends of the ticks, (T+1, 4)."""
+        return self["states"].astype(np.float64)
+
+    @cached_property
+    def distance(self) -> NDArray[np.float64]:
+        """Driven so far at each state [m], (T+1,)."""
+        steps = np.hypot(*np.diff(self.states[:, :2], axis=0).T)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @cached_property
+    def limits(self) -> list[str]:
+        """What limited the speed, by name, tick by tick, (T,)."""
+        names = [str(name) for name in self["limit_names"]]
+        return [names[i] for i in self["limits"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Archive:
+    """A compressed file of named arrays.
+
+    Attributes:
+        path: where it lies.
+    """
+
+    path: Path
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Of all arrays."""
+        return frozenset(self._file.files)
+
+    def array(self, name: str) -> NDArray:
+        """One array.
+
+        Raises:
+            RunError: if it is missing or broken.
+        """
+        if name not in self.names:
+            raise RunError(f"{self.path} holds no {name!r}")
+        try:
+            return np.asarray(self._file[name])
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            raise RunError(f"{self.path} is broken at {name!r}: {_line(error)}") from error
+
+    @cached_property
+    def _file(self) -> NpzFile:
+        try:
+            file = np.load(self.path)
+        except FileNotFoundError as error:
+            raise RunError(f"{self.path} does not exist") from error
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise RunError(f"{self.path} is broken: {_line(error)}") from error
+        if not isinstance(file, NpzFile):
+            raise RunError(f"{self.path} is broken: not an archive of arrays")
+        return file
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A benchmark's results, and lazily its traces.
+
+    Attributes:
+        directory: where it was saved.
+        settings: of the run.
+        summary: arm → its measures.
+        episodes: one dict a drive, as in results.json.
+        archive: the traces.
+    """
+
+    directory: Path
+    settings: dict[str, Any]
+    summary: dict[str, dict[str, Any]]
+    episodes: list[dict[str, Any]]
+    archive: Archive
+
+    @classmethod
+    def load(cls, directory: Path | str) -> Run:
+        """Read the results of a folder; traces are read when they are needed.
+
+        Raises:
+            RunError: if the folder or its results are missing, broken, or empty.
+        """
+        directory = Path(directory)
+        path = directory / RESULTS
+        if not directory.is_dir():
+            raise RunError(f"{directory} is not a folder")
+        try:
+            results = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise RunError(f"{directory} holds no run: there is no {RESULTS}") from error
+        except (OSError, ValueError) as error:
+            raise RunError(f"{path} is broken: {_line(error)}") from error
+        if not isinstance(results, dict):
+            raise RunError(f"{path} is broken: it must hold an object")
+        for key, kind in (("settings", dict), ("summary", dict), ("episodes", list)):
+            if not isinstance(results.get(key), kind):
+                raise RunError(f"{path} is broken: {key!r} is missing or of the wrong kind")
+        for number, episode in enumerate(results["episodes"]):
+            for key, needed in NEEDED.items():
+                if not isinstance(episode, dict) or not isinstance(episode.get(key), needed):
+                    raise RunError(
+                        f"{path} is broken: episode entry {number} has no proper {key!r}"
+                    )
+        if not results["episodes"]:
+            raise RunError(f"{path} holds no episodes")
+        return cls(
+            directory,
+            results["settings"],
+            results["summary"],
+            results["episodes"],
+            Archive(directory / TRACES),
+        )
+
+    @property
+    def label(self) -> str:
+        """A short name: the folder's."""
+        return self.directory.resolve().name
+
+    @cached_property
+    def arms(self) -> list[str]:
+        """Arms that drove, in the order in which they are shown."""
+        driven = {episode["arm"] for episode in self.episodes}
+        return [arm for arm in ARMS if arm in driven] + sorted(driven - set(ARMS))
+
+    @cached_property
+    def indices(self) -> list[int]:
+        """Numbers of the episodes, ascending."""
+        return sorted({episode["index"] for episode in self.episodes})
+
+    def setting(self, name: str, default: float) -> float:
+        """A setting that is a number, or the default where the run does not say."""
+        value = self.settings.get(name)
+        return float(value) if isinstance(value, int | float) else default
+
+    def episode(self, index: int, arm: str) -> dict[str, Any] | None:
+        """The result of one drive; None if that arm has not driven that episode."""
+        for episode in self.episodes:
+            if episode["index"] == index and episode["arm"] == arm:
+                return episode
+        return None
+
+    def arms_of(self, index: int) -> list[str]:
+        """Arms that have driven an episode.
+
+        Raises:
+            RunError: if none has.
+        """
+        arms = [arm for arm in self.arms if self.episode(index, arm) is not None]
+        if not arms:
+            raise RunError(
+                f"{self.directory} has no episode {index}: it has "
+                + ", ".join(str(i) for i in self.indices)
+            )
+        return arms
+
+    @cached_property
+    def showcase(self) -> int:
+        """The first episode that all arms reached the goal in, else the first of all."""
+        for index in self.indices:
+            drives = [self.episode(index, arm) for arm in self.arms]
+            if all(drive is not None and drive["outcome"] == "reached" for drive in drives):
+                return index
+        return self.indices[0]
+
+    def trace(self, index: int, arm: str) -> Trace:
+        """The arrays of one drive.
+
+        Raises:
+            RunError: if there are none.
+        """
+        trace = Trace(self.archive, index, arm)
+        if "states" not in trace:
+            raise RunError(f"{self.archive.path} holds no trace of episode {index}, arm {arm!r}")
+        return trace
+
+    def truth(self, index: int) -> Grid:
+        """The true map of an episode's world.
+
+        Raises:
+            RunError: if it is missing or broken.
+        """
+        cells = self.archive.array(f"w{index}/cells")
+        resolution, x, y = self.archive.array(f"w{index}/frame").tolist()
+        return Grid(GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1])), cells)
+
+
+def _line(error: Exception) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0]
