@@ -30,7 +30,7 @@ from benchmarks.palette import (
     scale_bar,
     speed_line,
 )
-from benchmarks.run_dir import Run, RunError
+from benchmarks.run_dir import Run
 from predictor import Body, Grid, GridFrame
 from predictor.grid import paste
 
@@ -72,7 +72,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     # Placed by hand: six squares of one size, with room for a legend below each.
     figure.set_layout_engine("none")
     axes = figure.subplots(
-        2, 3, gridspec_kw={"left": 0.015, "right": 0.985, "bottom": 0.075, "top": 0.905,
+        2, 3, gridspec_kw={"left": 0.015, "right": 0.985, "bottom": 0.085, "top": 0.905,
                            "hspace": 0.2, "wspace": 0.14},
     )  # fmt: skip
     body, v_max = Body(), run.setting("v_max", 4.0)
@@ -102,12 +102,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
 
 
 def _choose(run: Run, index: int | None, arm: str | None) -> tuple[str, int]:
-    arms = run.arms if index is None else run.arms_of(index)
-    if arm is None:
-        wanted = [*("predicted", "oracle", "known+route", "optimistic"), arms[0]]
-        arm = next(name for name in wanted if name in arms)
-    elif arm not in arms:
-        raise RunError(f"{run.directory} has no arm {arm!r} here: it has {', '.join(arms)}")
+    arm = run.pick_arm(index, arm)
     if index is None:
         driven = [i for i in run.indices if run.episode(i, arm) is not None]
         index = max(driven, key=lambda i: int(run.trace(i, arm)["relied_count"].max(initial=0)))
@@ -263,6 +258,7 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
                label="stopped"),
         _truth_line(),
     ])  # fmt: skip
+    ax.set_facecolor("#EAEAEA")
 
 
 def _stop(ax: Axes, now: _Moment, v_max: float) -> None:

@@ -208,6 +208,24 @@ class Run:
             )
         return arms
 
+    def pick_arm(self, index: int | None, arm: str | None = None) -> str:
+        """The arm to show where there is room for one: the one asked for, else one that predicts.
+
+        Args:
+            index: the episode that it must have driven; None: any.
+            arm: asked for.
+
+        Raises:
+            RunError: if there is no such episode, or no such arm in it.
+        """
+        arms = self.arms if index is None else self.arms_of(index)
+        if arm is None:
+            wanted = ["predicted", "oracle", "known+route", "optimistic", arms[0]]
+            return next(name for name in wanted if name in arms)
+        if arm not in arms:
+            raise RunError(f"{self.directory} has no arm {arm!r} here: it has {', '.join(arms)}")
+        return arm
+
     @cached_property
     def showcase(self) -> int:
         """The first episode that all arms reached the goal in, else the first of all."""

@@ -1,0 +1,107 @@
+"""Draws saved runs again: `python -m benchmarks.plot DIR [DIR ...]`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from benchmarks.run_dir import Run, RunError
+from benchmarks.video import VideoError, kind_for, write_video
+
+DESCRIPTION = """\
+Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
+
+For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
+true map and the ways, coloured by speed) and moment.png (one tick in full). For several DIRs also
+speed_profiles.png: all of them in one speed profile.
+"""
+EPILOG = """\
+Without --out each DIR gets its own figures, and speed_profiles.png lies in the first. With --out,
+figures of one DIR lie in OUT, those of several in OUT/NAME, speed_profiles.png in OUT.
+Exit status: 0, or 2 with one line where an argument or a run is bad.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; returns its exit status."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        paths = _draw(options)
+    except (RunError, VideoError, OSError) as error:
+        print(f"{parser.prog}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    for path in paths:
+        print(path)
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="benchmarks.plot", description=DESCRIPTION, epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
+    parser.add_argument("--episode", metavar="K", type=int, help="draw episode K; by default each "
+                        "figure chooses")  # fmt: skip
+    parser.add_argument(
+        "--arm", help="whose moment and animation; by default the arm that predicts"
+    )
+    parser.add_argument("--out", metavar="OUT", type=Path, help="folder for the figures")
+    parser.add_argument("--animate", action="store_true", help="also write the drive as a video, "
+                        "in real time")  # fmt: skip
+    parser.add_argument("--format", choices=("auto", "gif", "mp4"), default="auto",
+                        help="of the video; auto: MP4 if there is ffmpeg, else GIF")  # fmt: skip
+    parser.add_argument("--stride", metavar="N", type=_positive, help="a frame every N ticks; by "
+                        "default 1, more where that exceeds 400 frames")  # fmt: skip
+    return parser
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
+def _draw(options: argparse.Namespace) -> list[Path]:
+    runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
+    # Only now, so that help and bad arguments need not wait for it.
+    from benchmarks.figures import draw_run, draw_together
+
+    paths: list[Path] = []
+    for run in runs:
+        out = run.directory
+        if options.out is not None:
+            out = options.out / run.label if len(runs) > 1 else options.out
+        paths += draw_run(run, out, options.episode, options.arm)
+        if options.animate:
+            paths.append(_animate(run, out, options))
+    if len(runs) > 1:
+        paths += draw_together(runs, options.out or runs[0].directory, options.episode)
+    return paths
+
+
+def _animate(run: Run, out: Path, options: argparse.Namespace) -> Path:
+    from benchmarks.animation import Animation
+
+    kind = kind_for(options.format)
+    drive = Animation(run, options.episode, options.arm, options.stride)
+    path = out / f"drive-{drive.index}-{drive.arm}.{kind}"
+    write_video(drive.frame, len(drive), drive.rate, path)
+    return path
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,211 @@
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmarks import plot
+from benchmarks.animation import Animation, roll_out
+from benchmarks.arms import ARMS
+from benchmarks.figures import draw_all
+from benchmarks.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
+from benchmarks.run_dir import Run, RunError
+from planner.limits import Limit
+from sim.car import DubinsCar
+
+TICKS = 12
+FIGURES = ["moment.png", "speed_profile.png", "trajectories.png"]
+
+
+def write_run(directory, arms=("known", "predicted"), outcomes=None, episodes=2):
+    """A straight corridor, 12 m × 4 m, that each arm drives along with constant acceleration."""
+    directory.mkdir(parents=True, exist_ok=True)
+    cells = np.zeros((40, 120), np.int8)
+    cells[:4], cells[-4:] = -1, -1
+    cells[4], cells[-5] = 100, 100
+    arrays, entries = {}, []
+    for index in range(episodes):
+        arrays[f"w{index}/cells"] = cells
+        arrays[f"w{index}/frame"] = np.array([0.1, 0.0, 0.0])
+        arrays[f"w{index}/waypoints"] = np.array([[6.0, 2.0], [10.0, 2.0]])
+        for number, arm in enumerate(arms):
+            for name, value in trace(cells, 1.0 + number, arm).items():
+                arrays[f"e{index}/{arm}/{name}"] = value
+            entries.append(
+                {
+                    "arm": arm, "index": index, "world": "corridor-0", "seed": index,
+                    "start": [1.0, 2.0, 0.0], "goal": [10.0, 2.0],
+                    "outcome": (outcomes or {}).get((index, arm), "reached"),
+                    "time": TICKS * 0.1, "path_length": 1.0 + number, "mean_speed": 1.0 + number,
+                    "max_speed": 2.0, "min_clearance": 0.5, "stops": 0, "impact_speed": None,
+                }
+            )  # fmt: skip
+    np.savez_compressed(directory / "traces.npz", **arrays)
+    results = {
+        "settings": {"v_max": 4.0, "window": 5.0, "dt": 0.1},
+        "summary": {arm: {} for arm in arms},
+        "episodes": entries,
+    }
+    (directory / "results.json").write_text(json.dumps(results))
+    return directory
+
+
+def trace(cells, acceleration, arm):
+    controls = np.tile([acceleration, 0.0], (TICKS, 1))
+    states = roll_out(np.array([1.0, 2.0, 0.0, 0.0]), controls, 0.1)
+    plans = np.tile([-1.0, 0.1], (TICKS, 6, 1)).astype(np.float16)
+    first_seen = np.zeros(cells.shape, np.int16)
+    first_seen[:, :40] = 1
+    first_seen[:, 40:60] = TICKS // 2
+    known = np.where(first_seen == 1, cells, np.int8(-1))
+    out = {
+        "states": states, "controls": controls.astype(np.float32), "plans": plans,
+        "limits": np.arange(TICKS, dtype=np.uint8) % 2,
+        "limit_names": np.array(["acceleration", "unseen space"]),
+        "first_seen": first_seen,
+        "relied_count": np.full(TICKS, 2, np.int32),
+        "relied_cells": np.tile(np.array([[20, 41], [20, 42]], np.int16), (TICKS, 1)),
+        "moment_tick": np.array(3), "moment_frame": np.array([0.1, 0.0, 0.0]),
+        "moment_known": known, "moment_safe": known == 0,
+        "moment_plan": roll_out(states[3], plans[3], 0.1).astype(np.float32),
+        "moment_path": np.array([[1.0, 2.0], [10.0, 2.0]], np.float32),
+    }  # fmt: skip
+    if arm == "predicted":
+        belief = np.full((40, 40), 128, np.uint8)
+        out |= {"moment_prediction_frame": np.array([0.1, 2.0, 0.0]), "moment_p_free": belief,
+                "moment_p_occupied": belief // 2, "moment_confidence": belief}  # fmt: skip
+    return out
+
+
+def test_a_run_gives_three_figures_that_can_be_opened_and_nothing_else(tmp_path):
+    run = write_run(tmp_path / "run", outcomes={(0, "predicted"): "collided"})
+    before = {path.name for path in run.iterdir()}
+    paths = draw_all(run)
+    assert sorted(path.name for path in paths) == FIGURES
+    assert {path.name for path in run.iterdir()} == before | set(FIGURES)
+    for path in paths:
+        with Image.open(path) as image:
+            pixels = np.asarray(image.convert("L"))
+        assert min(pixels.shape) > 400
+        assert pixels.std() > 5
+
+
+def test_figures_are_written_all_or_none(tmp_path):
+    run = write_run(tmp_path / "run")
+    with np.load(run / "traces.npz") as file:
+        arrays = {name: file[name] for name in file.files if "moment_plan" not in name}
+    np.savez_compressed(run / "traces.npz", **arrays)
+    before = sorted(run.iterdir())
+    with pytest.raises(RunError, match="moment_plan"):
+        draw_all(run)
+    assert sorted(run.iterdir()) == before
+
+
+def test_an_arm_without_a_prediction_has_a_moment_too(tmp_path):
+    assert len(draw_all(write_run(tmp_path / "run", arms=("known",), episodes=1))) == 3
+
+
+def test_the_episode_shown_is_the_first_that_all_arms_reached(tmp_path):
+    assert Run.load(write_run(tmp_path / "a")).showcase == 0
+    crash = {(0, "known"): "stuck"}
+    assert Run.load(write_run(tmp_path / "b", outcomes=crash)).showcase == 1
+    crash |= {(1, "predicted"): "collided"}
+    assert Run.load(write_run(tmp_path / "c", outcomes=crash)).showcase == 0
+
+
+def test_two_runs_share_one_speed_profile(tmp_path, capsys):
+    first, second = write_run(tmp_path / "a"), write_run(tmp_path / "b", arms=("known", "oracle"))
+    out = tmp_path / "out"
+    assert plot.main([str(first), str(second), "--out", str(out), "--episode", "1"]) == 0
+    printed = capsys.readouterr().out.split()
+    assert str(out / "speed_profiles.png") in printed
+    assert all((out / run / name).is_file() for run in "ab" for name in FIGURES)
+    assert len(printed) == 7
+
+
+@pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 3)])
+def test_a_gif_has_a_frame_for_every_stride_of_ticks(tmp_path, stride, frames):
+    run = write_run(tmp_path / "run", episodes=1)
+    command = [str(run), "--animate", "--format", "gif", "--stride", str(stride)]
+    assert plot.main(command) == 0
+    with Image.open(run / "drive-0-predicted.gif") as image:
+        assert getattr(image, "n_frames", 1) == frames
+        assert image.info["duration"] == 100 * stride
+
+
+def test_the_map_of_an_animation_grows_as_cells_are_seen(tmp_path):
+    show = Animation(Run.load(write_run(tmp_path / "run")))
+    known = [int((show.seen(tick) != -1).sum()) for tick in range(TICKS)]
+    assert known[0] < known[-1]
+    assert known == sorted(known)
+
+
+@pytest.mark.parametrize("spoil", ["empty", "missing", "file", "broken", "list", "no traces",
+                                   "bad traces", "no episodes", "bad episode"])  # fmt: skip
+def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys, spoil):
+    run = tmp_path / "run"
+    if spoil == "empty":
+        run.mkdir()
+    elif spoil == "file":
+        run.write_text("")
+    elif spoil != "missing":
+        write_run(run)
+        results = json.loads((run / "results.json").read_text())
+        text = json.dumps(results)
+        if spoil == "broken":
+            text = text[:50]
+        elif spoil == "list":
+            text = "[]"
+        elif spoil == "no episodes":
+            text = json.dumps(results | {"episodes": []})
+        elif spoil == "bad episode":
+            text = json.dumps(results | {"episodes": [{"arm": "known"}]})
+        elif spoil == "no traces":
+            (run / "traces.npz").unlink()
+        elif spoil == "bad traces":
+            (run / "traces.npz").write_bytes(b"PK\x03\x04 not a zip")
+        (run / "results.json").write_text(text)
+    assert plot.main([str(run)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.strip().splitlines()) == 1
+    assert str(run) in captured.err
+
+
+@pytest.mark.parametrize("extra", [["--episode", "7"], ["--arm", "oracle"], ["--episode", "x"],
+                                   ["--stride", "0"], ["--colour"]])  # fmt: skip
+def test_bad_arguments_end_with_status_2_and_one_line(tmp_path, capsys, extra):
+    run = write_run(tmp_path / "run")
+    try:
+        status = plot.main([str(run), *extra])
+    except SystemExit as error:
+        status = error.code
+    assert status == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert not list(run.glob("*.png"))
+
+
+def test_a_plan_rolls_out_as_the_car_drives():
+    car, dt = DubinsCar(), 0.1
+    controls = np.random.default_rng(0).uniform([-1.0, -0.3], [0.5, 0.3], (20, 2))
+    state = np.array([1.0, -2.0, 3.0, 2.5])
+    states = roll_out(state, controls, dt)
+    for control, expected in zip(controls, states[1:], strict=True):
+        state = car.step(state, control, dt)
+        np.testing.assert_allclose(state, expected, atol=1e-9)
+
+
+def test_every_arm_and_every_limit_has_a_colour_of_its_own():
+    assert set(ARM_COLOURS) == set(ARMS)
+    assert set(LIMIT_COLOURS) == {str(limit) for limit in Limit}
+    assert len(set(ARM_COLOURS.values())) == len(ARMS)
+    assert len(set(LIMIT_COLOURS.values())) == len(Limit)
+
+
+def test_thin_walls_outlive_shrinking():
+    cells = np.zeros((30, 31), np.int8)
+    cells[:, 13] = 100
+    small = shrink(cells, 4)
+    assert small.shape == (8, 8)
+    assert (small[:, 3] == 100).all()
+    assert (small == 100).sum() == 8
