@@ -42,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{parser.prog}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        print(f"{parser.prog}: interrupted", file=sys.stderr)
         return 130
     for path in paths:
         print(path)
@@ -50,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
-        prog="benchmarks.plot", description=DESCRIPTION, epilog=EPILOG,
+        prog="python -m benchmarks.plot", description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
@@ -80,6 +81,7 @@ def _draw(options: argparse.Namespace) -> list[Path]:
     # Only now, so that help and bad arguments need not wait for it.
     from benchmarks.figures import draw_run, draw_together
 
+    kind = kind_for(options.format) if options.animate else ""
     paths: list[Path] = []
     for run in runs:
         out = run.directory
@@ -87,16 +89,15 @@ def _draw(options: argparse.Namespace) -> list[Path]:
             out = options.out / run.label if len(runs) > 1 else options.out
         paths += draw_run(run, out, options.episode, options.arm)
         if options.animate:
-            paths.append(_animate(run, out, options))
+            paths.append(_animate(run, out, kind, options))
     if len(runs) > 1:
         paths += draw_together(runs, options.out or runs[0].directory, options.episode)
     return paths
 
 
-def _animate(run: Run, out: Path, options: argparse.Namespace) -> Path:
+def _animate(run: Run, out: Path, kind: str, options: argparse.Namespace) -> Path:
     from benchmarks.animation import Animation
 
-    kind = kind_for(options.format)
     drive = Animation(run, options.episode, options.arm, options.stride)
     path = out / f"drive-{drive.index}-{drive.arm}.{kind}"
     write_video(drive.frame, len(drive), drive.rate, path)
