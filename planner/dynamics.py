@@ -22,8 +22,9 @@ from predictor import Body
 
 NX, NU = 4, 2
 """Sizes of state and control."""
-REFERENCE = 7
-"""Size of a stage's reference: point r (2), gradient g (2), symmetric M (xx, xy, yy)."""
+REFERENCE = 9
+"""Size of a stage's reference: point r (2), gradient g (2), symmetric M (xx, xy, yy), heading and
+its weight."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class CarLimits:
 def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.Function:
     """First and second derivatives of all stages of the optimal-control problem.
 
-    Stage cost: g·(p - r) + (p - r)ᵀM(p - r)/2 + w_a·a² + w_κ·κ².
+    Stage cost: g·(p - r) + (p - r)ᵀM(p - r)/2 + w_h·(1 - cos(yaw - h)) + w_a·a² + w_κ·κ².
 
     Args:
         dt: step [s].
@@ -69,7 +70,7 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
 
     Returns:
         A function of state and control (6, stages), multipliers of the dynamics (4, stages) and
-        references (7, stages), to the Jacobian of the dynamics (4, 6·stages), the gradient of
+        references (9, stages), to the Jacobian of the dynamics (4, 6·stages), the gradient of
         the stage cost (6, stages), and the Hessian of the stage's Lagrangian (6, 6·stages).
     """
     z = ca.SX.sym("z", NX + NU)
@@ -90,6 +91,7 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
         ca.horzcat(reference[4], reference[5]), ca.horzcat(reference[5], reference[6])
     )
     cost = ca.dot(reference[2:4], off) + ca.bilin(m, off, off) / 2
+    cost += reference[8] * (1 - ca.cos(yaw - reference[7]))
     cost += weights[0] * a**2 + weights[1] * kappa**2
 
     hessian, _ = ca.hessian(cost + ca.dot(multiplier, successor), z)

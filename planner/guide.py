@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from planner.costmap import CostMap
 from planner.path import PathConfig, plan_path
-from planner.reference import Path, project
+from planner.reference import SPACING, Path, project
+from planner.risk import RiskMap
 from planner.route import find_route
 from predictor import Body, OccupancyGrid, Prediction
 
@@ -23,11 +24,13 @@ class GuideConfig:
     Attributes:
         every: ticks from one request to the next while nothing is wrong.
         delay: ticks from a request to the adoption of its path: what the search may take.
+        turning_room: how far before a path meets an obstacle it ends until there is another [m].
         search: settings of the search itself.
     """
 
     every: int = 8
     delay: int = 2
+    turning_room: float = 1.2
     search: PathConfig = PathConfig()
 
 
@@ -57,6 +60,7 @@ class Guide:
         self._given = None if waypoints is None else Path.through(waypoints, "given").points
         self._given_at = 0
         self.path: Path | None = None
+        self._whole: Path | None = None
         self.segment = 0
         self.is_new = False
         self.counts: Counter[str] = Counter()
@@ -68,35 +72,46 @@ class Guide:
         self,
         tick: int,
         state: NDArray[np.float64],
-        ahead: NDArray[np.float64],
-        known: OccupancyGrid,
-        steering: Prediction | None,
-        *,
-        urgent: bool,
+        risk: RiskMap,
     ) -> None:
-        """Advance by a tick.
+        """Advance by a tick: adopt a path that is due, and end it before what blocks it.
 
         Args:
             tick: number of this tick.
             state: x, y, yaw, v now, (4,).
-            ahead: the states the car is going to be in, from now on, (n, 4).
-            known: what has been seen.
-            steering: a prediction that may move the route, or None.
-            urgent: plan anew at once: the path leads nowhere.
+            risk: the newest map around the car.
         """
         self.is_new = False
-        self.plan_ms = 0.0
         if self._pending is not None and tick >= self._pending[0]:
-            self.path, self._pending = self._pending[1], None
+            self._whole, self._pending = self._pending[1], None
             self.segment = 0
             self.is_new = True
-            self.counts[self.path.source] += 1
-        if self.path is not None:
+            self.counts[self._whole.source] += 1
+        if self._whole is not None:
             # A new path starts where the car was expected to be: near its first metres.
             reach = 40 if self.is_new else 15
             self.segment, _, _ = project(
-                self.path.points, state[0], state[1], self.segment - 5, self.segment + reach
+                self._whole.points, state[0], state[1], self.segment - 5, self.segment + reach
             )
+            self.path = self._unblocked(self._whole, risk)
+
+    def request(
+        self,
+        tick: int,
+        ahead: NDArray[np.float64],
+        known: OccupancyGrid,
+        steering: Prediction | None,
+    ) -> None:
+        """Plan a path if one is due; it is adopted `delay` ticks from now.
+
+        Args:
+            tick: number of this tick.
+            ahead: the states the car is going to be in, from now on, (n, 4).
+            known: what has been seen.
+            steering: a prediction that may move the route, or None.
+        """
+        self.plan_ms = 0.0
+        urgent = self.path is not self._whole or ahead[:, 3].max() < 0.2
         overdue = tick - self._requested >= self.config.every
         if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
             self._requested = tick
@@ -107,6 +122,19 @@ class Guide:
             if path is not None:
                 # Nothing to follow yet: the car stands, so there is nothing to wait for.
                 self._pending = (tick + self.config.delay, path)
+
+    def _unblocked(self, path: Path, risk: RiskMap) -> Path:
+        """The path, or the part of it that ends with room to turn before an obstacle."""
+        coming = path.points[self.segment : self.segment + 100]
+        cells = np.floor((coming - np.array(risk.frame.origin)) / risk.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(risk.frame.shape[::-1]))).all(axis=1)
+        cells = cells[inside]
+        blocked = risk.obstacle_distance[cells[:, 1], cells[:, 0]] < self.body.half_width + 0.02
+        if not blocked.any():
+            return path
+        first = self.segment + int(np.flatnonzero(inside)[np.argmax(blocked)])
+        end = max(first - round(self.config.turning_room / SPACING), self.segment + 2)
+        return Path(path.points[:end], path.source)
 
     def _plan(
         self,

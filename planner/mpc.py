@@ -46,6 +46,8 @@ class MPCConfig:
         dt: step [s] (the paper's 10 Hz).
         progress: reward of a metre of progress, a stage.
         contour: cost of a squared metre off the path, a stage.
+        final: cost of a squared metre off the path, and of 1 - cos(heading error), at the end: a
+            plan that ends on a drivable path ends where the car can go on from.
         effort: cost of a² and of κ², a stage.
         smoothness: cost of a squared change of κ from stage to stage.
         closeness: cost of a squared metre of clearance lacking, a stage.
@@ -60,6 +62,7 @@ class MPCConfig:
     dt: float = 0.1
     progress: float = 1.0
     contour: float = 0.3
+    final: tuple[float, float] = (6.0, 12.0)
     effort: tuple[float, float] = (0.01, 0.02)
     smoothness: float = 0.1
     closeness: float = 4.0
@@ -235,8 +238,9 @@ class MPC:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         c = self.config
         refs, _, costs = references(
-            problem.path.points, problem.segment, states, self._reach(), c.progress, c.contour
-        )
+            problem.path.points, problem.segment, states, self._reach(), c.progress, c.contour,
+            *c.final,
+        )  # fmt: skip
         return refs, costs
 
     def _clearances(

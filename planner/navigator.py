@@ -179,15 +179,14 @@ class Navigator:
         believed = prediction if c.risk > 0 else None
         risk = RiskMap.from_prediction(self.known.crop(frame), believed, c.risk, c.margin)
         clock.lap("risk")
+        self.guide.update(self._tick, state, risk)
         plan, emergency = self._decide(state, risk, faults)
         control = plan.controls[0].copy()
         clock.lap("mpc")
         clock.total("cycle")
 
-        self.guide.update(
-            self._tick, state, plan.states, self.known, prediction if c.steer else None,
-            urgent=self.guide.path is None or bool(plan.states[:, 3].max() < 0.2),
-        )  # fmt: skip
+        steering = prediction if c.steer else None
+        self.guide.request(self._tick, plan.states, self.known, steering)
         clock.times["path"] = self.guide.plan_ms
         rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
         xs, ys = frame.centres()

@@ -20,13 +20,16 @@ class PathConfig:
         turning_radius: of the curves [m]; a little over the car's leaves it room to correct.
         ahead: how far along the route a curve is planned [m]; beyond it the route serves.
         batch: samples that BIT* draws at a time.
-        iterations: of BIT*, a count so that the same input gives the same path.
+        iterations: of BIT*, a count so that the same input gives the same path; this many where
+            they find a path, and up to `patience` times as many until one is found.
+        patience: see there.
     """
 
     turning_radius: float = 0.9
     ahead: float = 9.0
     batch: int = 60
     iterations: int = 120
+    patience: int = 3
 
 
 def plan_path(
@@ -145,7 +148,9 @@ def plan_path(
     def is_over() -> bool:
         nonlocal done
         done += 1
-        return done > config.iterations
+        if done <= config.iterations:
+            return False
+        return problem.hasExactSolution() or done > config.iterations * config.patience
 
     search.solve(ob.PlannerTerminationCondition(is_over))
     if not problem.hasExactSolution():

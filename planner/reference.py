@@ -68,7 +68,7 @@ def project(points, x, y, first, last):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def references(points, start, states, reach, progress, contour):  # type: ignore[no-untyped-def]
+def references(points, start, states, reach, progress, contour, final, heading):  # type: ignore[no-untyped-def]
     """Each state's reference on the path, for the stage cost of `dynamics.stage_functions`.
 
     Progress is the arc length of the projection; its gradient is the path's tangent. Beyond the
@@ -82,12 +82,14 @@ def references(points, start, states, reach, progress, contour):  # type: ignore
         reach: segments that one step may advance.
         progress: cost gained by a metre.
         contour: cost of a squared metre off the path.
+        final: the same at the last state.
+        heading: cost of 1 - cos(heading error) at the last state.
 
     Returns:
-        References (m, 7), the segment of each state (m,), and the cost of each state (m,).
+        References (m, 9), the segment of each state (m,), and the cost of each state (m,).
     """
     count = states.shape[0]
-    out = np.zeros((count, 7))
+    out = np.zeros((count, 9))
     segments = np.empty(count, dtype=np.int64)
     costs = np.empty(count)
     last = points.shape[0] - 2
@@ -102,12 +104,16 @@ def references(points, start, states, reach, progress, contour):  # type: ignore
         length = max(math.hypot(dx, dy), 1e-9)
         tx, ty = dx / length, dy / length
         out[k, 0], out[k, 1] = ax + t * dx, ay + t * dy
-        costs[k] = -progress * (here + t) * spacing + 0.5 * contour * square
+        weight = final if k == count - 1 else contour
+        costs[k] = -progress * (here + t) * spacing + 0.5 * weight * square
         if here == last and t >= 1.0:
-            out[k, 4] = out[k, 6] = contour
+            out[k, 4] = out[k, 6] = weight
         else:
             out[k, 2], out[k, 3] = -progress * tx, -progress * ty
-            out[k, 4] = contour * ty * ty
-            out[k, 5] = -contour * tx * ty
-            out[k, 6] = contour * tx * tx
+            out[k, 4] = weight * ty * ty
+            out[k, 5] = -weight * tx * ty
+            out[k, 6] = weight * tx * tx
+        if k == count - 1 and here < last:
+            out[k, 7], out[k, 8] = math.atan2(ty, tx), heading
+            costs[k] += heading * (1.0 - math.cos(states[k, 2] - out[k, 7]))
     return out, segments, costs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,13 @@ class RiskMap:
         if margin > 0.0:
             safe &= distance_field(~safe) * known.frame.resolution > margin
         return cls(known.frame, known, trust, safe, _clearance(safe, known.frame.resolution))
+
+
+    @cached_property
+    def obstacle_distance(self) -> NDArray[np.float32]:
+        """Distance to the edge of the nearest cell seen occupied [m], (rows, columns)."""
+        cells = distance_field(self.known.occupied) - np.float32(0.5)
+        return np.asarray(cells * np.float32(self.frame.resolution), dtype=np.float32)
 
 
 def _clearance(safe: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:

@@ -28,9 +28,10 @@ class Outcome(StrEnum):
 
 
 class Driver(Protocol):
-    """What drives: `planner.Navigator`, or anything with its `step` and its `known`."""
+    """What drives: `planner.navigator.Navigator`, or anything with its `step` and these two."""
 
     known: OccupancyGrid
+    guide: Any
 
     def step(self, state: NDArray[np.float64], scan: Scan) -> Any:
         """Decide on a control; see `planner.navigator.Decision` for what is recorded."""
@@ -159,7 +160,7 @@ def run_episode(
         stops=int(((speed[1:] < 0.02) & (speed[:-1] >= 0.02)).sum()),
         impact_speed=impact,
         faults=dict(log.faults),
-        paths=dict(log.paths),
+        paths=dict(driver.guide.counts),
         trace={"states": drive} | log.arrays(),
     )
 
@@ -189,7 +190,6 @@ class _Log:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.faults: Counter[str] = Counter()
-        self.paths: Counter[str] = Counter()
         self._first_seen = np.zeros(shape, dtype=np.int16)
         self._rows: dict[str, list[Any]] = {
             name: []
@@ -197,7 +197,6 @@ class _Log:
                          "relied_cells", "relied_trust", "kept", "times")
         }  # fmt: skip
         self._time_names: list[str] = []
-        self._path: Any = None
         self._moment: tuple[int, int, Any] | None = None
 
     def record(self, tick: int, decision: Any, known: OccupancyGrid, task: Task) -> None:
@@ -209,9 +208,6 @@ class _Log:
         rows["emergency"].append(decision.emergency)
         rows["unsolved"].append("no_safe_solution" in decision.faults)
         self.faults.update(decision.faults)
-        if decision.path is not self._path:
-            self._path = decision.path
-            self.paths[decision.path.source] += 1
         cells = np.floor((decision.relied - np.array(frame.origin)) / frame.resolution)
         cells = cells[:, ::-1].astype(np.int16)
         inside = ((cells >= 0) & (cells < np.array(frame.shape))).all(axis=1)
