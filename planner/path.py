@@ -141,6 +141,8 @@ def plan_path(
     search = og.BITstar(info)
     search.setProblemDefinition(problem)
     search.setSamplesPerBatch(config.batch)
+    # With pruning OMPL 2.0.1 reads freed memory now and then on a Dubins space, and crashes.
+    search.setPruning(False)
     search.setup()
 
     done = 0
