@@ -90,8 +90,10 @@ class Animation:
         self._window = run.setting("window", 5.0)
         total = len(self._plans)
         self.stride = max(1, math.ceil(total / most)) if stride is None else stride
-        self.ticks = range(0, total, self.stride)
+        # The last tick is always shown: that is where a drive ends well or badly.
+        self.ticks = sorted({*range(0, total, self.stride), *range(total - 1, total)})
         episode = run.episode(self.index, self.arm) or {}
+        self._outcome = str(episode["outcome"])
         self._goal = episode["goal"]
         self._figure = Figure(figsize=SIZE, dpi=DPI)
         self._canvas = FigureCanvasAgg(self._figure)
@@ -103,6 +105,11 @@ class Animation:
         self._near = _Near(self._figure.add_axes((0.02, 0.31, 0.46, 0.623)), self)
         self._far = _Far(self._figure.add_axes((0.50, 0.31, 0.48, 0.623)), self)
         self._speed = _Speed(self._figure, self)
+        self._crashes = [
+            ax.plot(*trace.states[-1, :2], "X", color="#C00000", markersize=12,
+                    markeredgecolor="white", zorder=7)[0]
+            for ax in self._figure.axes[:2]
+        ]  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.ticks)
@@ -116,7 +123,11 @@ class Animation:
         """One frame, (height, width, 3)."""
         tick = self.ticks[number]
         state = self._trace.states[tick]
-        self._title.set_text(f"{self._name} · {tick * self.dt:5.1f} s · {state[3]:4.2f} m/s")
+        is_last = number == len(self) - 1
+        end = f" · {self._outcome.replace('_', ' ')}" if is_last else ""
+        self._title.set_text(f"{self._name} · {tick * self.dt:5.1f} s · {state[3]:4.2f} m/s{end}")
+        for crash in self._crashes:
+            crash.set_visible(is_last and self._outcome == "collided")
         for part in (self._near, self._far, self._speed):
             part.update(tick)
         self._canvas.draw()

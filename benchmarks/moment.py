@@ -169,18 +169,21 @@ def _outline(ax: Axes, truth: Grid) -> None:
 
 def _seen(ax: Axes, now: _Moment, window: float) -> None:
     draw_image(ax, map_image(now.known.cells), now.known.frame)
-    square = now.known.frame.square(float(now.plan[0, 0]), float(now.plan[0, 1]), window)
-    left, right, bottom, top = extent(square)
-    ax.add_patch(
-        Rectangle((left, bottom), right - left, top - bottom, fill=False, edgecolor=INK,
-                  linewidth=1.2, linestyle=(0, (4, 2)), zorder=4)
-    )  # fmt: skip
-    _name(ax, "What has been seen", [
-        _patch(FREE_COLOUR, "free"), _patch(OCCUPIED_COLOUR, "occupied"),
+    handles: list[Patch | Line2D] = [
+        _patch(FREE_COLOUR, "free"),
+        _patch(OCCUPIED_COLOUR, "occupied"),
         _patch(UNKNOWN_COLOUR, "not seen"),
-        Line2D([], [], color=INK, linestyle=(0, (4, 2)), linewidth=1.2, label="window"),
-        _truth_line(),
-    ])  # fmt: skip
+    ]
+    if window < max(now.known.frame.size):
+        square = now.known.frame.square(float(now.plan[0, 0]), float(now.plan[0, 1]), window)
+        left, right, bottom, top = extent(square)
+        style: dict[str, Any] = {"linewidth": 1.2, "linestyle": (0, (4, 2))}
+        ax.add_patch(
+            Rectangle((left, bottom), right - left, top - bottom, fill=False, edgecolor=INK,
+                      zorder=4, **style)
+        )  # fmt: skip
+        handles.append(Line2D([], [], color=INK, label="window", **style))
+    _name(ax, "What has been seen", [*handles, _truth_line()])
 
 
 def _missing(ax: Axes, now: _Moment) -> None:

@@ -60,7 +60,7 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     )  # fmt: skip
     v_max = max(run.setting("v_max", 4.0) for run in runs)
     _profiles(axes[0, 0], drives, v_max)
-    _strips(axes[1, 0], drives)
+    _strips(axes[1, 0], drives, room=many)
     world = (runs[0].episode(index, runs[0].arms_of(index)[0]) or {}).get("world", "")
     axes[0, 0].set_title(f"Episode {index} · {world}", loc="left", fontsize=11, color=INK)
     if many:
@@ -124,7 +124,8 @@ def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:
     _plain(ax)
 
 
-def _strips(ax: Axes, drives: list[_Drive]) -> None:
+def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
+    """The limits; `room`: whether there is space to the right that texts may run into."""
     for row, drive in enumerate(drives):
         distance, limits = drive.trace.distance, drive.trace.limits
         ax.broken_barh(
@@ -136,7 +137,7 @@ def _strips(ax: Axes, drives: list[_Drive]) -> None:
             f" {word}{drive.time:.1f} s · {drive.mean_speed:.2f} m/s", (distance[-1], row),
             (4, 0), textcoords="offset points", va="center", fontsize=8, color=INK,
             annotation_clip=False,
-        ).set_in_layout(False)  # fmt: skip
+        ).set_in_layout(not room)  # fmt: skip
     ax.set_ylim(len(drives) - 0.5, -0.5)
     ax.set_yticks(range(len(drives)), [drive.label for drive in drives], fontsize=9)
     for tick, drive in zip(ax.get_yticklabels(), drives, strict=True):

@@ -123,14 +123,23 @@ def test_two_runs_share_one_speed_profile(tmp_path, capsys):
     assert len(printed) == 7
 
 
-@pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 3)])
-def test_a_gif_has_a_frame_for_every_stride_of_ticks(tmp_path, stride, frames):
+@pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 4)])
+def test_a_gif_has_a_frame_for_every_stride_of_ticks_and_one_for_the_last(tmp_path, stride, frames):
     run = write_run(tmp_path / "run", episodes=1)
     command = [str(run), "--animate", "--format", "gif", "--stride", str(stride)]
     assert plot.main(command) == 0
     with Image.open(run / "drive-0-predicted.gif") as image:
         assert getattr(image, "n_frames", 1) == frames
         assert image.info["duration"] == 100 * stride
+
+
+def test_the_last_frame_shows_a_collision(tmp_path):
+    safe = Animation(Run.load(write_run(tmp_path / "a")), 0, "known")
+    crash = {(0, "known"): "collided"}
+    unsafe = Animation(Run.load(write_run(tmp_path / "b", outcomes=crash)), 0, "known")
+    near = (slice(50, 420), slice(20, 400))
+    assert (safe.frame(5)[near] == unsafe.frame(5)[near]).all()
+    assert (safe.frame(TICKS - 1)[near] != unsafe.frame(TICKS - 1)[near]).any()
 
 
 def test_the_map_of_an_animation_grows_as_cells_are_seen(tmp_path):
