@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planner.distance import distance_field
 from predictor import GridFrame, OccupancyGrid, Prediction
+from predictor.grid import paste
 
 UNKNOWN_COST = 2.0
 """A metre of unknown space costs as much as this many metres of free space."""
@@ -38,17 +39,18 @@ class CostMap:
 
     @classmethod
     def build(
-        cls, known: OccupancyGrid, prediction: Prediction | None, half_width: float
+        cls, known: OccupancyGrid, belief: Belief | None, half_width: float
     ) -> CostMap:
         """From all that is known and, where it may steer, what is believed.
 
         Args:
             known: what has been seen.
-            prediction: None: it does not steer.
+            belief: None: nothing steers.
             half_width: of the body [m].
         """
-        factor = max(1, round(0.1 / known.frame.resolution))
-        rows, cols = (-(-n // factor) for n in known.frame.shape)
+        factor = coarsening(known.frame)
+        frame = coarsened(known.frame)
+        rows, cols = frame.shape
         log_odds = np.zeros((rows * factor, cols * factor), dtype=np.int8)
         log_odds[: known.frame.shape[0], : known.frame.shape[1]] = known.log_odds
         worst = log_odds[::factor, ::factor].copy()
@@ -59,40 +61,76 @@ class CostMap:
                 np.maximum(worst, part, out=worst)
                 unseen |= part == 0
         occupied = worst > 0
-        frame = GridFrame(known.frame.resolution * factor, known.frame.origin, (rows, cols))
         clearance = distance_field(occupied) * np.float32(frame.resolution)
         density = np.where(unseen, np.float32(UNKNOWN_COST), np.float32(1.0))
-        if prediction is not None:
-            _steer(density, unseen, known.frame, prediction, factor)
+        if belief is not None:
+            believed = belief.on(frame)
+            steered = unseen & np.isfinite(believed)
+            density[steered] = believed[steered]
         # Keep to the middle where there is room: 0.7 m and more costs nothing.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
         return cls(frame, density.astype(np.float32), clearance, half_width + 0.12)
 
-    def at(self, values: NDArray[np.float32], x: float, y: float) -> float:
-        """A value of this map at a point [m]; 0 outside."""
-        row, col = self.frame.cell(x, y)
-        if 0 <= row < self.frame.shape[0] and 0 <= col < self.frame.shape[1]:
-            return float(values[row, col])
-        return 0.0
-
-    def blocks(self, points: NDArray[np.float64]) -> bool:
-        """Whether the body does not fit at one of the points (n, 2) [m]."""
-        cols = np.floor((points[:, 0] - self.frame.origin[0]) / self.frame.resolution).astype(int)
-        rows = np.floor((points[:, 1] - self.frame.origin[1]) / self.frame.resolution).astype(int)
-        inside = (rows >= 0) & (rows < self.frame.shape[0])
-        inside &= (cols >= 0) & (cols < self.frame.shape[1])
-        return bool((self.clearance[rows[inside], cols[inside]] < self.required).any())
+    def along(self, points: NDArray[np.float64]) -> float:
+        """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly."""
+        cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(self.frame.shape[::-1]))).all(axis=1)
+        price = np.full(len(points), UNKNOWN_COST)
+        cols, rows = cells[inside].T
+        fits = self.clearance[rows, cols] >= self.required
+        price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)
+        return float((np.hypot(*np.diff(points, axis=0).T) * price[1:]).sum())
 
 
-def _steer(
-    density: NDArray[np.float32],
-    unseen: NDArray[np.bool_],
-    frame: GridFrame,
-    prediction: Prediction,
-    factor: int,
-) -> None:
-    """Price the unseen cells by what is believed of them, in place; no confidence, no change."""
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What has been predicted so far, as cost of way: the newest word on each cell.
+
+    It is remembered, for a car that forgot a predicted dead end as soon as it turned its back on
+    it would turn round again, for ever.
+
+    Attributes:
+        frame: where the cells lie, of a cost map's size.
+        density: cost of a metre [1], NaN where nothing was predicted, (rows, columns).
+    """
+
+    frame: GridFrame
+    density: NDArray[np.float32]
+
+    def on(self, frame: GridFrame) -> NDArray[np.float32]:
+        """The density on another frame of the same lattice."""
+        if frame == self.frame:
+            return self.density
+        return paste(self.frame, self.density, frame, np.float32(np.nan))
+
+
+def coarsening(frame: GridFrame) -> int:
+    """How many cells of a map make one of its cost map's, along each axis."""
+    return max(1, round(0.1 / frame.resolution))
+
+
+def coarsened(frame: GridFrame) -> GridFrame:
+    """The frame of a map's cost map."""
+    factor = coarsening(frame)
+    rows, cols = (-(-n // factor) for n in frame.shape)
+    return GridFrame(frame.resolution * factor, frame.origin, (rows, cols))
+
+
+def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
+    """A belief with a new prediction added; no confidence in a cell is the price of unknown.
+
+    Args:
+        belief: so far.
+        frame: of the known map.
+        prediction: on the same lattice.
+    """
+    coarse, factor = coarsened(frame), coarsening(frame)
+    density = (
+        np.full(coarse.shape, np.nan, dtype=np.float32)
+        if belief is None
+        else belief.on(coarse).copy()
+    )
     row, col = frame.offset(prediction.frame)
     trust = prediction.confidence
     believed = (
@@ -105,12 +143,11 @@ def _steer(
     keep_r = (rows >= 0) & (rows < density.shape[0])
     keep_c = (cols >= 0) & (cols < density.shape[1])
     believed, rows, cols = believed[np.ix_(keep_r, keep_c)], rows[keep_r], cols[keep_c]
-    if believed.size == 0:
-        return
-    top, left = rows[0], cols[0]
-    shape = (rows[-1] - top + 1, cols[-1] - left + 1)
-    flat = ((rows - top)[:, None] * shape[1] + (cols - left)[None, :]).ravel()
-    total = np.bincount(flat, believed.ravel(), shape[0] * shape[1]).reshape(shape)
-    count = np.bincount(flat, minlength=shape[0] * shape[1]).reshape(shape)
-    here = (slice(top, top + shape[0]), slice(left, left + shape[1]))
-    density[here][unseen[here]] = (total / count)[unseen[here]]
+    if believed.size:
+        top, left = rows[0], cols[0]
+        shape = (int(rows[-1] - top + 1), int(cols[-1] - left + 1))
+        flat = ((rows - top)[:, None] * shape[1] + (cols - left)[None, :]).ravel()
+        total = np.bincount(flat, believed.ravel(), shape[0] * shape[1]).reshape(shape)
+        count = np.bincount(flat, minlength=shape[0] * shape[1]).reshape(shape)
+        density[top : top + shape[0], left : left + shape[1]] = total / count
+    return Belief(coarse, density)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.costmap import CostMap
+from planner.costmap import Belief, CostMap, remember
 from planner.path import PathConfig, plan_path
 from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
@@ -24,12 +24,16 @@ class GuideConfig:
     Attributes:
         every: ticks from one request to the next while nothing is wrong.
         delay: ticks from a request to the adoption of its path: what the search may take.
+        better: a new path replaces one that still serves if it costs less than this share.
+        reserve: a path serves as long as this much of its drivable part is ahead [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
         search: settings of the search itself.
     """
 
     every: int = 8
     delay: int = 2
+    better: float = 0.9
+    reserve: float = 5.0
     turning_room: float = 1.2
     search: PathConfig = PathConfig()
 
@@ -61,6 +65,7 @@ class Guide:
         self._given_at = 0
         self.path: Path | None = None
         self._whole: Path | None = None
+        self._belief: Belief | None = None
         self.segment = 0
         self.is_new = False
         self.counts: Counter[str] = Counter()
@@ -120,7 +125,6 @@ class Guide:
             path = self._plan(tick, ahead[at], known, steering)
             self.plan_ms = 1e3 * (time.perf_counter() - started)
             if path is not None:
-                # Nothing to follow yet: the car stands, so there is nothing to wait for.
                 self._pending = (tick + self.config.delay, path)
 
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
@@ -143,7 +147,9 @@ class Guide:
         known: OccupancyGrid,
         steering: Prediction | None,
     ) -> Path | None:
-        cost = CostMap.build(known, steering, self.body.half_width)
+        if steering is not None:
+            self._belief = remember(self._belief, known.frame, steering)
+        cost = CostMap.build(known, self._belief, self.body.half_width)
         position = (float(state[0]), float(state[1]))
         route = self._remaining(position) if self._given is not None else None
         if route is None:
@@ -155,7 +161,20 @@ class Guide:
         found = plan_path(
             cost, pose, route, self.body.half_length, self.config.search, self.seed * 100_003 + tick
         )
-        return found or Path.through(route, "dijkstra")
+        found = found or Path.through(route, "dijkstra")
+        return None if self._still_serves(cost, position, found) else found
+
+    def _still_serves(self, cost: CostMap, position: tuple[float, float], found: Path) -> bool:
+        """Whether to go on along the path at hand: a car that keeps changing its mind orbits."""
+        path = self._whole
+        if path is None or path is not self.path or path.source != "ompl":
+            return False
+        here, _, square = project(path.points, *position, self.segment - 5, self.segment + 30)
+        last = len(path.points) - 1
+        short = path.drivable < last and (path.drivable - here) * SPACING < self.config.reserve
+        if short or square > 0.4**2 or here >= last - 1:
+            return False
+        return cost.along(found.points) > self.config.better * cost.along(path.points[here:])
 
     def _remaining(self, position: tuple[float, float]) -> NDArray[np.float64]:
         """The rest of the given route, from the point nearest the car on."""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.costmap import CostMap
 from planner.reference import Path
+
+if TYPE_CHECKING:
+    from ompl import base as ob
 
 
 @dataclass(frozen=True)
@@ -20,16 +25,15 @@ class PathConfig:
         turning_radius: of the curves [m]; a little over the car's leaves it room to correct.
         ahead: how far along the route a curve is planned [m]; beyond it the route serves.
         batch: samples that BIT* draws at a time.
-        iterations: of BIT*, a count so that the same input gives the same path; this many where
-            they find a path, and up to `patience` times as many until one is found.
-        patience: see there.
+        iterations: of BIT* at most until it has found a path …
+        refinements: … and after. Counts, not a time, so that the same input gives the same path.
     """
 
     turning_radius: float = 0.9
     ahead: float = 9.0
-    batch: int = 60
-    iterations: int = 120
-    patience: int = 3
+    batch: int = 30
+    iterations: int = 300
+    refinements: int = 16
 
 
 def plan_path(
@@ -101,7 +105,7 @@ def plan_path(
     class WayCost(ob.OptimizationObjective):
         """The integral of the cost density along a curve."""
 
-        def motionCost(self, a: ob.State, b: ob.State) -> ob.Cost:  # noqa: N802
+        def motionCost(self, a: ob.State, b: ob.State) -> ob.Cost:
             length = space.distance(a, b)
             steps = max(1, math.ceil(length / 0.3))
             total = 0.0
@@ -112,10 +116,10 @@ def plan_path(
                 total += density[row, col] if 0 <= row < rows and 0 <= col < cols else 4.0
             return ob.Cost(float(total) * length / steps)
 
-        def motionCostHeuristic(self, a: ob.State, b: ob.State) -> ob.Cost:  # noqa: N802
+        def motionCostHeuristic(self, a: ob.State, b: ob.State) -> ob.Cost:
             return ob.Cost(space.distance(a, b))
 
-        def stateCost(self, state: ob.State) -> ob.Cost:  # noqa: N802, ARG002
+        def stateCost(self, state: ob.State) -> ob.Cost:
             return ob.Cost(0.0)
 
     def state(x: float, y: float, yaw: float) -> ob.State:
@@ -130,7 +134,8 @@ def plan_path(
     goals = ob.GoalStates(info)
     back = along[max(0, target - 5)]
     heading = math.atan2(*(along[target] - back)[::-1])
-    turns = (0.0, 0.6, -0.6) if target == len(along) - 1 else (0.0, 0.35, -0.35)
+    # At the goal every heading will do; on the way there the route's, roughly.
+    turns = np.arange(8) * math.pi / 4 if target == len(along) - 1 else (0.0, 0.35, -0.35)
     for turn in turns:
         yaw = math.remainder(heading + turn, 2 * math.pi)
         goals.addState(state(along[target, 0], along[target, 1], yaw))
@@ -145,19 +150,23 @@ def plan_path(
     search.setPruning(False)
     search.setup()
 
-    done = 0
-
-    def is_over() -> bool:
-        nonlocal done
-        done += 1
-        if done <= config.iterations:
-            return False
-        return problem.hasExactSolution() or done > config.iterations * config.patience
-
-    search.solve(ob.PlannerTerminationCondition(is_over))
+    search.setStopOnSolnImprovement(True)
+    search.solve(_after(config.iterations))
+    if problem.hasExactSolution():
+        search.setStopOnSolnImprovement(False)
+        search.solve(_after(config.refinements))
     if not problem.hasExactSolution():
         return None
     found = problem.getSolutionPath()
     found.interpolate(max(2, math.ceil(found.length() / 0.1)))
     points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
-    return Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
+    path = Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
+    return replace(path, drivable=min(len(points), len(path.points)))
+
+
+def _after(count: int) -> ob.PlannerTerminationCondition:
+    """A condition that stops a search the `count`-th time that it is asked."""
+    from ompl import base as ob
+
+    asked = itertools.count(1)
+    return ob.PlannerTerminationCondition(lambda: next(asked) > count)

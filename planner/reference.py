@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 SPACING = 0.1
 """Between the points of a path [m]."""
+NEAR_END = 3.0
+"""How far before a path's end it begins to be followed more closely [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +22,12 @@ class Path:
     Attributes:
         points: (n, 2) [m], `SPACING` apart.
         source: "ompl" or "dijkstra": who found it.
+        drivable: how many of the first points lie on curves that the car can drive.
     """
 
     points: NDArray[np.float64]
     source: str
+    drivable: int = 0
 
     @classmethod
     def through(cls, vertices: NDArray[np.float64], source: str) -> Path:
@@ -104,7 +108,11 @@ def references(points, start, states, reach, progress, contour, final, heading):
         length = max(math.hypot(dx, dy), 1e-9)
         tx, ty = dx / length, dy / length
         out[k, 0], out[k, 1] = ax + t * dx, ay + t * dy
-        weight = final if k == count - 1 else contour
+        # Where the path ends precision counts: a car that passes the goal by has to come again.
+        left = (last + 1 - here - t) * spacing
+        weight = contour + (final - contour) * max(0.0, 1.0 - left / NEAR_END)
+        if k == count - 1:
+            weight = final
         costs[k] = -progress * (here + t) * spacing + 0.5 * weight * square
         if here == last and t >= 1.0:
             out[k, 4] = out[k, 6] = weight

@@ -222,7 +222,8 @@ class OccupancyGrid:
         """Grow, if need be, by whole windows until a frame fits; return that frame."""
         row, col = self.frame.offset(wanted)
         rows, cols = self.frame.shape
-        step = max(wanted.shape[0], 100)
+        # A multiple of 60, so that maps of 2, 3, 4 or 5 times coarser cells keep their lattice.
+        step = 60 * math.ceil(max(wanted.shape[0], 100) / 60)
         before = [math.ceil(max(0, -start) / step) * step for start in (row, col)]
         after = [
             math.ceil(max(0, start + length - have) / step) * step
