@@ -1,0 +1,105 @@
+"""The main job: drive unknown buildings with and without a predicted map, and compare.
+
+    python -m benchmarks.corridor --help
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from benchmarks.settings import Settings, UsageError, parse
+
+if TYPE_CHECKING:
+    from benchmarks.store import Store
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        0 when it ran, whatever the outcome; 2 for bad arguments or input; 130 if interrupted.
+    """
+    try:
+        settings, out, jobs = parse(argv)
+        return _run(settings, out, jobs)
+    except UsageError as error:
+        print(f"benchmarks.corridor: {error}", file=sys.stderr)
+        return 2
+
+
+def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-def]
+    # Here and not above, so that --help and bad arguments answer at once.
+    from benchmarks.drive import sources
+    from benchmarks.figures import draw_all
+    from benchmarks.store import Store
+    from benchmarks.summary import table
+    from predictor import PredictorError, load_predictor
+    from sim.map_server import MapError, load_world
+
+    try:
+        load_predictor(settings.predictor)
+        for place in sources(settings):
+            if place.endswith((".yaml", ".yml")):
+                load_world(place)
+    except (PredictorError, MapError) as error:
+        raise UsageError(str(error)) from None
+    store = Store(out, settings)
+    interrupted = _drive_all(store, settings, jobs)
+    results = store.pack()
+    print(f"\n{_title(settings)}\n")
+    print(table(results["summary"], results["gap"]))
+    for index, why in store.skipped.items():
+        print(f"episode {index} left out: {why}")
+    if interrupted:
+        print(f"\ninterrupted; what was done is in {out}, the same command goes on from there")
+        return 130
+    if results["summary"]:
+        for path in draw_all(out):
+            print(path)
+    print(out / "results.json")
+    return 0
+
+
+def _drive_all(store: Store, settings: Settings, jobs: int) -> bool:
+    """Drive what is missing; whether it was interrupted."""
+    from concurrent.futures.process import BrokenProcessPool
+
+    from tqdm import tqdm
+
+    from benchmarks.workers import finished
+
+    todo = [
+        (index, arm)
+        for index in range(settings.episodes)
+        for arm in settings.arms
+        if (index, arm) not in store.done() and index not in store.skipped
+    ]
+    total = settings.episodes * len(settings.arms)
+    with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
+        try:
+            for index, arm, result, arrays, why in finished(settings, todo, jobs):
+                if result is None:
+                    store.skipped[index] = why
+                else:
+                    store.add(result, arrays)
+                    bar.set_postfix_str(f"{arm} {result['outcome']} {result['mean_speed']:.2f} m/s")
+                bar.update()
+        except KeyboardInterrupt:
+            return True
+        except BrokenProcessPool:
+            raise UsageError("a worker process died again and again; try --jobs 1") from None
+    return False
+
+
+def _title(settings: Settings) -> str:
+    worlds = ", ".join(settings.world[:3]) + (" …" if len(settings.world) > 3 else "")
+    return (
+        f"{worlds}, route {settings.route}; window {settings.window:g} m × {settings.expansion:g}, "
+        f"v_max {settings.v_max:g} m/s, predictor {settings.predictor}, risk ε = {settings.risk:g} "
+        f"(0: only what was seen free counts; 1: all not seen occupied)"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,160 @@
+"""One drive of a comparison: an episode's number and an arm, to its result and trace."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.arms import ARMS, predictor_for
+from benchmarks.settings import FAMILIES, Settings, UsageError
+from planner.dynamics import CarLimits
+from planner.navigator import Navigator, NavigatorConfig
+from predictor import GridFrame, OccupancyGrid, load_predictor
+from sim import CarConfig, DubinsCar, Lidar, LidarConfig
+from sim.episode import EpisodeConfig, run_episode
+from sim.families import generate
+from sim.map_server import load_world
+from sim.task import NoTaskError, Task, sample_task
+
+MARGIN = 10.0
+"""How far beyond start and goal the grid first reaches [m]; it grows from there."""
+
+
+def sources(settings: Settings) -> list[str]:
+    """The families and map files that the episodes take in turn.
+
+    Raises:
+        UsageError: if one is neither a family, nor a map, nor a folder with maps.
+    """
+    found: list[str] = []
+    for name in settings.world:
+        path = Path(name)
+        if name in FAMILIES:
+            found.append(name)
+        elif path.is_dir():
+            maps = sorted(str(p) for p in path.iterdir() if p.suffix in (".yaml", ".yml"))
+            if not maps:
+                raise UsageError(f"--world: no .yaml map in the folder {name}")
+            found += maps
+        elif path.suffix in (".yaml", ".yml"):
+            if not path.is_file():
+                raise UsageError(f"--world: no such file: {name}")
+            found.append(name)
+        else:
+            raise UsageError(
+                f"--world: {name!r} is no family ({', '.join(FAMILIES)}), no .yaml map, no folder"
+            )
+    return found
+
+
+@lru_cache(maxsize=2)
+def task_of(settings: Settings, index: int) -> Task:
+    """The task of an episode, the same for every arm.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    places = sources(settings)
+    place, seed = places[index % len(places)], settings.seed + index // len(places)
+    world = generate(place, seed) if place in FAMILIES else load_world(place)
+    car = CarConfig(v_max=settings.v_max)
+    try:
+        return sample_task(world, seed, car)
+    except NoTaskError:
+        # Small buildings: half of the usual shortest way, rather than leaving them out.
+        return sample_task(world, seed, car, min_length=10.0)
+
+
+def drive(settings: Settings, index: int, arm_name: str) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Drive one episode with one arm.
+
+    Returns:
+        What goes into `results.json`, and what goes into `traces.npz`.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    task = task_of(settings, index)
+    arm = ARMS[arm_name]
+    car = CarConfig(v_max=settings.v_max)
+    resolution = task.world.grid.frame.resolution
+    config = NavigatorConfig(
+        window=settings.window,
+        expansion=settings.expansion,
+        risk=settings.risk if arm.risk is None else arm.risk,
+        steer=arm.steer,
+        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
+        car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
+                      car.turning_radius, car.body),
+    )  # fmt: skip
+    navigator = Navigator(
+        config,
+        predictor_for(arm, load_predictor(settings.predictor), task.world),
+        np.array(task.start),
+        task.goal,
+        _known_at_start(task, settings.window, whole_map=arm.whole_map),
+        task.waypoints if settings.route == "fixed" else None,
+        task.seed,
+    )
+    lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
+    rng = np.random.default_rng([settings.seed, index])
+    try:
+        episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
+    finally:
+        navigator.close()
+    trace = episode.trace
+    times = trace["times"][:, list(trace["time_names"]).index("cycle")]
+    promised = trace["kept"] >= 0
+    result = {
+        "arm": arm_name,
+        "index": index,
+        "world": task.world.name,
+        "seed": task.seed,
+        "start": [float(v) for v in task.start],
+        "goal": [float(v) for v in task.goal],
+        "shortest": float(task.path_length),
+        "outcome": str(episode.outcome),
+        "time": float(episode.time),
+        "path_length": float(episode.path_length),
+        "mean_speed": float(episode.mean_speed),
+        "max_speed": float(episode.max_speed),
+        "min_clearance": float(episode.min_clearance),
+        "stops": int(episode.stops),
+        "impact_speed": episode.impact_speed,
+        "promises": int(promised.sum()),
+        "promises_broken": int((trace["kept"] == 0).sum()),
+        "ticks": len(trace["kept"]),
+        "faults": {str(k): int(v) for k, v in episode.faults.items()},
+        "paths": {str(k): int(v) for k, v in episode.paths.items()},
+        "cycle_ms": [float(np.percentile(times, q)) for q in (50, 99)],
+    }
+    frame = task.world.grid.frame
+    arrays = {f"e{index}/{arm_name}/{name}": values for name, values in trace.items()}
+    arrays[f"w{index}/cells"] = task.world.grid.cells
+    arrays[f"w{index}/frame"] = np.array([frame.resolution, *frame.origin])
+    arrays[f"w{index}/waypoints"] = task.waypoints
+    return result, arrays
+
+
+def _known_at_start(task: Task, window: float, *, whole_map: bool) -> OccupancyGrid:
+    """A grid on the world's lattice: empty around start and goal, or the whole truth."""
+    grid = task.world.grid
+    if whole_map:
+        return OccupancyGrid.from_grid(grid, window)
+    ends = np.array([task.start[:2], task.goal])
+    low = ends.min(axis=0) - MARGIN
+    high = ends.max(axis=0) + MARGIN
+    origin = grid.frame.origin + grid.frame.resolution * np.floor(
+        (low - grid.frame.origin) / grid.frame.resolution
+    )
+    cols, rows = np.ceil((high - origin) / grid.frame.resolution).astype(int)
+    frame = GridFrame(
+        grid.frame.resolution, (float(origin[0]), float(origin[1])), (int(rows), int(cols))
+    )
+    return OccupancyGrid(frame, window)
+
+

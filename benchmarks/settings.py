@@ -1,0 +1,123 @@
+"""The settings of a comparison, and the command line that is built from them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+FAMILIES = ("corridor", "narrow", "office", "trap")
+ARM_NAMES = ("known", "known+route", "predicted", "optimistic", "oracle", "full")
+
+
+class UsageError(ValueError):
+    """An argument that cannot be used; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All that decides the numbers of a run.
+
+    Attributes:
+        world: families of generated worlds, map_server files, folders of them.
+        route: "free", or "fixed": the full-map way is given to all arms as the task.
+        episodes: paired over the arms.
+        seed: of the first episode; the others count on from it.
+        arms: compared.
+        predictor: a name, or `package.module:Class`.
+        risk: ε in [0, 1].
+        v_max: top speed [m/s].
+        window: side of the square that the LIDAR writes into [m].
+        expansion: predicted square over window.
+        noise: standard deviation of the LIDAR's ranges [m].
+        dropout: share of its beams that say nothing.
+    """
+
+    world: tuple[str, ...] = ("corridor",)
+    route: str = "free"
+    episodes: int = 12
+    seed: int = 0
+    arms: tuple[str, ...] = ("known", "predicted", "oracle")
+    predictor: str = "extend"
+    risk: float = 0.1
+    v_max: float = 4.0
+    window: float = 5.0
+    expansion: float = 2.0
+    noise: float = 0.0
+    dropout: float = 0.0
+
+    def __post_init__(self) -> None:
+        for arm in self.arms:
+            if arm not in ARM_NAMES:
+                raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARM_NAMES)}")
+        if len(set(self.arms)) < len(self.arms) or not self.arms:
+            raise UsageError("--arms wants each arm once, and at least one")
+        bounds = {
+            "episodes": (1, 1_000_000), "seed": (0, 2**31), "risk": (0, 1), "v_max": (0.5, 10),
+            "window": (1, 100), "expansion": (1, 4), "noise": (0, 0.5), "dropout": (0, 0.95),
+        }  # fmt: skip
+        for name, (low, high) in bounds.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                flag = name.replace("_", "-")
+                raise UsageError(f"--{flag} is {value}, it must lie between {low} and {high}")
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and exits with 2."""
+
+    def error(self, message: str) -> None:  # type: ignore[override]
+        """Print the line and exit."""
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def parse(argv: list[str] | None) -> tuple[Settings, Path, int]:
+    """Settings, output folder and number of processes from a command line.
+
+    Raises:
+        UsageError: if a value cannot be used.
+    """
+    default = Settings()
+    parser = OneLineParser(
+        prog="benchmarks.corridor",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        description="Drive a car through buildings that it has never seen, with and without a "
+        "predicted map, and show who was faster and who collided. Interrupted runs go on from "
+        "where they were: give the same command again.",
+    )
+    add = parser.add_argument
+    add("--world", nargs="+", default=list(default.world), metavar="W",
+        help=f"family of generated worlds ({', '.join(FAMILIES)}), map_server .yaml, or folder of "
+        "them; several are taken in turn")  # fmt: skip
+    add("--route", choices=("free", "fixed"), default=default.route,
+        help="free: each arm finds its way; fixed: the full-map way is given as the task")  # fmt: skip
+    add("--episodes", type=int, default=default.episodes, metavar="N", help="paired over the arms")
+    add("--seed", type=int, default=default.seed, metavar="N", help="of the first episode")
+    add("--arms", default=",".join(default.arms), metavar="A,B",
+        help=f"compared: of {', '.join(ARM_NAMES)}, or all")  # fmt: skip
+    add("--predictor", default=default.predictor, metavar="P",
+        help="a name (none, extend, or one that a package offers), or module:Class")  # fmt: skip
+    add("--risk", type=float, default=default.risk, metavar="ε",
+        help="0: rely on what was seen free alone; 1: on all not seen occupied")  # fmt: skip
+    add("--v-max", type=float, default=default.v_max, metavar="V", help="top speed [m/s]")
+    add("--window", type=float, default=default.window, metavar="M",
+        help="side of the square around the car in which the LIDAR is used [m]")  # fmt: skip
+    add("--expansion", type=float, default=default.expansion, metavar="X",
+        help="width of the predicted square over that of the window")  # fmt: skip
+    add("--noise", type=float, default=default.noise, metavar="M",
+        help="standard deviation of the LIDAR's ranges [m]")  # fmt: skip
+    add("--dropout", type=float, default=default.dropout, metavar="P",
+        help="share of the LIDAR's beams that say nothing")  # fmt: skip
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    add("--out", type=Path, default=Path("results/corridor"), metavar="DIR",
+        help="results.json, traces.npz and the figures go here")  # fmt: skip
+    args = parser.parse_args(argv)
+    if args.jobs < 1:
+        raise UsageError(f"--jobs is {args.jobs}, it must be at least 1")
+    arms = ARM_NAMES if args.arms == "all" else tuple(args.arms.split(","))
+    settings = Settings(
+        tuple(args.world), args.route, args.episodes, args.seed, arms, args.predictor, args.risk,
+        args.v_max, args.window, args.expansion, args.noise, args.dropout,
+    )  # fmt: skip
+    return settings, args.out, args.jobs

@@ -1,0 +1,187 @@
+"""A run on disk: finished drives are kept one by one, then packed."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import os
+import platform
+import subprocess
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.run_dir import RESULTS, TRACES
+from benchmarks.settings import Settings, UsageError
+from benchmarks.summary import gap, summarise
+
+GROWS = ("episodes", "arms")
+"""Settings that a run may be continued with more of."""
+
+
+class Store:
+    """The folder of a run.
+
+    Args:
+        out: the folder; made if need be.
+        settings: of the run.
+
+    Raises:
+        UsageError: if the folder holds a run with other settings, or cannot be written.
+    """
+
+    def __init__(self, out: Path, settings: Settings) -> None:
+        self.out, self.settings, self.parts = out, settings, out / "parts"
+        self.skipped: dict[int, str] = {}
+        try:
+            self.parts.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"--out {out}: {error.strerror}") from None
+        mine = _plain(settings)
+        marker = out / "settings.json"
+        if marker.exists():
+            try:
+                theirs = json.loads(marker.read_text())
+            except (ValueError, OSError) as error:
+                raise UsageError(f"--out: {marker} cannot be read: {error}") from None
+            other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
+            if other:
+                what = ", ".join(f"{k} {theirs.get(k)}" for k in other)
+                raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
+        write(marker, json.dumps(mine, indent=1).encode())
+        self.episodes = self._packed() + self._loose()
+
+    def done(self) -> set[tuple[int, str]]:
+        """Episodes and arms that need not be driven again."""
+        return {(e["index"], e["arm"]) for e in self.episodes}
+
+    def add(self, result: dict[str, Any], arrays: dict[str, NDArray]) -> None:
+        """Keep a finished drive; after this a kill cannot lose it."""
+        buffer = io.BytesIO()
+        text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
+        np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
+        write(self.parts / f"{result['index']}-{result['arm']}.npz", buffer.getvalue())
+        self.episodes.append(result)
+
+    def pack(self) -> dict[str, Any]:
+        """Write results.json and traces.npz from all that is finished, and return the results."""
+        arms = self.settings.arms
+        chosen = [
+            e
+            for e in sorted(self.episodes, key=lambda e: (e["index"], arms_order(arms, e["arm"])))
+            if e["arm"] in arms and e["index"] < self.settings.episodes
+        ]
+        loose = sorted(self.parts.glob("*.npz"))
+        if loose:
+            self._pack_traces(loose)
+        results = {
+            "settings": _plain(self.settings) | {"dt": 0.1},
+            "machine": machine(),
+            "version": version("foresee"),
+            "commit": commit(),
+            "summary": summarise(chosen, arms),
+            "gap": gap(chosen, arms),
+            "skipped": {str(k): v for k, v in self.skipped.items()},
+            "episodes": chosen,
+            "unused": [e for e in self.episodes if e not in chosen],
+        }
+        write(self.out / RESULTS, json.dumps(results, indent=1).encode())
+        for path in loose:
+            path.unlink()
+        return results
+
+    def _pack_traces(self, loose: list[Path]) -> None:
+        target = self.out / TRACES
+        temporary = target.with_suffix(".tmp")
+        with zipfile.ZipFile(temporary, "w") as packed:
+            names: set[str] = set()
+            for path in ([target] if target.exists() else []) + loose:
+                with zipfile.ZipFile(path) as part:
+                    for info in part.infolist():
+                        if info.filename in names or info.filename.startswith("__"):
+                            continue
+                        names.add(info.filename)
+                        with part.open(info) as data:
+                            packed.writestr(
+                                info.filename, data.read(), zipfile.ZIP_DEFLATED, compresslevel=4
+                            )
+        os.replace(temporary, target)
+
+    def _packed(self) -> list[dict[str, Any]]:
+        if not (self.out / RESULTS).exists():
+            return []
+        try:
+            results = json.loads((self.out / RESULTS).read_text())
+            self.skipped = {int(k): v for k, v in results["skipped"].items()}
+            return [*results["episodes"], *results["unused"]]
+        except (ValueError, KeyError, OSError) as error:
+            raise UsageError(f"--out: {self.out / RESULTS} cannot be read: {error}") from None
+
+    def _loose(self) -> list[dict[str, Any]]:
+        packed = {(e["index"], e["arm"]) for e in self._packed()}
+        found = []
+        for path in sorted(self.parts.glob("*.npz")):
+            try:
+                with np.load(path, allow_pickle=False) as part:
+                    result = json.loads(bytes(part["__result__"]))
+            except (ValueError, KeyError, OSError, zipfile.BadZipFile):
+                path.unlink()
+                continue
+            if (result["index"], result["arm"]) not in packed:
+                found.append(result)
+        return found
+
+
+def arms_order(arms: tuple[str, ...], arm: str) -> int:
+    """Where an arm stands among those asked for; last if it was not."""
+    return arms.index(arm) if arm in arms else len(arms)
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(path.name + f".{os.getpid()}.tmp")
+    temporary.write_bytes(data)
+    os.replace(temporary, path)
+
+
+def machine() -> dict[str, Any]:
+    """What the numbers were measured on."""
+    model = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        model = next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        pass
+    packages = ("numpy", "numba", "scipy", "casadi", "daqp", "ompl")
+    return {
+        "processor": model,
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in packages},
+    }
+
+
+def commit() -> str | None:
+    """The commit of this code, with "+" if it was changed since; None outside a checkout."""
+    here = Path(__file__).resolve().parent
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", *words], cwd=here, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    try:
+        return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "-uno") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _plain(settings: Settings) -> dict[str, Any]:
+    plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(settings)))
+    return plain
