@@ -19,6 +19,7 @@ from sim.episode import EpisodeConfig, run_episode
 from sim.families import generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
+from sim.world import sealed
 
 MARGIN = 10.0
 """How far beyond start and goal the grid first reaches [m]; it grows from there."""
@@ -60,7 +61,7 @@ def task_of(settings: Settings, index: int) -> Task:
     """
     places = sources(settings)
     place, seed = places[index % len(places)], settings.seed + index // len(places)
-    world = generate(place, seed) if place in FAMILIES else load_world(place)
+    world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
     car = CarConfig(v_max=settings.v_max)
     try:
         return sample_task(world, seed, car)

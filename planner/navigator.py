@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.dynamics import CarLimits
-from planner.guess import pursue, shifted
+from planner.guess import arcs, pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
 from planner.mpc import MPC, MPCConfig, Plan, Status, stop_controls
-from planner.reference import Path
+from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
 from planner.sweep import swept_cells
 from predictor import (
@@ -28,6 +28,7 @@ from predictor import (
     Scan,
     checked,
 )
+from predictor.body import first_contact
 
 
 @dataclass(frozen=True)
@@ -256,24 +257,71 @@ class Navigator:
         guesses = [kept.controls]
         if self._tick % 5 == 0 or self.guide.is_new or not safe or state[3] < 0.3:
             guesses.append(self._pursuit(state, path, risk))
+        solved = self._solutions(state, path, risk, guesses, faults)
+        if not solved:
+            faults.append("no_safe_solution")
+        candidates = sorted(solved + safe, key=cost)
+        if not candidates:
+            faults.append("emergency")
+            return self._brake(state, risk, kept), True
+        best = candidates[0]
+        if self._goes_on(best, risk):
+            return best, False
+        # A car that cannot reverse had better not stop with its nose against a wall: stop sooner.
+        end, _, _ = project(path.points, *best.states[-1, :2], self.guide.segment, 10**6)
+        for sooner in (0.5, 1.0, 1.5, 2.0):
+            last = end - round(sooner / SPACING)
+            if last < self.guide.segment + 3:
+                break
+            shorter = Path(path.points[:last], path.source)
+            guess = self._pursuit(state, shorter, risk)
+            for plan in self._solutions(state, shorter, risk, [guess], faults):
+                if self._goes_on(plan, risk):
+                    return plan, False
+        # Standing still for ever is no better than standing there.
+        moving = [p for p in candidates if p.states[:, 3].max() > 0.1]
+        return next((p for p in moving if self._goes_on(p, risk)), best), False
+
+    def _solutions(
+        self,
+        state: NDArray[np.float64],
+        path: Path,
+        risk: RiskMap,
+        guesses: list[NDArray[np.float64]],
+        faults: list[str],
+    ) -> list[Plan]:
+        """The safe ones among the plans that the MPC makes of some guesses."""
         solved = []
         for guess in guesses:
             try:
-                plan = mpc.solve(state, path, risk, guess, self.guide.segment, self._curvature)
+                plan = self.mpc.solve(
+                    state, path, risk, guess, self.guide.segment, self._curvature
+                )
             except (ValueError, ArithmeticError, np.linalg.LinAlgError):
                 faults.append("solver_failed")
                 continue
             if plan.status in (Status.QP_FAILED, Status.NOT_FINITE):
                 faults.append("solver_failed")
-            if mpc.is_safe(plan, risk):
+            if self.mpc.is_safe(plan, risk):
                 solved.append(plan)
-        if not solved:
-            faults.append("no_safe_solution")
-        candidates = solved + safe
-        if candidates:
-            return min(candidates, key=cost), False
-        faults.append("emergency")
-        return self._brake(state, risk, kept), True
+        return solved
+
+    def _goes_on(self, plan: Plan, risk: RiskMap) -> bool:
+        """Whether from a plan's end some arc, or straight on, meets nothing seen occupied."""
+        x, y = plan.states[-1, :2]
+        if math.hypot(x - self.goal[0], y - self.goal[1]) < 0.8:
+            return True
+        car, frame = self.config.car, risk.frame
+        body = car.body.inflated(0.05)
+        ways = arcs(plan.states[-1], self._WAYS * car.max_curvature, 2.0 * car.turning_radius, 0.05)
+        return any(
+            first_contact(risk.known.occupied, frame.resolution, frame.origin, way,
+                          body.half_length, body.half_width) < 0
+            for way in ways
+        )  # fmt: skip
+
+    _WAYS = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
+    """Curvatures tried there, as shares of the tightest."""
 
     def _pursuit(
         self, state: NDArray[np.float64], path: Path, risk: RiskMap

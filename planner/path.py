@@ -32,7 +32,7 @@ class PathConfig:
     turning_radius: float = 0.9
     ahead: float = 9.0
     batch: int = 30
-    iterations: int = 300
+    iterations: int = 80
     refinements: int = 16
 
 
