@@ -33,7 +33,9 @@ class Arm:
 
 ARMS = {
     "known": Arm("none", 0.0, False, False, "what was seen, no prediction at all"),
-    "known+route": Arm("chosen", 0.0, True, False, "what was seen; the prediction steers the route"),
+    "known+route": Arm(
+        "chosen", 0.0, True, False, "what was seen; the prediction steers the route"
+    ),
     "predicted": Arm("chosen", None, True, False, "the prediction, at the stated risk"),
     "optimistic": Arm("none", 1.0, False, False, "all that was not seen occupied"),
     "oracle": Arm("oracle", None, True, False, "the truth inside the predicted window"),

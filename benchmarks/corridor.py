@@ -1,6 +1,6 @@
 """The main job: drive unknown buildings with and without a predicted map, and compare.
 
-    python -m benchmarks.corridor --help
+python -m benchmarks.corridor --help
 """
 
 from __future__ import annotations

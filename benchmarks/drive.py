@@ -70,7 +70,9 @@ def task_of(settings: Settings, index: int) -> Task:
         return sample_task(world, seed, car, min_length=10.0)
 
 
-def drive(settings: Settings, index: int, arm_name: str) -> tuple[dict[str, Any], dict[str, NDArray]]:
+def drive(
+    settings: Settings, index: int, arm_name: str
+) -> tuple[dict[str, Any], dict[str, NDArray]]:
     """Drive one episode with one arm.
 
     Returns:
@@ -157,5 +159,3 @@ def _known_at_start(task: Task, window: float, *, whole_map: bool) -> OccupancyG
         grid.frame.resolution, (float(origin[0]), float(origin[1])), (int(rows), int(cols))
     )
     return OccupancyGrid(frame, window)
-
-

@@ -38,9 +38,7 @@ class CostMap:
     required: float
 
     @classmethod
-    def build(
-        cls, known: OccupancyGrid, belief: Belief | None, half_width: float
-    ) -> CostMap:
+    def build(cls, known: OccupancyGrid, belief: Belief | None, half_width: float) -> CostMap:
         """From all that is known and, where it may steer, what is believed.
 
         Args:

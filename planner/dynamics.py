@@ -87,9 +87,7 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
     )
 
     off = ca.vertcat(x, y) - reference[:2]
-    m = ca.vertcat(
-        ca.horzcat(reference[4], reference[5]), ca.horzcat(reference[5], reference[6])
-    )
+    m = ca.vertcat(ca.horzcat(reference[4], reference[5]), ca.horzcat(reference[5], reference[6]))
     cost = ca.dot(reference[2:4], off) + ca.bilin(m, off, off) / 2
     cost += reference[8] * (1 - ca.cos(yaw - reference[7]))
     cost += weights[0] * a**2 + weights[1] * kappa**2

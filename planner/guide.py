@@ -24,6 +24,7 @@ class GuideConfig:
     Attributes:
         every: ticks from one request to the next while nothing is wrong.
         delay: ticks from a request to the adoption of its path: what the search may take.
+        ahead: how far along the route OMPL's curves reach [m]; where none is found, how far next.
         better: a new path replaces one that still serves if it costs less than this share.
         reserve: a path serves as long as this much of its drivable part is ahead [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
@@ -32,6 +33,7 @@ class GuideConfig:
 
     every: int = 8
     delay: int = 2
+    ahead: tuple[float, ...] = (9.0, 5.0, 3.0)
     better: float = 0.9
     reserve: float = 5.0
     turning_room: float = 1.2
@@ -158,10 +160,20 @@ class Guide:
             self.counts["no_route"] += 1
             return None
         pose = np.array([state[0], state[1], np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
-        found = plan_path(
-            cost, pose, route, self.body.half_length, self.config.search, self.seed * 100_003 + tick
-        )
-        found = found or Path.through(route, "dijkstra")
+        seed = self.seed * 100_003 + tick
+        for ahead in self.config.ahead:
+            found = plan_path(
+                cost, pose, route, ahead, self.body.half_length, self.config.search, seed
+            )
+            if found is not None:
+                break
+        if found is None:
+            # The car cannot drive a polyline's corners. It is better off at the end of the path
+            # that it has, which leaves it room to turn, as long as it has not come to rest there.
+            self.counts["not_found"] += 1
+            if self.path is not None and state[3] > 0.3:
+                return None
+            found = Path.through(route, "dijkstra")
         return None if self._still_serves(cost, position, found) else found
 
     def _still_serves(self, cost: CostMap, position: tuple[float, float], found: Path) -> bool:

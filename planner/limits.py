@@ -49,7 +49,10 @@ def what_limits(
     front = car.body.half_length + 0.3
     row, col = risk.frame.cell(x + front * math.cos(yaw), y + front * math.sin(yaw))
     reach = math.ceil((car.body.half_width + 0.2) / risk.frame.resolution)
-    ahead = (slice(max(0, row - reach), row + reach + 1), slice(max(0, col - reach), col + reach + 1))
+    ahead = (
+        slice(max(0, row - reach), row + reach + 1),
+        slice(max(0, col - reach), col + reach + 1),
+    )
     unsafe = ~risk.safe[ahead]
     if not unsafe.any():
         return Limit.PATH

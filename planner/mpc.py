@@ -320,5 +320,3 @@ class MPC:
 def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:
     """Brake as hard as the car can along one curvature: (stages, 2)."""
     return np.tile([-braking, curvature], (stages, 1))
-
-

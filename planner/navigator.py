@@ -294,9 +294,7 @@ class Navigator:
         solved = []
         for guess in guesses:
             try:
-                plan = self.mpc.solve(
-                    state, path, risk, guess, self.guide.segment, self._curvature
-                )
+                plan = self.mpc.solve(state, path, risk, guess, self.guide.segment, self._curvature)
             except (ValueError, ArithmeticError, np.linalg.LinAlgError):
                 faults.append("solver_failed")
                 continue
@@ -372,5 +370,3 @@ class _Clock:
 
     def total(self, stage: str) -> None:
         self.times[stage] = 1e3 * (self._last - self._start)
-
-

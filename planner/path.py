@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.costmap import CostMap
-from planner.reference import Path
+from planner.reference import SPACING, Path
 
 if TYPE_CHECKING:
     from ompl import base as ob
@@ -23,14 +23,12 @@ class PathConfig:
 
     Attributes:
         turning_radius: of the curves [m]; a little over the car's leaves it room to correct.
-        ahead: how far along the route a curve is planned [m]; beyond it the route serves.
         batch: samples that BIT* draws at a time.
         iterations: of BIT* at most until it has found a path …
         refinements: … and after. Counts, not a time, so that the same input gives the same path.
     """
 
     turning_radius: float = 0.9
-    ahead: float = 9.0
     batch: int = 30
     iterations: int = 80
     refinements: int = 16
@@ -40,6 +38,7 @@ def plan_path(
     cost: CostMap,
     pose: NDArray[np.float64],
     route: NDArray[np.float64],
+    ahead: float,
     half_length: float,
     config: PathConfig,
     seed: int,
@@ -50,6 +49,7 @@ def plan_path(
         cost: what a metre of way costs; where the body fits.
         pose: x, y, yaw, (3,).
         route: vertices (n, 2) from near the pose to the goal.
+        ahead: how far along the route the curves reach [m]; beyond it the route serves.
         half_length: of the body, whose ends are kept clear too [m].
         config: settings.
         seed: of the samples.
@@ -68,7 +68,7 @@ def plan_path(
     ou.RNG.setSeed(seed % 2**31 + 1)
 
     along = Path.through(route, "dijkstra").points
-    target = min(len(along) - 1, round(config.ahead / 0.1))
+    target = min(len(along) - 1, round(ahead / SPACING))
     space = ob.DubinsStateSpace(config.turning_radius)
     bounds = ob.RealVectorBounds(2)
     near = np.vstack([along[: target + 1], pose[None, :2]])

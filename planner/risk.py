@@ -73,7 +73,6 @@ class RiskMap:
             safe &= distance_field(~safe) * known.frame.resolution > margin
         return cls(known.frame, known, trust, safe, _clearance(safe, known.frame.resolution))
 
-
     @cached_property
     def obstacle_distance(self) -> NDArray[np.float32]:
         """Distance to the edge of the nearest cell seen occupied [m], (rows, columns)."""

@@ -55,8 +55,8 @@ def sealed(world: World) -> World:
     """
     around = np.ones((3, 3), dtype=bool)
     grid = world.grid
-    sliver = grid.unknown & binary_dilation(grid.free, around) & binary_dilation(
-        grid.occupied, around
+    sliver = (
+        grid.unknown & binary_dilation(grid.free, around) & binary_dilation(grid.occupied, around)
     )
     cells = np.where(sliver, np.int8(OCCUPIED), grid.cells)
     return World(world.name, Grid(grid.frame, cells))
