@@ -91,7 +91,7 @@ def parse(argv: list[str] | None) -> tuple[Settings, Path, int]:
         help=f"family of generated worlds ({', '.join(FAMILIES)}), map_server .yaml, or folder of "
         "them; several are taken in turn")  # fmt: skip
     add("--route", choices=("free", "fixed"), default=default.route,
-        help="free: each arm finds its way; fixed: the full-map way is given as the task")  # fmt: skip
+        help="free: each arm finds its way; fixed: the full-map way is the task")  # fmt: skip
     add("--episodes", type=int, default=default.episodes, metavar="N", help="paired over the arms")
     add("--seed", type=int, default=default.seed, metavar="N", help="of the first episode")
     add("--arms", default=",".join(default.arms), metavar="A,B",

@@ -35,7 +35,7 @@ def clearances(field, resolution, origin, states, offset):  # type: ignore[no-un
             w = (states[k, 1] + o * sin - origin[1]) / resolution - 0.5
             u = min(max(u, 1.0), cols - 2.001)
             w = min(max(w, 1.0), rows - 2.001)
-            col, row = int(math.floor(u)), int(math.floor(w))
+            col, row = math.floor(u), math.floor(w)
             _keys(u - col, wx, dx)
             _keys(w - row, wy, dy)
             f, fu, fw = 0.0, 0.0, 0.0

@@ -3,7 +3,9 @@
 State [x, y, yaw, v], control [a, κ]. With a and κ held over a step the car runs along a circular
 arc, so the step has a closed form and needs no integrator: with s = v·dt + a·dt²/2,
 
-    p' = p + s · sinc(κs/2) · (cos(yaw + κs/2), sin(yaw + κs/2)),   yaw' = yaw + κs,   v' = v + a·dt.
+    p' = p + s · sinc(κs/2) · (cos(yaw + κs/2), sin(yaw + κs/2))
+    yaw' = yaw + κs
+    v' = v + a·dt.
 
 casadi derives the first and second derivatives of a stage; numba rolls plans out.
 """
@@ -11,7 +13,7 @@ casadi derives the first and second derivatives of a stage; numba rolls plans ou
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -45,7 +47,7 @@ class CarLimits:
     braking: float = 1.5
     lateral_acceleration: float = 3.0
     turning_radius: float = 0.8
-    body: Body = Body()
+    body: Body = field(default_factory=Body)
 
     @property
     def max_curvature(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ class GuideConfig:
     better: float = 0.9
     reserve: float = 5.0
     turning_room: float = 1.2
-    search: PathConfig = PathConfig()
+    search: PathConfig = field(default_factory=PathConfig)
 
 
 class Guide:

@@ -132,9 +132,9 @@ class MPC:
         }  # fmt: skip
         self._buffer, self._evaluate = self._stage.buffer()
         for i, name in enumerate(("z", "multiplier", "reference")):
-            self._buffer.set_arg(i, memoryview(self._io[name]))
+            self._buffer.set_arg(i, memoryview(self._io[name]))  # type: ignore[call-arg,arg-type]
         for i, name in enumerate(("jacobian", "gradient", "hessian")):
-            self._buffer.set_res(i, memoryview(self._io[name]))
+            self._buffer.set_res(i, memoryview(self._io[name]))  # type: ignore[call-arg,arg-type]
 
     @property
     def horizon(self) -> float:
@@ -203,12 +203,13 @@ class MPC:
         merit = self._merit(problem, states, controls)
         multipliers = np.zeros((self.stages + 1, 2))
         status = Status.ITERATION_LIMIT
-        iteration = 0
-        for iteration in range(1, self.config.iterations + 1):
+        solved = 0
+        while solved < self.config.iterations:
             step, multipliers = self._direction(problem, states, controls, multipliers)
             if step is None:
                 status = Status.QP_FAILED
                 break
+            solved += 1
             before = merit
             for length in (1.0, 0.5, 0.2, 0.05):
                 trial = rollout(state, controls + length * step, *self._args)
@@ -221,7 +222,7 @@ class MPC:
                 break
         if not math.isfinite(merit):
             status = Status.NOT_FINITE
-        return Plan(states, controls, merit, status, iteration)
+        return Plan(states, controls, merit, status, solved)
 
     def evaluate(
         self, plan: Plan, path: Path, risk: RiskMap, segment: int, last_curvature: float

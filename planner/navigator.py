@@ -268,7 +268,7 @@ class Navigator:
         if self._goes_on(best, risk):
             return best, False
         # A car that cannot reverse had better not stop with its nose against a wall: stop sooner.
-        end, _, _ = project(path.points, *best.states[-1, :2], self.guide.segment, 10**6)
+        end, _, _ = project(path.points, *best.states[-1, :2], self.guide.segment, 10**6)  # type: ignore[call-arg]
         for sooner in (0.5, 1.0, 1.5, 2.0):
             last = end - round(sooner / SPACING)
             if last < self.guide.segment + 3:

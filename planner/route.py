@@ -41,7 +41,7 @@ def find_route(
     # Moving averages take the staircase out without leaving the cells' neighbourhood.
     if len(points) > 4:
         padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
-        points = sum(padded[i : i + len(points)] for i in range(5)) / 5.0
+        points = np.mean([padded[i : i + len(points)] for i in range(5)], axis=0)
     return np.vstack([np.asarray(start)[None], points[1:-1], np.asarray(goal)[None]])
 
 
@@ -124,13 +124,13 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
                     keys[i], nodes[i] = value, other
     if start != goal and towards[start] < 0:
         return np.empty((0, 2), dtype=np.int64)
-    length, node = 1, start
-    while node != goal:
-        node = towards[node]
-        length += 1
-    cells = np.empty((length, 2), dtype=np.int64)
-    node = start
-    for i in range(length):
-        cells[i, 0], cells[i, 1] = node // cols, node % cols
-        node = towards[node]
+    steps, here = 1, start
+    while here != goal:
+        here = towards[here]
+        steps += 1
+    cells = np.empty((steps, 2), dtype=np.int64)
+    here = start
+    for i in range(steps):
+        cells[i, 0], cells[i, 1] = here // cols, here % cols
+        here = towards[here]
     return cells
