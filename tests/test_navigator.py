@@ -1,0 +1,320 @@
+"""The chain from scan to control, and that nothing bad that reaches it reaches the wheels."""
+
+import dataclasses
+import math
+import time
+
+import numpy as np
+import pytest
+
+from planner.dynamics import CarLimits
+from planner.navigator import Navigator, NavigatorConfig
+from predictor import OccupancyGrid, Prediction, Scan
+from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight, generate, sample_task
+from sim.episode import EpisodeConfig, Outcome, run_episode
+
+LENGTH = 16.0
+LIDAR = Lidar(LidarConfig(beams=541))
+
+
+def straight() -> Task:
+    """A short straight corridor, driven from one end to the other."""
+    world = empty_straight(LENGTH, 3.0)
+    start, goal = (2.0, 2.0, 0.0), (LENGTH - 1.0, 2.0)
+    return Task(world, start, goal, np.array([goal]), goal[0] - start[0], 0)
+
+
+def navigator(task: Task, predictor=None, **changes) -> Navigator:
+    config = NavigatorConfig(**changes)
+    known = OccupancyGrid(task.world.grid.frame, config.window)
+    return Navigator(config, predictor, np.array(task.start), task.goal, known, seed=task.seed)
+
+
+def drive(task: Task, driver: Navigator, config: EpisodeConfig | None = None):
+    try:
+        rng = np.random.default_rng(0)
+        return run_episode(task, driver, DubinsCar(), LIDAR, config or EpisodeConfig(), rng)
+    finally:
+        driver.close()
+
+
+class Misbehaving:
+    """A predictor that answers well twice, and then as it is told to."""
+
+    def __init__(self, misbehave):
+        self.misbehave, self.calls = misbehave, 0
+
+    def predict(self, known, pose):
+        self.calls += 1
+        ones = np.ones(known.frame.shape, np.float32)
+        zeros = np.zeros(known.frame.shape, np.float32)
+        return self.misbehave(Prediction(known.frame, ones, zeros, zeros))
+
+
+def raises(_):
+    raise RuntimeError("a plug-in's own trouble")
+
+
+def runs_out_of_memory(_):
+    raise MemoryError
+
+
+def of_the_wrong_shape(good):
+    return dataclasses.replace(good, p_free=good.p_free[:-1])
+
+
+def out_of_range(good):
+    return dataclasses.replace(good, confidence=good.confidence + 2)
+
+
+def negative(good):
+    return dataclasses.replace(good, p_free=good.p_free - 2)
+
+
+def sums_beyond_one(good):
+    return dataclasses.replace(good, p_occupied=good.p_free)
+
+
+def elsewhere(good):
+    frame = dataclasses.replace(good.frame, origin=(0.01, 0.02))
+    return dataclasses.replace(good, frame=frame)
+
+
+def none(_):
+    return None
+
+
+def text(_):
+    return "free everywhere"
+
+
+def of_text(good):
+    return dataclasses.replace(good, p_free=np.full(good.p_free.shape, "yes"))
+
+
+def with_fields_of_none(good):
+    return dataclasses.replace(good, p_free=None, confidence=None)
+
+
+def ragged(good):
+    return dataclasses.replace(good, p_free=[[1.0], [1.0, 2.0]])
+
+
+def with_bad_hypotheses(good):
+    return dataclasses.replace(good, hypotheses=np.full((2, 3), 5.0))
+
+
+FAULTS = {
+    raises: "predictor_raised",
+    runs_out_of_memory: "predictor_raised",
+    of_the_wrong_shape: "predictor_bad",
+    out_of_range: "predictor_bad",
+    negative: "predictor_bad",
+    sums_beyond_one: "predictor_bad",
+    elsewhere: "predictor_bad",
+    none: "predictor_bad",
+    text: "predictor_bad",
+    of_text: "predictor_bad",
+    with_fields_of_none: "predictor_bad",
+    ragged: None,
+    with_bad_hypotheses: "predictor_bad",
+}
+
+
+@pytest.mark.parametrize("misbehave", FAULTS, ids=lambda f: f.__name__)
+def test_a_car_whose_predictor_misbehaves_drives_on_in_known_space_and_counts_it(misbehave):
+    task = straight()
+    driver = navigator(task, Misbehaving(misbehave), risk=0.3, steer=True)
+    episode = drive(task, driver, EpisodeConfig(timeout=0.8))
+    assert episode.outcome is not Outcome.COLLIDED
+    assert episode.path_length > 1.0
+    ticks = len(episode.trace["kept"])
+    assert (episode.trace["relied_count"] == 0).all()
+    counted = {k: n for k, n in episode.faults.items() if k.startswith("predictor_")}
+    kind = FAULTS[misbehave]
+    assert sum(counted.values()) == ticks
+    assert kind is None or counted == {kind: ticks}
+
+
+def with_nan(good):
+    bad = np.full(good.p_free.shape, np.nan, np.float32)
+    return dataclasses.replace(good, p_free=bad, confidence=np.ones_like(bad))
+
+
+def with_nan_confidence(good):
+    bad = np.full(good.p_free.shape, np.nan, np.float32)
+    return dataclasses.replace(good, confidence=bad)
+
+
+@pytest.mark.parametrize("misbehave", [with_nan, with_nan_confidence])
+def test_a_prediction_of_nothing_but_nan_is_a_prediction_of_nothing(misbehave):
+    task = straight()
+    config = EpisodeConfig(timeout=0.8)
+    blind = drive(task, navigator(task, Misbehaving(misbehave), risk=0.3), config)
+    plain = drive(task, navigator(task, None, risk=0.3), config)
+    assert np.array_equal(blind.trace["states"], plain.trace["states"])
+
+
+def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
+    task = straight()
+    release = time.monotonic() + 4.0
+
+    def hangs(good):
+        time.sleep(max(0.0, release - time.monotonic()))
+        return good
+
+    class HangsLater(Misbehaving):
+        def predict(self, known, pose):
+            if self.calls == 0:
+                self.calls = 1
+                return Misbehaving(lambda good: good).predict(known, pose)
+            return super().predict(known, pose)
+
+    driver = navigator(task, HangsLater(hangs), risk=0.3, deadline=0.02)
+    started = time.monotonic()
+    state, speeds = np.array([*task.start, 0.0]), []
+    for _ in range(25):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        assert not DubinsCar().collides(task.world, state, decision.control, 0.1)
+        state = DubinsCar().step(state, decision.control, 0.1)
+        speeds.append(state[3])
+        if time.monotonic() > release - 0.5:
+            break
+    driver.close()
+    assert max(speeds) > 0.5
+    assert driver.faults["predictor_late"] >= len(speeds) - 2
+    assert time.monotonic() - started < 10.0
+
+
+def scans_that_are_bad():
+    nan = np.full(541, np.nan)
+    good = LIDAR.scan(straight().world, (2.0, 2.0, 0.0))
+    return {
+        "nan": dataclasses.replace(good, ranges=nan),
+        "none": None,
+        "text": "a scan",
+        "empty": dataclasses.replace(good, ranges=np.empty(0)),
+        "ranges of none": dataclasses.replace(good, ranges=None),
+        "a list": dataclasses.replace(good, ranges=good.ranges.tolist()),
+        "objects": dataclasses.replace(good, ranges=good.ranges.astype(object)),
+        "two-dimensional": dataclasses.replace(good, ranges=good.ranges[None]),
+        "negative": dataclasses.replace(good, ranges=-good.ranges),
+        "minus infinity": dataclasses.replace(good, ranges=np.full(541, -np.inf)),
+        "angles of nan": dataclasses.replace(good, angle_min=math.nan),
+        "increment of infinity": dataclasses.replace(good, angle_increment=math.inf),
+        "range_max of zero": dataclasses.replace(good, range_max=0.0),
+        "range_max of none": dataclasses.replace(good, range_max=None),
+        "mount of nan": Scan(good.ranges, good.angle_min, good.angle_increment, 20.0,
+                             (math.nan, 0.0, 0.0)),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", scans_that_are_bad())
+def test_a_car_that_gets_bad_scans_comes_to_rest_in_what_it_has_seen(kind):
+    task = straight()
+    driver = navigator(task)
+    car, bad = DubinsCar(), scans_that_are_bad()[kind]
+    state = np.array([*task.start, 0.0])
+    for tick in range(45):
+        scan = LIDAR.scan(task.world, state) if tick < 12 else bad
+        decision = driver.step(state, scan)
+        assert np.isfinite(decision.control).all()
+        assert not car.collides(task.world, state, decision.control, 0.1)
+        state = car.step(state, decision.control, 0.1)
+        if tick == 11:
+            assert state[3] > 0.5
+    assert state[3] < 0.05
+    if bad is None or isinstance(bad, str):
+        assert driver.faults["bad_scan"] == 33
+
+
+def test_a_state_that_is_not_finite_is_refused():
+    task = straight()
+    driver = navigator(task)
+    with pytest.raises(ValueError, match="finite"):
+        driver.step(np.array([0.0, math.nan, 0.0, 0.0]), LIDAR.scan(task.world, task.start))
+
+
+@pytest.mark.parametrize("changes", [{"risk": -0.1}, {"risk": 1.1}, {"risk": math.nan},
+                                     {"expansion": 0.9}])  # fmt: skip
+def test_settings_that_make_no_sense_are_refused(changes):
+    with pytest.raises(ValueError, match="must"):
+        NavigatorConfig(**changes)
+
+
+def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():
+    task = straight()
+    driver = navigator(task)
+    state = np.array([*task.start, 0.0])
+    seen = driver.known.crop(driver.known.frame)
+    assert seen.free.sum() * driver.known.frame.resolution**2 < 2.5
+    for _ in range(15):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[3] > 0.5
+
+
+def test_a_car_that_sees_nothing_stays_where_it_may():
+    task = straight()
+    driver = navigator(task)
+    blind = dataclasses.replace(LIDAR.scan(task.world, task.start), ranges=np.full(541, np.nan))
+    start = driver.known.crop(driver.known.frame).free
+    state = np.array([*task.start, 0.0])
+    for _ in range(40):
+        decision = driver.step(state, blind)
+        assert (decision.risk_map.safe <= decision.risk_map.known.free).all()
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[3] < 0.05
+    assert math.hypot(state[0] - task.start[0], state[1] - task.start[1]) < 0.55
+    assert np.array_equal(driver.known.crop(driver.known.frame).free.sum(), start.sum())
+
+
+@pytest.mark.parametrize("family", ["corridor", "narrow", "office", "trap"])
+def test_at_zero_risk_the_car_never_collides_and_relies_on_nothing_unseen(family):
+    task = sample_task(generate(family, 1), 1)
+    episode = drive(task, navigator(task), EpisodeConfig(timeout=0.6))
+    assert episode.outcome is not Outcome.COLLIDED
+    assert episode.path_length > 1.0
+    assert (episode.trace["kept"] == -1).all()
+    assert not episode.trace["emergency"].any()
+    assert episode.min_clearance > 0.0
+
+
+def test_the_straight_is_driven_to_its_end():
+    task = straight()
+    episode = drive(task, navigator(task))
+    assert episode.outcome is Outcome.REACHED
+    assert episode.faults == {}
+    assert episode.path_length == pytest.approx(task.path_length - 0.5, abs=0.3)
+
+
+def test_a_sure_prediction_of_free_space_makes_the_car_faster():
+    class Sure:
+        def predict(self, known, pose):
+            ones = np.ones(known.frame.shape, np.float32)
+            return Prediction(known.frame, ones, 0 * ones, ones)
+
+    task = straight()
+    config = EpisodeConfig(timeout=0.9)
+    plain = drive(task, navigator(task, None), config)
+    sure = drive(task, navigator(task, Sure(), risk=0.1), config)
+    distrusted = drive(task, navigator(task, Sure(), risk=0.0), config)
+    assert sure.max_speed > plain.max_speed + 0.3
+    assert (sure.trace["kept"] >= 0).any()
+    assert np.array_equal(distrusted.trace["states"], plain.trace["states"])
+
+
+def test_the_same_drive_twice_is_the_same_drive():
+    task = sample_task(generate("narrow", 2), 2)
+    config = EpisodeConfig(timeout=0.2)
+    first, second = (drive(task, navigator(task), config).trace for _ in range(2))
+    for name in first:
+        if name != "times":
+            assert np.array_equal(first[name], second[name]), name
+
+
+def test_the_cars_of_planner_and_simulation_have_the_same_limits():
+    sim, planned = DubinsCar().config, CarLimits()
+    for name in (f.name for f in dataclasses.fields(planned)):
+        assert getattr(sim, name) == getattr(planned, name)
+    assert sim.max_curvature == planned.max_curvature

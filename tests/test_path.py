@@ -1,0 +1,253 @@
+"""The laws of the route, the path, and the beliefs that steer them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.costmap import OCCUPIED_COST, UNKNOWN_COST, CostMap, coarsened, remember
+from planner.path import PathConfig, plan_path
+from planner.reference import SPACING, Path, project
+from planner.route import find_route
+from predictor import FREE, OCCUPIED, UNKNOWN, Body, Grid, GridFrame, OccupancyGrid, Prediction
+
+BODY = Body()
+FRAME = GridFrame(0.05, (0.0, 0.0), (200, 240))
+X, Y = FRAME.centres()
+
+
+def grid(cells) -> OccupancyGrid:
+    return OccupancyGrid.from_grid(Grid(FRAME, cells), 5.0)
+
+
+def cost_of(cells, belief=None) -> CostMap:
+    return CostMap.build(grid(cells), belief, BODY.half_width)
+
+
+def room() -> np.ndarray:
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[:2], cells[-2:], cells[:, :2], cells[:, -2:] = (OCCUPIED,) * 4
+    return cells
+
+
+def divided(gap: float = 2.0) -> np.ndarray:
+    """A room with a wall across it at x = 6 m that leaves a gap at the top [m]."""
+    cells = room()
+    cells[np.ix_((10.0 - gap) > Y, abs(X - 6.0) < 0.1)] = OCCUPIED
+    return cells
+
+
+def length(points) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def search(cost, pose, goal, seed=3, ahead=5.0) -> Path | None:
+    route = find_route(cost, (pose[0], pose[1]), goal)
+    assert route is not None
+    return plan_path(cost, np.array(pose), route, ahead, BODY.half_length, PathConfig(), seed)
+
+
+def clearance_of(points, cells) -> float:
+    """Least distance from the points to the edge of a cell seen occupied [m]."""
+    rows, cols = np.nonzero(cells == OCCUPIED)
+    half = 0.5 * FRAME.resolution
+    least = math.inf
+    for x, y in points:
+        dx = np.maximum(abs(X[cols] - x) - half, 0.0)
+        dy = np.maximum(abs(Y[rows] - y) - half, 0.0)
+        least = min(least, float(np.hypot(dx, dy).min()))
+    return least
+
+
+POSE, GOAL = (2.0, 3.0, 0.4), (10.0, 4.0)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 12345, 2**40])
+def test_the_same_seed_gives_the_same_path(seed):
+    cost = cost_of(divided())
+    first, second = (search(cost, POSE, GOAL, seed) for _ in range(2))
+    assert first is not None
+    assert second is not None
+    assert np.array_equal(first.points, second.points)
+
+
+def test_a_path_does_not_depend_on_searches_made_before_it():
+    cost = cost_of(divided())
+    first = search(cost, POSE, GOAL, 5)
+    search(cost_of(room()), POSE, GOAL, 8)
+    second = search(cost, POSE, GOAL, 5)
+    assert np.array_equal(first.points, second.points)
+
+
+@pytest.mark.parametrize("yaw", [-2.5, -1.0, 0.0, 1.5, math.pi])
+@pytest.mark.parametrize("ahead", [4.0, 40.0])
+def test_a_path_starts_at_the_pose_along_its_heading_and_ends_at_the_goal(yaw, ahead):
+    path = search(cost_of(room()), (3.0, 5.0, yaw), GOAL, ahead=ahead)
+    assert path is not None
+    assert path.points[0] == pytest.approx([3.0, 5.0], abs=1e-6)
+    assert path.points[-1] == pytest.approx(GOAL, abs=1e-6)
+    first = path.points[1] - path.points[0]
+    assert abs(math.remainder(math.atan2(first[1], first[0]) - yaw, 2 * math.pi)) < 0.12
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_point_of_a_path_is_closer_to_an_obstacle_than_half_the_bodys_width(seed):
+    cells = divided()
+    path = search(cost_of(cells), POSE, GOAL, seed)
+    assert path is not None
+    assert clearance_of(path.points, cells) >= BODY.half_width
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_drivable_part_of_a_path_turns_no_tighter_than_the_car_can(seed):
+    path = search(cost_of(divided()), POSE, GOAL, seed)
+    assert path is not None
+    assert 2 < path.drivable <= len(path.points)
+    # Three points 0.5 m apart along the path: an arc's chord is shorter than the arc by a third
+    # power, so that a tighter turn shows.
+    p = path.points[: path.drivable]
+    a, b = p[5:-5] - p[:-10], p[10:] - p[5:-5]
+    turn = np.abs((np.arctan2(b[:, 1], b[:, 0]) - np.arctan2(a[:, 1], a[:, 0]) + math.pi)
+                  % (2 * math.pi) - math.pi)  # fmt: skip
+    assert turn.max() <= 5 * SPACING / 0.8 + 0.02
+
+
+def test_points_of_a_path_are_evenly_spaced():
+    path = search(cost_of(divided()), POSE, GOAL)
+    steps = np.hypot(*np.diff(path.points, axis=0).T)
+    assert steps.max() <= SPACING + 1e-9
+    assert np.median(steps) == pytest.approx(SPACING, rel=0.02)
+
+
+def test_a_route_goes_round_a_wall():
+    cells = divided()
+    route = find_route(cost_of(cells), (2.0, 3.0), (10.0, 3.0))
+    points = Path.through(route, "dijkstra").points
+    assert points[0] == pytest.approx([2.0, 3.0])
+    assert points[-1] == pytest.approx([10.0, 3.0])
+    assert points[:, 1].max() > 8.0
+    assert clearance_of(points, cells) >= BODY.half_width
+    assert length(route) < 2 * math.hypot(4.0, 6.5) * 1.15
+
+
+def test_there_is_no_route_where_all_ways_are_closed():
+    assert find_route(cost_of(divided(gap=0.0)), (2.0, 3.0), (10.0, 3.0)) is None
+
+
+@pytest.mark.parametrize("goal", [(6.0, 3.0), (20.0, 3.0), (-4.0, 3.0)])
+def test_there_is_no_route_into_a_wall_or_out_of_the_map(goal):
+    cells = divided()
+    cells[abs(Y - 3.0) < 1.0] = OCCUPIED
+    assert find_route(cost_of(cells), (2.0, 7.0), goal) is None
+
+
+def test_a_gap_narrower_than_the_body_is_closed():
+    assert find_route(cost_of(divided(gap=0.3)), (2.0, 3.0), (10.0, 3.0)) is None
+    assert find_route(cost_of(divided(gap=1.0)), (2.0, 3.0), (10.0, 3.0)) is not None
+
+
+def test_routes_are_as_costly_one_way_as_the_other():
+    cost = cost_of(divided())
+    there = find_route(cost, (2.0, 3.0), (10.0, 3.0))
+    back = find_route(cost, (10.0, 3.0), (2.0, 3.0))
+    assert cost.along(Path.through(there, "").points) == pytest.approx(
+        cost.along(Path.through(back, "").points), rel=0.03
+    )
+
+
+def test_a_metre_of_unknown_space_costs_twice_a_metre_of_free_space():
+    line = np.column_stack([np.linspace(2.0, 10.0, 81), np.full(81, 5.0)])
+    unseen = np.full(FRAME.shape, UNKNOWN, np.int8)
+    free = np.full(FRAME.shape, FREE, np.int8)
+    assert cost_of(free).along(line) == pytest.approx(8.0)
+    assert cost_of(unseen).along(line) == pytest.approx(2 * 8.0)
+
+
+@pytest.mark.parametrize(("rise", "detours"), [(2.0, True), (4.8, False)])
+def test_a_route_goes_round_the_unknown_only_where_that_is_shorter_than_twice(rise, detours):
+    # Across the patch: 6 m at twice the cost are 6 too many. Round it: about 2·(√(r² + 1) - 1).
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[np.ix_((3.0 + rise) > Y, abs(X - 6.0) < 3.0)] = UNKNOWN
+    route = find_route(cost_of(cells), (2.0, 3.0), (10.0, 3.0))
+    assert (route[:, 1].max() > 3.0 + rise - 0.3) == detours
+
+
+def test_a_route_crosses_the_unknown_but_nothing_seen_occupied():
+    cells = divided(gap=0.0)
+    cells[np.ix_(abs(Y - 5.0) < 0.6, abs(X - 6.0) < 0.1)] = UNKNOWN
+    route = find_route(cost_of(cells), (2.0, 3.0), (10.0, 3.0))
+    points = Path.through(route, "").points
+    assert points[np.argmin(abs(points[:, 0] - 6.0)), 1] == pytest.approx(5.0, abs=0.5)
+
+
+def prediction(p_free, p_occupied, confidence=1.0, frame=FRAME) -> Prediction:
+    def all_(value):
+        return np.broadcast_to(np.float32(value), frame.shape).astype(np.float32)
+
+    return Prediction(frame, all_(p_free), all_(p_occupied), all_(confidence))
+
+
+def test_a_belief_moves_the_price_of_what_was_not_seen_and_of_nothing_else():
+    half = np.full(FRAME.shape, FREE, np.int8)
+    half[:, 120:] = UNKNOWN
+    plain = cost_of(half).density
+    for p_free, p_occupied, price in [(1.0, 0.0, 1.0), (0.0, 1.0, OCCUPIED_COST)]:
+        belief = remember(None, FRAME, prediction(p_free, p_occupied))
+        steered = cost_of(half, belief).density
+        assert np.array_equal(steered[:, :60], plain[:, :60])
+        assert steered[:, 60:] == pytest.approx(price)
+
+
+def test_no_confidence_is_the_price_of_the_unknown():
+    belief = remember(None, FRAME, prediction(0.3, 0.7, 0.0))
+    assert belief.density == pytest.approx(UNKNOWN_COST)
+
+
+def test_a_belief_is_remembered_where_nothing_new_is_predicted():
+    left = GridFrame(0.05, (0.0, 0.0), (200, 120))
+    right = GridFrame(0.05, (6.0, 0.0), (200, 120))
+    belief = remember(None, FRAME, prediction(0.0, 1.0, frame=left))
+    assert np.isnan(belief.density[:, 60:]).all()
+    belief = remember(belief, FRAME, prediction(1.0, 0.0, frame=right))
+    assert belief.density[:, :60] == pytest.approx(OCCUPIED_COST)
+    assert belief.density[:, 60:] == pytest.approx(1.0)
+
+
+def test_the_newest_word_on_a_cell_counts():
+    belief = remember(None, FRAME, prediction(0.0, 1.0))
+    belief = remember(belief, FRAME, prediction(1.0, 0.0))
+    assert belief.density == pytest.approx(1.0)
+
+
+def test_a_belief_outlives_the_growth_of_the_map():
+    belief = remember(None, FRAME, prediction(0.0, 1.0))
+    known = OccupancyGrid(FRAME, 5.0)
+    known.mark_free((-3.0, -4.0, 0.0), BODY, 0.5)
+    assert known.frame != FRAME
+    moved = belief.on(coarsened(known.frame))
+    row, col = (n // 2 for n in known.frame.offset(FRAME))
+    assert moved[row : row + 100, col : col + 120] == pytest.approx(OCCUPIED_COST)
+    assert np.isnan(moved).sum() == moved.size - 100 * 120
+
+
+def test_a_believed_dead_end_steers_the_route_away():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    p_occupied = np.zeros(FRAME.shape, np.float32)
+    p_occupied[np.ix_(Y < 7.0, abs(X - 6.0) < 0.3)] = 1.0
+    belief = remember(None, FRAME, prediction(1 - p_occupied, p_occupied, 0.9))
+    plain = find_route(cost_of(cells), (2.0, 3.0), (10.0, 3.0))
+    steered = find_route(cost_of(cells, belief), (2.0, 3.0), (10.0, 3.0))
+    assert plain[:, 1].max() < 4.0
+    assert steered[:, 1].max() > 6.8
+
+
+def test_a_projection_is_the_closest_point_of_the_path():
+    rng = np.random.default_rng(1)
+    points = np.cumsum(rng.normal(size=(40, 2)), axis=0)
+    dense = Path.through(points, "")
+    for x, y in rng.uniform(-5, 5, (50, 2)):
+        i, share, square = project(dense.points, x, y, 0, 10**6)
+        foot = (1 - share) * dense.points[i] + share * dense.points[i + 1]
+        assert np.hypot(*(foot - (x, y))) ** 2 == pytest.approx(square, abs=1e-9)
+        nearest = np.hypot(*(dense.points - (x, y)).T).min()
+        assert math.sqrt(square) <= nearest + 1e-9
