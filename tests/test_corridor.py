@@ -1,0 +1,259 @@
+"""The main job's command line: what it writes, that it goes on, and how it refuses."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from benchmarks import workers
+from benchmarks.corridor import main
+from sim import empty_straight, save_world
+
+SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
+           "max_speed", "min_clearance", "stops", "cycle_ms_p50", "cycle_ms_p99"}  # fmt: skip
+EPISODE = {"arm", "world", "seed", "start", "goal", "outcome", "time", "path_length",
+           "mean_speed", "max_speed", "min_clearance", "stops"}  # fmt: skip
+OUTCOMES = {"reached", "collided", "timed_out", "stuck"}
+
+
+def run(*words) -> int:
+    """The exit status of a command line."""
+    try:
+        return main([str(word) for word in words])
+    except SystemExit as ended:
+        return int(ended.code or 0)
+
+
+def python(*words, cwd):
+    return subprocess.run(
+        [sys.executable, *map(str, words)], cwd=cwd, capture_output=True, text=True, timeout=120,
+        check=False,
+    )  # fmt: skip
+
+
+def results(out):
+    return json.loads((out / "results.json").read_text())
+
+
+def untimed(episodes):
+    """Episodes without what depends on the clock."""
+    return [{k: v for k, v in e.items() if k != "cycle_ms"} for e in episodes]
+
+
+@pytest.fixture(scope="module")
+def short_map(tmp_path_factory):
+    """A straight of 20 m as a map_server file."""
+    path = tmp_path_factory.mktemp("map") / "straight.yaml"
+    save_world(empty_straight(20.0, 3.0), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def narrow(tmp_path_factory):
+    """A run of one drive through a narrow building: its folder, and its command."""
+    out = tmp_path_factory.mktemp("narrow") / "run"
+    command = ("--episodes", 1, "--arms", "known", "--world", "narrow", "--seed", 3,
+               "--jobs", 1, "--out", out)  # fmt: skip
+    assert run(*command) == 0
+    return out, command
+
+
+def test_the_results_have_what_the_issue_names(narrow):
+    out, _ = narrow
+    r = results(out)
+    assert {"settings", "machine", "version", "commit", "summary", "episodes"} <= r.keys()
+    assert r["summary"].keys() == {"known"}
+    assert r["summary"]["known"].keys() >= SUMMARY
+    (episode,) = r["episodes"]
+    assert episode.keys() >= EPISODE
+    assert episode["outcome"] in OUTCOMES
+    assert episode["outcome"] != "collided"
+    assert r["settings"]["world"] == ["narrow"]
+    assert r["settings"]["risk"] == 0.1
+    json.loads((out / "results.json").read_text(), parse_constant=pytest.fail)
+
+
+def test_the_summary_adds_up_to_the_episodes(narrow):
+    r = results(narrow[0])
+    entry, (episode,) = r["summary"]["known"], r["episodes"]
+    assert entry["episodes"] == 1
+    assert sum(entry[name] for name in OUTCOMES) == 1
+    assert entry[episode["outcome"]] == 1
+    assert entry["mean_speed"] == pytest.approx(episode["mean_speed"])
+    assert episode["mean_speed"] == pytest.approx(episode["path_length"] / episode["time"])
+    assert episode["mean_speed"] <= episode["max_speed"] <= r["settings"]["v_max"]
+
+
+def test_the_figures_and_traces_are_there(narrow):
+    out, _ = narrow
+    for name in ("speed_profile.png", "trajectories.png", "moment.png"):
+        assert (out / name).stat().st_size > 5_000
+    (episode,) = results(out)["episodes"]
+    with np.load(out / "traces.npz", allow_pickle=False) as traces:
+        states = traces["e0/known/states"]
+    assert len(states) == episode["ticks"] + 1
+    length = np.hypot(*np.diff(states[:, :2], axis=0).T).sum()
+    assert length == pytest.approx(episode["path_length"])
+
+
+def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
+    out, command = narrow
+    before = results(out)["episodes"]
+
+    def refuse(*_):
+        pytest.fail("it drove again")
+
+    monkeypatch.setattr(workers, "_drive", refuse)
+    assert run(*command) == 0
+    assert results(out)["episodes"] == before
+
+
+def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monkeypatch, capsys):
+    command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
+               "--out", tmp_path / "run")  # fmt: skip
+    plain, driven = workers._drive, []
+
+    def interrupted(settings, index, arm):
+        if index == 1:
+            raise KeyboardInterrupt
+        return plain(settings, index, arm)
+
+    def counted(settings, index, arm):
+        driven.append(index)
+        return plain(settings, index, arm)
+
+    monkeypatch.setattr(workers, "_drive", interrupted)
+    assert run(*command) != 0
+    assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0]
+    assert "interrupted" in capsys.readouterr().out
+    monkeypatch.setattr(workers, "_drive", counted)
+    assert run(*command) == 0
+    assert driven == [1]
+    assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
+
+
+def test_one_job_and_two_give_the_same_numbers(short_map, tmp_path):
+    for jobs in (1, 2):
+        assert run("--world", short_map, "--episodes", 1, "--arms", "known,predicted",
+                   "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0  # fmt: skip
+    one, two = (results(tmp_path / str(jobs)) for jobs in (1, 2))
+    assert untimed(one["episodes"]) == untimed(two["episodes"])
+    assert [e["arm"] for e in one["episodes"]] == ["known", "predicted"]
+    with np.load(tmp_path / "1/traces.npz") as a, np.load(tmp_path / "2/traces.npz") as b:
+        assert set(a.files) == set(b.files)
+        for name in a.files:
+            if not name.endswith("/times"):
+                assert np.array_equal(a[name], b[name]), name
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--arms", "known,telepathic"), ("--arms", ""), ("--arms", "known,known"),
+     ("--risk", "2"), ("--risk", "nan"), ("--risk", "-0.1"), ("--risk", "much"),
+     ("--world", "missing.yaml"), ("--world", "castle"), ("--predictor", "crystal_ball"),
+     ("--predictor", "no_such_module:Class"), ("--predictor", "json:NoSuchClass"),
+     ("--predictor", "json:dumps"), ("--episodes", "0"), ("--episodes", "-3"),
+     ("--v-max", "0"), ("--v-max", "inf"), ("--window", "0"), ("--expansion", "0.5"),
+     ("--jobs", "0"), ("--route", "scenic"), ("--noise", "-1"), ("--dropout", "1"),
+     ("--seed", "-1"), ("--seed", "1.5"), ("--faster",), ("--world",)],
+    ids="".join,
+)  # fmt: skip
+def test_bad_arguments_exit_with_two_and_one_line(words, tmp_path, capsys):
+    assert run(*words, "--out", tmp_path / "run") == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.endswith("\n")
+    assert captured.err.count("\n") == 1, captured.err
+    assert "Traceback" not in captured.err
+    assert not (tmp_path / "run").exists()
+
+
+def broken_maps(folder):
+    (folder / "empty.yaml").write_text("")
+    (folder / "image_missing.yaml").write_text(
+        "image: gone.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    (folder / "not_yaml.yaml").write_text("{[")
+    (folder / "no_maps").mkdir()
+
+
+@pytest.mark.parametrize(
+    "name", ["empty.yaml", "image_missing.yaml", "not_yaml.yaml", "no_maps"]
+)  # fmt: skip
+def test_broken_maps_exit_with_two_and_one_line(name, tmp_path, capsys):
+    broken_maps(tmp_path)
+    assert run("--world", tmp_path / name, "--out", tmp_path / "run") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_folder_of_another_run_is_refused_in_one_line_and_left_alone(narrow, capsys):
+    out, command = narrow
+    before = (out / "results.json").read_bytes()
+    assert run(*command, "--risk", 0.5) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "risk 0.1" in error
+    assert (out / "results.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("where", ["settings.json", "results.json"])
+@pytest.mark.parametrize("content", ["{", "[]", "null", '{"episodes": 1}'])
+def test_a_run_that_cannot_be_read_is_refused_in_one_line(where, content, tmp_path, capsys):
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / where).write_text(content)
+    assert run("--world", "corridor", "--episodes", 1, "--out", out) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_an_out_that_is_a_file_is_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run("--out", tmp_path / "file") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+PLUG_IN = '''
+import numpy as np
+
+from predictor import Prediction
+
+
+class MyPredictor:
+    """Believes that everything goes on being free, a little."""
+
+    def predict(self, known, pose):
+        free = known.free.astype(np.float32)
+        free[known.unknown] = 0.6
+        return Prediction(
+            frame=known.frame,
+            p_free=free,
+            p_occupied=known.occupied.astype(np.float32),
+            confidence=np.ones(known.frame.shape, np.float32),
+        )
+'''
+
+
+def test_a_plug_in_in_a_file_of_ones_own_runs_from_any_folder(short_map, tmp_path):
+    (tmp_path / "my_module.py").write_text(PLUG_IN)
+    done = python("-m", "benchmarks.corridor", "--predictor", "my_module:MyPredictor",
+                  "--world", short_map, "--arms", "predicted", "--risk", 0.5, "--episodes", 2,
+                  "--jobs", 2, "--out", "run", cwd=tmp_path)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    r = results(tmp_path / "run")
+    assert r["settings"]["predictor"] == "my_module:MyPredictor"
+    assert len(r["episodes"]) == 2
+    for episode in r["episodes"]:
+        assert not any(kind.startswith("predictor") for kind in episode["faults"])
+        assert episode["promises"] > 0
+
+
+def test_help_names_the_units(tmp_path):
+    done = python("-m", "benchmarks.corridor", "--help", cwd=tmp_path)
+    assert done.returncode == 0
+    for word in ("[m/s]", "[m]", "--world", "--route", "--episodes", "--seed", "--arms",
+                 "--predictor", "--risk", "--v-max", "--window", "--expansion", "--jobs",
+                 "--out"):  # fmt: skip
+        assert word in done.stdout
