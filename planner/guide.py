@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.costmap import Belief, CostMap, remember
+from planner.dynamics import CarLimits
 from planner.path import PathConfig, plan_path
 from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
 from planner.route import find_route
-from predictor import Body, OccupancyGrid, Prediction
+from predictor import OccupancyGrid, Prediction
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Guide:
     Args:
         goal: x, y [m].
         waypoints: (n, 2) a route given as the task, followed in place of one of our own.
-        body: of the car.
+        car: what it can do; its body.
         config: settings.
         seed: of the search.
     """
@@ -58,11 +59,11 @@ class Guide:
         self,
         goal: tuple[float, float],
         waypoints: NDArray[np.float64] | None,
-        body: Body,
+        car: CarLimits,
         config: GuideConfig,
         seed: int,
     ) -> None:
-        self.goal, self.body, self.config, self.seed = goal, body, config, seed
+        self.goal, self.car, self.config, self.seed = goal, car, config, seed
         self._given = None if waypoints is None else Path.through(waypoints, "given").points
         self._given_at = 0
         self.path: Path | None = None
@@ -107,6 +108,7 @@ class Guide:
         tick: int,
         ahead: NDArray[np.float64],
         known: OccupancyGrid,
+        risk: RiskMap,
         steering: Prediction | None,
     ) -> None:
         """Plan a path if one is due; it is adopted `delay` ticks from now.
@@ -115,6 +117,7 @@ class Guide:
             tick: number of this tick.
             ahead: the states the car is going to be in, from now on, (n, 4).
             known: what has been seen.
+            risk: the newest map around the car.
             steering: a prediction that may move the route, or None.
         """
         self.plan_ms = 0.0
@@ -124,7 +127,7 @@ class Guide:
             self._requested = tick
             at = min(self.config.delay, len(ahead) - 1)
             started = time.perf_counter()
-            path = self._plan(tick, ahead[at], known, steering)
+            path = self._plan(tick, ahead[at], known, risk, steering)
             self.plan_ms = 1e3 * (time.perf_counter() - started)
             if path is not None:
                 self._pending = (tick + self.config.delay, path)
@@ -135,7 +138,7 @@ class Guide:
         cells = np.floor((coming - np.array(risk.frame.origin)) / risk.frame.resolution).astype(int)
         inside = ((cells >= 0) & (cells < np.array(risk.frame.shape[::-1]))).all(axis=1)
         cells = cells[inside]
-        blocked = risk.obstacle_distance[cells[:, 1], cells[:, 0]] < self.body.half_width + 0.02
+        blocked = risk.obstacle_distance[cells[:, 1], cells[:, 0]] < self.car.body.half_width + 0.02
         if not blocked.any():
             return path
         first = self.segment + int(np.flatnonzero(inside)[np.argmax(blocked)])
@@ -147,11 +150,12 @@ class Guide:
         tick: int,
         state: NDArray[np.float64],
         known: OccupancyGrid,
+        risk: RiskMap,
         steering: Prediction | None,
     ) -> Path | None:
         if steering is not None:
             self._belief = remember(self._belief, known.frame, steering)
-        cost = CostMap.build(known, self._belief, self.body.half_width)
+        cost = CostMap.build(known, self._belief, self.car.body.half_width)
         position = (float(state[0]), float(state[1]))
         route = self._remaining(position) if self._given is not None else None
         if route is None:
@@ -161,10 +165,12 @@ class Guide:
             return None
         pose = np.array([state[0], state[1], np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
         seed = self.seed * 100_003 + tick
-        for ahead in self.config.ahead:
-            found = plan_path(
-                cost, pose, route, ahead, self.body.half_length, self.config.search, seed
-            )
+        search = self.config.search
+        # Last, as tight as the car can turn.
+        tries = [(ahead, search) for ahead in self.config.ahead]
+        tries.append((self.config.ahead[-2], replace(search, slack=1.01)))
+        for ahead, settings in tries:
+            found = plan_path(cost, risk, pose, route, ahead, self.car, settings, seed)
             if found is not None:
                 break
         if found is None:

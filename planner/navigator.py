@@ -55,7 +55,7 @@ class NavigatorConfig:
     steer: bool = False
     margin: float = 0.0
     start_margin: float = 0.5
-    deadline: float = 0.5
+    deadline: float = 2.0
     car: CarLimits = field(default_factory=CarLimits)
     mpc: MPCConfig = field(default_factory=MPCConfig)
     guide: GuideConfig = field(default_factory=GuideConfig)
@@ -138,7 +138,7 @@ class Navigator:
     ) -> None:
         self.config, self.predictor, self.goal, self.known = config, predictor, goal, known
         self.mpc = MPC(config.car, config.mpc)
-        self.guide = Guide(goal, waypoints, config.car.body, config.guide, seed)
+        self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
         self._tick = -1
@@ -187,7 +187,7 @@ class Navigator:
         clock.total("cycle")
 
         steering = prediction if c.steer else None
-        self.guide.request(self._tick, plan.states, self.known, steering)
+        self.guide.request(self._tick, plan.states, self.known, risk, steering)
         clock.times["path"] = self.guide.plan_ms
         rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
         xs, ys = frame.centres()

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.costmap import CostMap
+from planner.dynamics import CarLimits
 from planner.reference import SPACING, Path
+from planner.risk import RiskMap
 
 if TYPE_CHECKING:
     from ompl import base as ob
@@ -22,13 +24,13 @@ class PathConfig:
     """Settings of the path search.
 
     Attributes:
-        turning_radius: of the curves [m]; a little over the car's leaves it room to correct.
+        slack: of the curves' turning radius over the car's: leaves it room to correct.
         batch: samples that BIT* draws at a time.
         iterations: of BIT* at most until it has found a path …
         refinements: … and after. Counts, not a time, so that the same input gives the same path.
     """
 
-    turning_radius: float = 0.9
+    slack: float = 1.1
     batch: int = 30
     iterations: int = 80
     refinements: int = 16
@@ -36,21 +38,23 @@ class PathConfig:
 
 def plan_path(
     cost: CostMap,
+    near: RiskMap,
     pose: NDArray[np.float64],
     route: NDArray[np.float64],
     ahead: float,
-    half_length: float,
+    car: CarLimits,
     config: PathConfig,
     seed: int,
 ) -> Path | None:
     """The cheapest drivable path from a pose onto the route.
 
     Args:
-        cost: what a metre of way costs; where the body fits.
+        cost: what a metre of way costs, and roughly where the body fits.
+        near: says where it fits around the car, to the cell.
         pose: x, y, yaw, (3,).
         route: vertices (n, 2) from near the pose to the goal.
         ahead: how far along the route the curves reach [m]; beyond it the route serves.
-        half_length: of the body, whose ends are kept clear too [m].
+        car: what it can do; its body.
         config: settings.
         seed: of the samples.
 
@@ -69,12 +73,12 @@ def plan_path(
 
     along = Path.through(route, "dijkstra").points
     target = min(len(along) - 1, round(ahead / SPACING))
-    space = ob.DubinsStateSpace(config.turning_radius)
+    space = ob.DubinsStateSpace(config.slack * car.turning_radius)
     bounds = ob.RealVectorBounds(2)
-    near = np.vstack([along[: target + 1], pose[None, :2]])
+    span = np.vstack([along[: target + 1], pose[None, :2]])
     for axis in (0, 1):
-        bounds.setLow(axis, float(near[:, axis].min()) - 3.0)
-        bounds.setHigh(axis, float(near[:, axis].max()) + 3.0)
+        bounds.setLow(axis, float(span[:, axis].min()) - 3.0)
+        bounds.setHigh(axis, float(span[:, axis].max()) + 3.0)
     space.setBounds(bounds)
     info = ob.SpaceInformation(space)
 
@@ -83,9 +87,18 @@ def plan_path(
     ox, oy = cost.frame.origin
     rows, cols = cost.frame.shape
     x0, y0 = float(pose[0]), float(pose[1])
-    ends = half_length / 2
+    # Two circles cover the body, as in the MPC.
+    ends = car.body.length / 4
+    around = math.hypot(ends, car.body.half_width) + 0.02
+    close = near.obstacle_distance >= around
+    near_inverse = 1.0 / near.frame.resolution
+    nx, ny = near.frame.origin
+    near_rows, near_cols = near.frame.shape
 
     def fits(x: float, y: float) -> bool:
+        row, col = int((y - ny) * near_inverse), int((x - nx) * near_inverse)
+        if 0 < row < near_rows and 0 < col < near_cols:
+            return bool(close[row, col])
         row, col = int((y - oy) * inverse), int((x - ox) * inverse)
         return 0 <= row < rows and 0 <= col < cols and bool(open_[row, col])
 
