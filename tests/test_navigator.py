@@ -2,7 +2,10 @@
 
 import dataclasses
 import math
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,6 +62,14 @@ def runs_out_of_memory(_):
     raise MemoryError
 
 
+def exits(_):
+    raise SystemExit(3)
+
+
+def times_out_on_its_own(_):
+    raise TimeoutError("a socket's, not the deadline's")
+
+
 def of_the_wrong_shape(good):
     return dataclasses.replace(good, p_free=good.p_free[:-1])
 
@@ -107,6 +118,8 @@ def with_bad_hypotheses(good):
 FAULTS = {
     raises: "predictor_raised",
     runs_out_of_memory: "predictor_raised",
+    exits: "predictor_raised",
+    times_out_on_its_own: "predictor_raised",
     of_the_wrong_shape: "predictor_bad",
     out_of_range: "predictor_bad",
     negative: "predictor_bad",
@@ -184,6 +197,40 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
     assert max(speeds) > 0.5
     assert driver.faults["predictor_late"] >= len(speeds) - 2
     assert time.monotonic() - started < 10.0
+
+
+HANGS_FOR_GOOD = """
+import sys, time
+sys.path.insert(0, sys.argv[1])
+from test_navigator import EpisodeConfig, Misbehaving, drive, navigator, straight
+
+started = time.monotonic()
+
+
+def hangs(good):
+    time.sleep(0 if hangs.calls < 2 else 40)
+    return good
+
+
+class Hangs(Misbehaving):
+    def predict(self, known, pose):
+        hangs.calls = self.calls
+        return super().predict(known, pose)
+
+
+task = straight()
+drive(task, navigator(task, Hangs(hangs), risk=0.3, deadline=0.05), EpisodeConfig(timeout=0.3))
+print("driven", flush=True)
+"""
+
+
+def test_a_predictor_that_hangs_for_good_does_not_keep_the_program_from_ending():
+    done = subprocess.run(
+        [sys.executable, "-c", HANGS_FOR_GOOD, str(Path(__file__).parent)],
+        capture_output=True, text=True, timeout=20, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "driven" in done.stdout
 
 
 def scans_that_are_bad():
