@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from planner.costmap import OCCUPIED_COST, UNKNOWN_COST, CostMap, coarsened, remember
+from planner.dynamics import CarLimits
 from planner.path import PathConfig, plan_path
 from planner.reference import SPACING, Path, project
+from planner.risk import RiskMap
 from planner.route import find_route
-from predictor import FREE, OCCUPIED, UNKNOWN, Body, Grid, GridFrame, OccupancyGrid, Prediction
+from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid, Prediction
 
-BODY = Body()
+CAR = CarLimits()
+BODY = CAR.body
 FRAME = GridFrame(0.05, (0.0, 0.0), (200, 240))
 X, Y = FRAME.centres()
 
@@ -41,10 +44,14 @@ def length(points) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def search(cost, pose, goal, seed=3, ahead=5.0) -> Path | None:
+def search(cells, pose, goal, seed=3, ahead=5.0) -> Path | None:
+    """OMPL's path through a map of which 10 m around the pose are known to the cell."""
+    cost = cost_of(cells)
+    known = grid(cells)
+    near = RiskMap.from_prediction(known.crop(known.frame.square(*pose[:2], 10.0)), None, 0.0)
     route = find_route(cost, (pose[0], pose[1]), goal)
     assert route is not None
-    return plan_path(cost, np.array(pose), route, ahead, BODY.half_length, PathConfig(), seed)
+    return plan_path(cost, near, np.array(pose), route, ahead, CAR, PathConfig(), seed)
 
 
 def clearance_of(points, cells) -> float:
@@ -64,25 +71,23 @@ POSE, GOAL = (2.0, 3.0, 0.4), (10.0, 4.0)
 
 @pytest.mark.parametrize("seed", [0, 1, 12345, 2**40])
 def test_the_same_seed_gives_the_same_path(seed):
-    cost = cost_of(divided())
-    first, second = (search(cost, POSE, GOAL, seed) for _ in range(2))
+    first, second = (search(divided(), POSE, GOAL, seed) for _ in range(2))
     assert first is not None
     assert second is not None
     assert np.array_equal(first.points, second.points)
 
 
 def test_a_path_does_not_depend_on_searches_made_before_it():
-    cost = cost_of(divided())
-    first = search(cost, POSE, GOAL, 5)
-    search(cost_of(room()), POSE, GOAL, 8)
-    second = search(cost, POSE, GOAL, 5)
+    first = search(divided(), POSE, GOAL, 5)
+    search(room(), POSE, GOAL, 8)
+    second = search(divided(), POSE, GOAL, 5)
     assert np.array_equal(first.points, second.points)
 
 
 @pytest.mark.parametrize("yaw", [-2.5, -1.0, 0.0, 1.5, math.pi])
 @pytest.mark.parametrize("ahead", [4.0, 40.0])
 def test_a_path_starts_at_the_pose_along_its_heading_and_ends_at_the_goal(yaw, ahead):
-    path = search(cost_of(room()), (3.0, 5.0, yaw), GOAL, ahead=ahead)
+    path = search(room(), (3.0, 5.0, yaw), GOAL, ahead=ahead)
     assert path is not None
     assert path.points[0] == pytest.approx([3.0, 5.0], abs=1e-6)
     assert path.points[-1] == pytest.approx(GOAL, abs=1e-6)
@@ -93,14 +98,14 @@ def test_a_path_starts_at_the_pose_along_its_heading_and_ends_at_the_goal(yaw, a
 @pytest.mark.parametrize("seed", range(3))
 def test_no_point_of_a_path_is_closer_to_an_obstacle_than_half_the_bodys_width(seed):
     cells = divided()
-    path = search(cost_of(cells), POSE, GOAL, seed)
+    path = search(cells, POSE, GOAL, seed)
     assert path is not None
     assert clearance_of(path.points, cells) >= BODY.half_width
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_drivable_part_of_a_path_turns_no_tighter_than_the_car_can(seed):
-    path = search(cost_of(divided()), POSE, GOAL, seed)
+    path = search(divided(), POSE, GOAL, seed)
     assert path is not None
     assert 2 < path.drivable <= len(path.points)
     # Three points 0.5 m apart along the path: an arc's chord is shorter than the arc by a third
@@ -113,7 +118,7 @@ def test_the_drivable_part_of_a_path_turns_no_tighter_than_the_car_can(seed):
 
 
 def test_points_of_a_path_are_evenly_spaced():
-    path = search(cost_of(divided()), POSE, GOAL)
+    path = search(divided(), POSE, GOAL)
     steps = np.hypot(*np.diff(path.points, axis=0).T)
     assert steps.max() <= SPACING + 1e-9
     assert np.median(steps) == pytest.approx(SPACING, rel=0.02)
