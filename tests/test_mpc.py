@@ -123,7 +123,7 @@ def test_the_stage_derivatives_agree_with_finite_differences(seed):
     rng = np.random.default_rng(seed)
     effort = rng.uniform(0.0, 1.0, 2)
     stage = stage_functions(DT, 1, effort)
-    z = np.concatenate([rng.uniform(-5, 5, 2), rng.uniform(-3, 3, 1), rng.uniform(0, 4, 1),
+    z = np.concatenate([rng.uniform(-5, 5, 2), rng.uniform(-3, 3, 1), rng.uniform(0.3, 4, 1),
                         rng.uniform(-1.5, 1.5, 1), rng.uniform(-1.25, 1.25, 1)])  # fmt: skip
     multiplier, reference = rng.normal(size=4), rng.normal(size=9)
 
