@@ -51,6 +51,9 @@ def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-
     print(table(results["summary"], results["gap"]))
     for index, why in store.skipped.items():
         print(f"episode {index} left out: {why}")
+    commits = {e.get("commit") for e in results["episodes"]}
+    if len(commits) > 1:
+        print(f"mind: these drives come from {len(commits)} states of the code; see --out")
     if interrupted:
         print(f"\ninterrupted; what was done is in {out}, the same command goes on from there")
         return 130

@@ -105,10 +105,7 @@ def drive(
     )
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     rng = np.random.default_rng([settings.seed, index])
-    try:
-        episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
-    finally:
-        navigator.close()
+    episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
     trace = episode.trace
     times = trace["times"][:, list(trace["time_names"]).index("cycle")]
     promised = trace["kept"] >= 0

@@ -46,14 +46,15 @@ class Store:
         marker = out / "settings.json"
         if marker.exists():
             try:
-                theirs = json.loads(marker.read_text())
-            except (ValueError, OSError) as error:
+                theirs = dict(json.loads(marker.read_text()))
+            except (ValueError, TypeError, OSError) as error:
                 raise UsageError(f"--out: {marker} cannot be read: {error}") from None
             other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
             if other:
                 what = ", ".join(f"{k} {theirs.get(k)}" for k in other)
                 raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
         write(marker, json.dumps(mine, indent=1).encode())
+        self.commit = commit()
         self.episodes = self._packed() + self._loose()
 
     def done(self) -> set[tuple[int, str]]:
@@ -62,6 +63,7 @@ class Store:
 
     def add(self, result: dict[str, Any], arrays: dict[str, NDArray]) -> None:
         """Keep a finished drive; after this a kill cannot lose it."""
+        result = result | {"commit": self.commit}
         buffer = io.BytesIO()
         text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
         np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
@@ -83,7 +85,7 @@ class Store:
             "settings": _plain(self.settings) | {"dt": 0.1},
             "machine": machine(),
             "version": version("foresee"),
-            "commit": commit(),
+            "commit": self.commit,
             "summary": summarise(chosen, arms),
             "gap": gap(chosen, arms),
             "skipped": {str(k): v for k, v in self.skipped.items()},
@@ -119,7 +121,7 @@ class Store:
             results = json.loads((self.out / RESULTS).read_text())
             self.skipped = {int(k): v for k, v in results["skipped"].items()}
             return [*results["episodes"], *results["unused"]]
-        except (ValueError, KeyError, OSError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise UsageError(f"--out: {self.out / RESULTS} cannot be read: {error}") from None
 
     def _loose(self) -> list[dict[str, Any]]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from concurrent.futures import Future, ThreadPoolExecutor
-from concurrent.futures import TimeoutError as LateError
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.asking import Asker, LateError, RaisedError
 from planner.dynamics import CarLimits
 from planner.guess import arcs, pursue, shifted
 from planner.guide import Guide, GuideConfig
@@ -26,7 +25,6 @@ from predictor import (
     Prediction,
     Predictor,
     Scan,
-    checked,
 )
 from predictor.body import first_contact
 
@@ -136,21 +134,16 @@ class Navigator:
         waypoints: NDArray[np.float64] | None = None,
         seed: int = 0,
     ) -> None:
-        self.config, self.predictor, self.goal, self.known = config, predictor, goal, known
+        self.config, self.goal, self.known = config, goal, known
         self.mpc = MPC(config.car, config.mpc)
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
         self._tick = -1
         self._curvature = 0.0
-        self._worker: ThreadPoolExecutor | None = None
-        self._late: Future[Prediction] | None = None
+        self._asker = None if predictor is None else Asker(predictor)
+        known.cover(known.frame.square(*goal, config.window))
         known.mark_free(start, config.car.body, config.start_margin)
-
-    def close(self) -> None:
-        """Let go of the thread that predicts."""
-        if self._worker is not None:
-            self._worker.shutdown(wait=False, cancel_futures=True)
 
     def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
         """Decide what to do in the next `dt`.
@@ -169,7 +162,8 @@ class Navigator:
         faults: list[str] = []
         try:
             self.known.integrate(scan, state)
-        except (ValueError, TypeError, AttributeError):
+        except Exception:
+            # A driver may hand over anything; none of it may reach the wheels.
             faults.append("bad_scan")
         clock.lap("integrate")
         prediction = self._predict(state, faults)
@@ -211,27 +205,18 @@ class Navigator:
     def _predict(self, state: NDArray[np.float64], faults: list[str]) -> Prediction | None:
         """Ask the predictor; whatever it does wrong leaves the car with what it knows."""
         c = self.config
-        if self.predictor is None or (c.risk == 0 and not c.steer):
+        if self._asker is None or (c.risk == 0 and not c.steer):
             return None
-        if self._late is not None and not self._late.done():
-            faults.append("predictor_late")
-            return None
-        self._late = None
-        if self._worker is None:
-            self._worker = ThreadPoolExecutor(1, "predictor")
         frame = self.known.frame.square(float(state[0]), float(state[1]), c.predicted_side)
-        known = self.known.crop(frame)
-        answer = self._worker.submit(self.predictor.predict, known, state[:3].copy())
+        # The first answer may have to compile or load something first.
+        patience = 30.0 if self._tick == 0 else c.deadline
         try:
-            # The first answer may have to compile or load something first.
-            return checked(answer.result(30.0 if self._tick == 0 else c.deadline), known)
+            return self._asker.ask(self.known.crop(frame), state[:3].copy(), patience)
         except LateError:
-            self._late = answer
             faults.append("predictor_late")
         except BadPredictionError:
             faults.append("predictor_bad")
-        except Exception:
-            # A plug-in may raise anything; none of it may reach the wheels.
+        except RaisedError:
             faults.append("predictor_raised")
         return None
 

@@ -139,7 +139,8 @@ def plan_path(
         made = space.allocState()
         made.setX(float(x))
         made.setY(float(y))
-        made.setYaw(float(yaw))
+        # OMPL's interval is open where ours is closed: +π is outside it.
+        made.setYaw(float(yaw) if yaw < math.pi else -math.pi)
         return made
 
     problem = ob.ProblemDefinition(info)

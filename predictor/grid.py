@@ -188,12 +188,14 @@ class OccupancyGrid:
         that the beam was free up to there (REP 117).
 
         Raises:
-            ValueError: if the pose is not finite.
+            ValueError: if the pose is not finite, or the scan's range is not positive.
         """
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
             raise ValueError(f"pose is ({x}, {y}, {yaw}), it must be finite")
-        window = self._cover(self.frame.square(x, y, self.window))
+        if not scan.range_max > 0:
+            raise ValueError(f"range_max is {scan.range_max} m, it must be positive")
+        window = self.cover(self.frame.square(x, y, self.window))
         sx, sy, bearing = scan.sensor_pose(x, y, yaw)
         row, col = self.frame.offset(window)
         marks = np.zeros(window.shape, dtype=np.uint8)
@@ -212,13 +214,13 @@ class OccupancyGrid:
         """Count a body's footprint and the space `around` it [m] as seen free (a start)."""
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         grown = body.inflated(around)
-        self._cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
+        self.cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
         inside = covered(self.frame.shape, self.frame.resolution, self.frame.origin, x, y, yaw,
                          grown.half_length, grown.half_width)  # fmt: skip
         region = self.log_odds[tuple(inside.T)]
         self.log_odds[tuple(inside.T)] = np.where(region == 0, MISS, region)
 
-    def _cover(self, wanted: GridFrame) -> GridFrame:
+    def cover(self, wanted: GridFrame) -> GridFrame:
         """Grow, if need be, by whole windows until a frame fits; return that frame."""
         row, col = self.frame.offset(wanted)
         rows, cols = self.frame.shape

@@ -34,11 +34,8 @@ def navigator(task: Task, predictor=None, **changes) -> Navigator:
 
 
 def drive(task: Task, driver: Navigator, config: EpisodeConfig | None = None):
-    try:
-        rng = np.random.default_rng(0)
-        return run_episode(task, driver, DubinsCar(), LIDAR, config or EpisodeConfig(), rng)
-    finally:
-        driver.close()
+    rng = np.random.default_rng(0)
+    return run_episode(task, driver, DubinsCar(), LIDAR, config or EpisodeConfig(), rng)
 
 
 class Misbehaving:
@@ -193,7 +190,6 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
         speeds.append(state[3])
         if time.monotonic() > release - 0.5:
             break
-    driver.close()
     assert max(speeds) > 0.5
     assert driver.faults["predictor_late"] >= len(speeds) - 2
     assert time.monotonic() - started < 10.0
