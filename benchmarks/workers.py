@@ -5,8 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
+import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
@@ -38,12 +40,15 @@ def finished(settings: Settings, todo: list[tuple[int, str]], jobs: int) -> Iter
             min(jobs, len(left)), multiprocessing.get_context("spawn"), initializer=_prepare
         )
         try:
-            futures = [pool.submit(_drive, settings, index, arm) for index, arm in left]
-            for future in as_completed(futures):
-                result = future.result()
-                left.remove((result[0], result[1]))
-                failures = 0
-                yield result
+            pending = {pool.submit(_drive, settings, index, arm) for index, arm in left}
+            # Futures are let go of as they end: each holds its drive's whole trace.
+            while pending:
+                ended, pending = wait(pending, return_when=FIRST_COMPLETED)
+                while ended:
+                    result = ended.pop().result()
+                    left.remove((result[0], result[1]))
+                    failures = 0
+                    yield result
         except BrokenProcessPool:
             # A native library crashed one process, and the pool with it. Go on with a new one.
             failures += 1
@@ -56,8 +61,16 @@ def finished(settings: Settings, todo: list[tuple[int, str]], jobs: int) -> Iter
 
 
 def _prepare() -> None:
-    """Leave Ctrl-C to the parent, and one thread to each process."""
+    """Leave Ctrl-C to the parent, and end when the parent does, even if it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 # Before a worker imports numpy: threads of its libraries would fight over the cores.
