@@ -55,7 +55,8 @@ class Store:
                 raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
         write(marker, json.dumps(mine, indent=1).encode())
         self.commit = commit()
-        self.episodes = self._packed() + self._loose()
+        packed = self._packed()
+        self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
 
     def done(self) -> set[tuple[int, str]]:
         """Episodes and arms that need not be driven again."""
@@ -124,8 +125,7 @@ class Store:
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise UsageError(f"--out: {self.out / RESULTS} cannot be read: {error}") from None
 
-    def _loose(self) -> list[dict[str, Any]]:
-        packed = {(e["index"], e["arm"]) for e in self._packed()}
+    def _loose(self, packed: set[tuple[int, str]]) -> list[dict[str, Any]]:
         found = []
         for path in sorted(self.parts.glob("*.npz")):
             try:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from planner.reference import project
+from planner.reference import SPACING, project
 
 
 @njit(cache=True, nogil=True)
@@ -23,7 +23,7 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
     for k in range(stages):
         segment, _, _ = project(points, x, y, segment - 3, segment + 12)
         look = max(0.7, 0.4 * v)
-        target = min(segment + int(look / 0.1) + 1, points.shape[0] - 1)
+        target = min(segment + int(look / SPACING) + 1, points.shape[0] - 1)
         dx, dy = points[target, 0] - x, points[target, 1] - y
         along = dx * math.cos(yaw) + dy * math.sin(yaw)
         across = dy * math.cos(yaw) - dx * math.sin(yaw)

@@ -136,11 +136,6 @@ class MPC:
         for i, name in enumerate(("jacobian", "gradient", "hessian")):
             self._buffer.set_res(i, memoryview(self._io[name]))  # type: ignore[call-arg,arg-type]
 
-    @property
-    def horizon(self) -> float:
-        """[s]."""
-        return self.stages * self.config.dt
-
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
         """The plan that controls (N, 2) give from a state, clipped to the car's limits."""
         states, applied = rollout(state, controls, *self._args)

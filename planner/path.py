@@ -172,7 +172,7 @@ def plan_path(
     if not problem.hasExactSolution():
         return None
     found = problem.getSolutionPath()
-    found.interpolate(max(2, math.ceil(found.length() / 0.1)))
+    found.interpolate(max(2, math.ceil(found.length() / SPACING)))
     points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
     path = Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
     return replace(path, drivable=min(len(points), len(path.points)))
