@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from predictor import Grid, Prediction, Predictor
 from sim.world import World
@@ -52,10 +51,8 @@ class Oracle:
 
     def __init__(self, world: World) -> None:
         grid = world.grid
-        # Occupied truth is what a ray can hit: surface cells; the inside of walls is neither.
-        surface = grid.occupied & binary_dilation(grid.free, np.ones((3, 3), dtype=bool))
         self._free = Grid(grid.frame, np.where(grid.free, 0, -1).astype(np.int8))
-        self._surface = Grid(grid.frame, np.where(surface, 100, -1).astype(np.int8))
+        self._surface = Grid(grid.frame, np.where(world.surface, 100, -1).astype(np.int8))
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """The truth, with full confidence."""

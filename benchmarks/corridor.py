@@ -6,7 +6,8 @@ python -m benchmarks.corridor --help
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.settings import Settings, UsageError, parse
 
@@ -81,10 +82,11 @@ def _drive_all(store: Store, settings: Settings, jobs: int) -> bool:
     total = settings.episodes * len(settings.arms)
     with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
-            for index, arm, result, arrays, why in finished(settings, todo, jobs):
-                if result is None:
-                    store.skipped[index] = why
+            for (index, arm), driven in finished(partial(_drive, settings), todo, jobs):
+                if isinstance(driven, str):
+                    store.skipped[index] = driven
                 else:
+                    result, arrays = driven
                     store.add(result, arrays)
                     bar.set_postfix_str(f"{arm} {result['outcome']} {result['mean_speed']:.2f} m/s")
                 bar.update()
@@ -93,6 +95,17 @@ def _drive_all(store: Store, settings: Settings, jobs: int) -> bool:
         except BrokenProcessPool:
             raise UsageError("a worker process died again and again; try --jobs 1") from None
     return False
+
+
+def _drive(settings: Settings, item: tuple[int, str]) -> Any:
+    """One drive's result and arrays, or a line why it could not be driven."""
+    from benchmarks.drive import drive
+    from sim.task import NoTaskError
+
+    try:
+        return drive(settings, *item)
+    except NoTaskError as error:
+        return str(error)
 
 
 def _title(settings: Settings) -> str:

@@ -13,16 +13,13 @@ from benchmarks.arms import ARMS, predictor_for
 from benchmarks.settings import FAMILIES, Settings, UsageError
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
-from predictor import GridFrame, OccupancyGrid, load_predictor
+from predictor import OccupancyGrid, load_predictor
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.families import generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
 from sim.world import sealed
-
-MARGIN = 10.0
-"""How far beyond start and goal the grid first reaches [m]; it grows from there."""
 
 
 def sources(settings: Settings) -> list[str]:
@@ -99,7 +96,9 @@ def drive(
         predictor_for(arm, load_predictor(settings.predictor), task.world),
         np.array(task.start),
         task.goal,
-        _known_at_start(task, settings.window, whole_map=arm.whole_map),
+        OccupancyGrid.from_grid(task.world.grid, settings.window)
+        if arm.whole_map
+        else task.blank(settings.window),
         task.waypoints if settings.route == "fixed" else None,
         task.seed,
     )
@@ -138,21 +137,3 @@ def drive(
     arrays[f"w{index}/frame"] = np.array([frame.resolution, *frame.origin])
     arrays[f"w{index}/waypoints"] = task.waypoints
     return result, arrays
-
-
-def _known_at_start(task: Task, window: float, *, whole_map: bool) -> OccupancyGrid:
-    """A grid on the world's lattice: empty around start and goal, or the whole truth."""
-    grid = task.world.grid
-    if whole_map:
-        return OccupancyGrid.from_grid(grid, window)
-    ends = np.array([task.start[:2], task.goal])
-    low = ends.min(axis=0) - MARGIN
-    high = ends.max(axis=0) + MARGIN
-    origin = grid.frame.origin + grid.frame.resolution * np.floor(
-        (low - grid.frame.origin) / grid.frame.resolution
-    )
-    cols, rows = np.ceil((high - origin) / grid.frame.resolution).astype(int)
-    frame = GridFrame(
-        grid.frame.resolution, (float(origin[0]), float(origin[1])), (int(rows), int(cols))
-    )
-    return OccupancyGrid(frame, window)

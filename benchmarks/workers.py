@@ -1,4 +1,4 @@
-"""Drives spread over processes; the same results as one after the other."""
+"""Work spread over processes; the same results as one after the other."""
 
 from __future__ import annotations
 
@@ -7,31 +7,34 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any
+from typing import TypeVar
 
-from numpy.typing import NDArray
-
-from benchmarks.settings import Settings
-
-Finished = tuple[int, str, dict[str, Any] | None, dict[str, NDArray], str]
-"""Episode, arm, result (None: it could not be driven), arrays, why it could not."""
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 TRIES = 3
-"""How often a pool that lost a process is started anew without a drive getting finished."""
+"""How often a pool that lost a process is started anew without an item getting finished."""
 
 
-def finished(settings: Settings, todo: list[tuple[int, str]], jobs: int) -> Iterator[Finished]:
-    """Drive a list of episodes and arms, and yield each as it ends.
+def finished(
+    work: Callable[[Item], Result], todo: list[Item], jobs: int
+) -> Iterator[tuple[Item, Result]]:
+    """Do a list of things, and yield each with its result as it ends.
+
+    Args:
+        work: does one; it must be picklable, and bring heavy imports with it only when called.
+        todo: the things.
+        jobs: processes; 1: this one.
 
     Raises:
         BrokenProcessPool: if processes keep dying.
     """
     if jobs == 1:
-        for index, arm in todo:
-            yield _drive(settings, index, arm)
+        for item in todo:
+            yield item, work(item)
         return
     left = list(todo)
     failures = 0
@@ -40,15 +43,17 @@ def finished(settings: Settings, todo: list[tuple[int, str]], jobs: int) -> Iter
             min(jobs, len(left)), multiprocessing.get_context("spawn"), initializer=_prepare
         )
         try:
-            pending = {pool.submit(_drive, settings, index, arm) for index, arm in left}
+            pending = {pool.submit(work, item): item for item in left}
             # Futures are let go of as they end: each holds its drive's whole trace.
             while pending:
-                ended, pending = wait(pending, return_when=FIRST_COMPLETED)
+                ended, _ = wait(pending, return_when=FIRST_COMPLETED)
                 while ended:
-                    result = ended.pop().result()
-                    left.remove((result[0], result[1]))
+                    future = ended.pop()
+                    item = pending.pop(future)
+                    result = future.result()
+                    left.remove(item)
                     failures = 0
-                    yield result
+                    yield item, result
         except BrokenProcessPool:
             # A native library crashed one process, and the pool with it. Go on with a new one.
             failures += 1
@@ -76,14 +81,3 @@ def _prepare() -> None:
 # Before a worker imports numpy: threads of its libraries would fight over the cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-
-
-def _drive(settings: Settings, index: int, arm: str) -> Finished:
-    from benchmarks.drive import drive
-    from sim.task import NoTaskError
-
-    try:
-        result, arrays = drive(settings, index, arm)
-    except NoTaskError as error:
-        return index, arm, None, {}, str(error)
-    return index, arm, result, arrays, ""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.grid import FREE, OCCUPIED
+from predictor.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from sim.car import CarConfig, wrap
 from sim.lattice import HEADINGS, body_circles, explore
 from sim.lidar import cast_rays
@@ -24,6 +24,8 @@ SPACING = 2.0
 """Between waypoints, about [m]."""
 SLACK = 1.1
 """How much wider than the car's tightest arc those of the way are."""
+MARGIN = 10.0
+"""How far beyond start and goal a blank grid reaches [m]; it grows from there."""
 STARTS = 25
 """Starts tried before a world is given up."""
 
@@ -47,6 +49,17 @@ class Task:
     waypoints: NDArray[np.float64]
     path_length: float
     seed: int
+
+    def blank(self, window: float) -> OccupancyGrid:
+        """An empty grid around start and goal, on the world's lattice, for a window [m]."""
+        frame = self.world.grid.frame
+        ends = np.array([self.start[:2], self.goal])
+        low, high = ends.min(axis=0) - MARGIN, ends.max(axis=0) + MARGIN
+        first = np.floor((low - frame.origin) / frame.resolution)
+        origin = frame.origin + frame.resolution * first
+        cols, rows = np.ceil((high - origin) / frame.resolution).astype(int)
+        at = (float(origin[0]), float(origin[1]))
+        return OccupancyGrid(GridFrame(frame.resolution, at, (int(rows), int(cols))), window)
 
 
 class NoTaskError(ValueError):

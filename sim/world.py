@@ -34,6 +34,16 @@ class World:
         return np.asarray(self.grid.cells != FREE)
 
     @cached_property
+    def surface(self) -> NDArray[np.bool_]:
+        """Occupied cells that a ray can hit: with a free one among their eight neighbours.
+
+        What is neither free nor surface is never observable. (rows, columns).
+        """
+        return np.asarray(
+            self.grid.occupied & binary_dilation(self.grid.free, np.ones((3, 3), dtype=bool))
+        )
+
+    @cached_property
     def clearance(self) -> NDArray[np.float64]:
         """From each cell's centre to the nearest solid cell's centre [m], (rows, columns)."""
         free = np.pad(~self.solid, 1)

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import workers
+from benchmarks import corridor
 from benchmarks.corridor import main
 from sim import empty_straight, save_world
 
@@ -105,7 +105,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr(workers, "_drive", refuse)
+    monkeypatch.setattr(corridor, "_drive", refuse)
     assert run(*command) == 0
     assert results(out)["episodes"] == before
 
@@ -113,22 +113,22 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
 def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monkeypatch, capsys):
     command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
                "--out", tmp_path / "run")  # fmt: skip
-    plain, driven = workers._drive, []
+    plain, driven = corridor._drive, []
 
-    def interrupted(settings, index, arm):
-        if index == 1:
+    def interrupted(settings, item):
+        if item[0] == 1:
             raise KeyboardInterrupt
-        return plain(settings, index, arm)
+        return plain(settings, item)
 
-    def counted(settings, index, arm):
-        driven.append(index)
-        return plain(settings, index, arm)
+    def counted(settings, item):
+        driven.append(item[0])
+        return plain(settings, item)
 
-    monkeypatch.setattr(workers, "_drive", interrupted)
+    monkeypatch.setattr(corridor, "_drive", interrupted)
     assert run(*command) != 0
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0]
     assert "interrupted" in capsys.readouterr().out
-    monkeypatch.setattr(workers, "_drive", counted)
+    monkeypatch.setattr(corridor, "_drive", counted)
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]

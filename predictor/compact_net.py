@@ -1,0 +1,130 @@
+"""The compact network: what has been seen of a map, to probabilities for the rest of it.
+
+A residual U-Net (Ronneberger et al. 2015; He et al. 2016) on patches of 5 × 5 cells. What is near
+the frontier is a matter of single cells (a wall goes on where it ended), what is far a matter of
+layout; patches hold the first in their channels and make the second cheap, since 0.25 m is as
+fine as anything but a wall needs. The same weights serve every size of map.
+
+    known (B, 2, H, W)                            free, occupied; neither: not seen
+      patches       (B, 50,  H/5,  W/5)
+      stage 1       (B, 32,  H/5,  W/5)   ─────────────┐
+      stage 2       (B, 64,  H/10, W/10)  ──────────┐  │
+      stage 3       (B, 112, H/20, W/20)  ───────┐  │  │
+      stage 4       (B, 128, H/40, W/40)  ── up ─┴──┴──┴─▶ (B, 32, H/5, W/5)
+    logits (B, 4, H, W)                           free, occupied, hidden; room
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+FREE, OCCUPIED, HIDDEN, ROOM = range(4)
+"""Channels of the output: three exclusive classes, and one probability of its own."""
+
+
+@dataclass(frozen=True)
+class CompactConfig:
+    """Shape of the network.
+
+    Attributes:
+        patch: side of a patch [cells].
+        widths: channels of each stage; the resolution halves from one to the next.
+        blocks: residual blocks of each stage on the way down.
+    """
+
+    patch: int = 5
+    widths: tuple[int, ...] = (32, 64, 112, 128)
+    blocks: tuple[int, ...] = (1, 1, 1, 2)
+
+    @property
+    def multiple(self) -> int:
+        """Sides of the input must be a multiple of this [cells]."""
+        return int(self.patch * 2 ** (len(self.widths) - 1))
+
+
+class Block(nn.Module):
+    """A residual block: x + two 3 × 3 convolutions."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first = Conv(width, width)
+        self.second = Conv(width, width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, C, H, W) to the same."""
+        return F.relu(x + self.second(F.relu(self.first(x))))
+
+
+class Conv(nn.Module):
+    """A 3 × 3 convolution with batch normalisation, which `CompactNet.folded` merges into it."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, 3, padding=1, bias=False)
+        self.norm: nn.Module = nn.BatchNorm2d(outputs)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, inputs, H, W) to (B, outputs, H, W)."""
+        out: Tensor = self.norm(self.conv(x))
+        return out
+
+    def fold(self) -> None:
+        """Merge the normalisation into the convolution; for inference alone."""
+        if isinstance(self.norm, nn.BatchNorm2d):
+            self.conv = fuse_conv_bn_eval(self.conv, self.norm)
+            self.norm = nn.Identity()
+
+
+class CompactNet(nn.Module):
+    """See the head of this file.
+
+    Args:
+        config: its shape.
+    """
+
+    def __init__(self, config: CompactConfig | None = None) -> None:
+        super().__init__()
+        self.config = config = config or CompactConfig()
+        widths, cells = config.widths, config.patch**2
+        self.stem = Conv(2 * cells, widths[0])
+        self.encode = nn.ModuleList(
+            nn.Sequential(*(Block(width) for _ in range(count)))
+            for width, count in zip(widths, config.blocks, strict=True)
+        )
+        pairs = list(pairwise(widths))
+        self.down = nn.ModuleList(nn.Conv2d(fine, coarse, 2, 2) for fine, coarse in pairs)
+        self.up = nn.ModuleList(nn.ConvTranspose2d(coarse, fine, 2, 2) for fine, coarse in pairs)
+        self.decode = nn.ModuleList(Block(width) for width in widths[:-1])
+        self.head = nn.Conv2d(widths[0], 4 * cells, 1)
+
+    def forward(self, known: Tensor) -> Tensor:
+        """Logits (B, 4, H, W) of FREE, OCCUPIED and HIDDEN (softmax), and of ROOM (sigmoid).
+
+        Args:
+            known: (B, 2, H, W), 1 where seen free, 1 where seen occupied; H and W multiples of
+                `config.multiple`.
+        """
+        x = F.relu(self.stem(F.pixel_unshuffle(known, self.config.patch)))
+        skips = []
+        for stage, down in zip(self.encode, self.down, strict=False):
+            x = stage(x)
+            skips.append(x)
+            x = F.relu(down(x))
+        x = self.encode[-1](x)
+        for up, decode in reversed(list(zip(self.up, self.decode, strict=True))):
+            x = decode(up(x) + skips.pop())
+        return F.pixel_shuffle(self.head(x), self.config.patch)
+
+    def folded(self) -> CompactNet:
+        """This network made ready for inference, in place: batch normalisation merged."""
+        self.eval()
+        for module in self.modules():
+            if isinstance(module, Conv):
+                module.fold()
+        return self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]

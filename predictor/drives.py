@@ -1,0 +1,172 @@
+"""Make samples to learn from: drive the car through generated buildings and look over its shoulder.
+
+The car drives by its own planner, without prediction. Each drive is then seen again through LIDARs
+of other windows and other noise, which costs a tenth of driving it.
+
+python -m predictor.drives --help
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+SPLITS = {"train": 1_000_000, "validation": 500_000}
+"""First seed of each split. What is measured and published uses seeds far below both."""
+FAMILIES = ("corridor", "narrow", "office")
+"""Learned from. `trap` is not, so that there is a kind of building that the network never saw."""
+WINDOWS = (5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
+"""Sides of the square that the LIDAR writes into [m], drawn from."""
+
+
+@dataclass(frozen=True)
+class DrivesConfig:
+    """What a set of samples is made of.
+
+    Attributes:
+        out: folder; its splits are folders inside.
+        train: drives to learn from.
+        validation: drives to tune on.
+        views: times that each drive is seen again.
+        every: ticks between two samples.
+    """
+
+    out: Path = Path("data/drives")
+    train: int = 1000
+    validation: int = 60
+    views: int = 2
+    every: int = 4
+
+
+def record(config: DrivesConfig, item: tuple[str, int]) -> int:
+    """Make one drive's samples and write them; the number of samples.
+
+    Args:
+        config: how.
+        item: a split, and which of its drives.
+    """
+    import numpy as np
+
+    from planner.navigator import NavigatorConfig
+    from predictor.body import Body
+    from predictor.grid import FREE, paste
+    from predictor.samples import SIDE, encoded, world_hash, write_samples
+    from sim import Lidar, LidarConfig
+    from sim.families import generate
+    from sim.task import NoTaskError, sample_task
+    from sim.variation import varied
+
+    split, number = item
+    seed = SPLITS[split] + number
+    rng = np.random.default_rng(seed)
+    family = FAMILIES[number % len(FAMILIES)]
+    world = varied(generate(family, seed), rng)
+    samples: list[bytes] = []
+    windows: list[float] = []
+    try:
+        task = sample_task(world, seed)
+    except NoTaskError:
+        task = None
+    if task is not None:
+        states = _drive(task, float(rng.choice(WINDOWS)), rng)
+        frame = world.grid.frame
+        free, surface = world.grid.cells == FREE, world.surface
+        for _ in range(config.views):
+            known = task.blank(float(rng.choice(WINDOWS)))
+            known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
+            noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
+            lidar = Lidar(LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05]))))
+            first = int(rng.integers(config.every))
+            for tick, state in enumerate(states):
+                known.integrate(lidar.scan(world, state, rng), state)
+                if tick % config.every != first:
+                    continue
+                side = known.frame.square(state[0], state[1], SIDE * frame.resolution)
+                samples.append(
+                    encoded(
+                        known.crop(side),
+                        paste(frame, free, side, np.bool_(False)),
+                        paste(frame, surface, side, np.bool_(False)),
+                        float(state[2]),
+                    )
+                )
+                windows.append(known.window)
+    path = path_of(config, item)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells)}
+    write_samples(path, samples, windows, about)
+    return len(samples)
+
+
+def _drive(task, window: float, rng):  # type: ignore[no-untyped-def]
+    """The states (T, 4) of a drive, careful or careless."""
+    import numpy as np
+
+    from planner.navigator import Navigator, NavigatorConfig
+    from sim import DubinsCar, Lidar
+    from sim.episode import EpisodeConfig, run_episode
+
+    # Half the drives rely on all that was not seen occupied: they are faster, and end otherwise.
+    config = NavigatorConfig(window=window, risk=float(rng.choice([0.0, 1.0])))
+    start = np.array(task.start)
+    navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
+    episode = run_episode(task, navigator, DubinsCar(), Lidar(), EpisodeConfig(), rng)
+    return episode.trace["states"][:-1]
+
+
+def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
+    """Where a drive's samples are."""
+    return config.out / item[0] / f"{item[1]:06d}.npz"
+
+
+def make(config: DrivesConfig, jobs: int) -> None:
+    """Make all that is missing of a set, with a progress bar."""
+    from tqdm import tqdm
+
+    from benchmarks.workers import finished
+
+    items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
+    todo = [item for item in items if not path_of(config, item).exists()]
+    count = 0
+    with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
+        for _, samples in finished(partial(record, config), todo, jobs):
+            count += samples
+            bar.set_postfix_str(f"{count} samples")
+            bar.update()
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; 130 if interrupted."""
+    import os
+
+    default = DrivesConfig()
+    parser = argparse.ArgumentParser(
+        prog="predictor.drives",
+        description="Make samples to train predictors on: drives of the project's own planner "
+        "through generated buildings. Interrupted, it goes on where it was: give the same command.",
+    )
+    add = parser.add_argument
+    add("--out", type=Path, default=default.out, metavar="DIR", help="default: %(default)s")
+    add("--train", type=int, default=default.train, metavar="N", help="drives to learn from "
+        "(default: %(default)s; one gives about 100 samples)")  # fmt: skip
+    add("--validation", type=int, default=default.validation, metavar="N",
+        help="drives to tune on (default: %(default)s)")  # fmt: skip
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    args = parser.parse_args(argv)
+    for name in ("train", "validation", "jobs"):
+        if getattr(args, name) < 1:
+            print(f"predictor.drives: --{name} must be at least 1", file=sys.stderr)
+            return 2
+    try:
+        make(DrivesConfig(args.out, args.train, args.validation), args.jobs)
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

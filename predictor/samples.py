@@ -1,0 +1,171 @@
+"""Samples to learn from: what was known at a moment of a drive, and what was true.
+
+A folder of files, one a drive, each written whole or not at all, and read without running
+anything from it. A file is a NumPy archive:
+
+    codes     (bytes,) uint8    zlib-compressed samples, one after the other
+    ends      (n,) int64        where each ends in `codes`
+    windows   (n,) float32      side of the square that the LIDAR wrote into [m]
+    about     (bytes,) uint8    JSON: format, family, seed, world (its hash), side, resolution
+
+A sample is (side, side) uint8 of known + 3 · truth: known is 0 free, 1 occupied, 2 not seen; truth
+0 free, 1 surface, 2 never observable. The robot is in the middle, looking along +x to within 45°:
+maps are turned by quarters, which moves cells and changes none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.grid import FREE, OCCUPIED, Grid
+
+FORMAT = 1
+SIDE = 280
+"""Of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
+
+
+class SamplesError(ValueError):
+    """A folder or file does not hold samples that can be read; the message is one line."""
+
+
+def quarters(yaw: float) -> int:
+    """By how many quarter turns `numpy.rot90` brings a heading [rad] to within 45° of +x."""
+    return round(yaw / (0.5 * np.pi)) % 4
+
+
+def encoded(known: Grid, free: NDArray[np.bool_], surface: NDArray[np.bool_], yaw: float) -> bytes:
+    """One sample, compressed.
+
+    Args:
+        known: what has been seen, (SIDE, SIDE).
+        free: cells truly free, (SIDE, SIDE).
+        surface: cells that a ray can hit, (SIDE, SIDE).
+        yaw: heading of the robot [rad].
+    """
+    seen = np.full(known.frame.shape, 2, dtype=np.uint8)
+    seen[known.cells == FREE], seen[known.cells == OCCUPIED] = 0, 1
+    truth = np.where(free, np.uint8(0), np.where(surface, np.uint8(1), np.uint8(2)))
+    codes = np.rot90(seen + np.uint8(3) * truth, quarters(yaw))
+    return zlib.compress(np.ascontiguousarray(codes).tobytes(), 2)
+
+
+def world_hash(cells: NDArray[np.int8]) -> str:
+    """Of a building's cells, by which splits are kept apart."""
+    digest = hashlib.sha256(np.array(cells.shape, dtype=np.int64).tobytes())
+    digest.update(np.ascontiguousarray(cells).tobytes())
+    return digest.hexdigest()[:32]
+
+
+def write_samples(
+    path: Path, samples: list[bytes], windows: list[float], about: dict[str, Any]
+) -> None:
+    """Write the samples of a drive, whole or not at all."""
+    buffer = io.BytesIO()
+    text = json.dumps({"format": FORMAT, "side": SIDE} | about)
+    np.savez(
+        buffer,
+        allow_pickle=False,
+        codes=np.frombuffer(b"".join(samples), dtype=np.uint8),
+        ends=np.cumsum([len(sample) for sample in samples], dtype=np.int64),
+        windows=np.array(windows, dtype=np.float32),
+        about=np.frombuffer(text.encode(), dtype=np.uint8),
+    )
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    temporary.write_bytes(buffer.getvalue())
+    os.replace(temporary, path)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """All samples of a folder, held compressed in memory.
+
+    Attributes:
+        codes: one block of bytes a drive.
+        starts: per sample, which drive, and where it begins and ends there: (n, 3).
+        windows: per sample [m], (n,).
+        about: per drive, what is known of it.
+    """
+
+    codes: list[NDArray[np.uint8]]
+    starts: NDArray[np.int64]
+    windows: NDArray[np.float32]
+    about: list[dict[str, Any]]
+
+    @classmethod
+    def load(cls, folder: Path, drives: int | None = None) -> Samples:
+        """Read a folder.
+
+        Args:
+            folder: with the files of drives.
+            drives: how many, the first ones; None: all.
+
+        Raises:
+            SamplesError: if there is nothing, or a file is damaged or of another format.
+        """
+        paths = sorted(folder.glob("*.npz"))[:drives] if folder.is_dir() else []
+        if not paths:
+            raise SamplesError(f"{folder} holds no samples: python -m predictor.drives makes some")
+        codes, starts, windows, about = [], [], [], []
+        for drive, path in enumerate(paths):
+            try:
+                with np.load(path, allow_pickle=False) as file:
+                    facts = json.loads(bytes(file["about"]))
+                    block, ends, sides = file["codes"], file["ends"], file["windows"]
+            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+                raise SamplesError(
+                    f"{path} is damaged ({error}); delete it and make it again"
+                ) from error
+            if facts.get("format") != FORMAT or facts.get("side") != SIDE:
+                raise SamplesError(f"{path} is of format {facts.get('format')}, not {FORMAT}")
+            codes.append(block)
+            about.append(facts)
+            windows.append(sides)
+            begin = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+            starts.append(np.column_stack([np.full(len(ends), drive), begin, ends]))
+        return cls(codes, np.concatenate(starts), np.concatenate(windows), about)
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def __getitem__(self, index: int) -> NDArray[np.uint8]:
+        """The codes of a sample, (SIDE, SIDE).
+
+        Raises:
+            SamplesError: if they are damaged.
+        """
+        drive, begin, end = self.starts[index]
+        try:
+            cells = zlib.decompress(self.codes[drive][begin:end].tobytes())
+            return np.frombuffer(cells, dtype=np.uint8).reshape(SIDE, SIDE)
+        except (zlib.error, ValueError) as error:
+            raise SamplesError(f"sample {index} is damaged: {error}") from error
+
+    @property
+    def worlds(self) -> frozenset[str]:
+        """Hashes of the buildings."""
+        return frozenset(str(facts["world"]) for facts in self.about)
+
+
+def check_apart(splits: dict[str, Samples]) -> None:
+    """Make sure that no building is in two splits.
+
+    Raises:
+        SamplesError: if one is.
+    """
+    names = list(splits)
+    for number, one in enumerate(names):
+        for other in names[number + 1 :]:
+            both = splits[one].worlds & splits[other].worlds
+            if both:
+                raise SamplesError(f"{len(both)} buildings are both in {one} and in {other}")

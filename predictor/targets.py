@@ -1,0 +1,75 @@
+"""From samples to what a network is given and what it is asked for, a batch at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import Tensor
+
+from predictor.compact_net import FREE, HIDDEN, OCCUPIED, ROOM
+
+REACH = 3
+"""ROOM asks for a free square that reaches this far around a cell [cells]: 0.35 m wide, a car's
+width and a cell."""
+
+
+def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]) -> Tensor:
+    """The middles of some samples, (B, side, side) uint8 codes.
+
+    Args:
+        samples: codes, each (SIDE, SIDE).
+        side: of the middle [cells].
+        mirror: which to mirror across the heading, (B,).
+    """
+    out = np.empty((len(samples), side, side), dtype=np.uint8)
+    for number, codes in enumerate(samples):
+        first = (codes.shape[0] - side) // 2
+        middle = codes[first : first + side, first : first + side]
+        out[number] = middle[::-1] if mirror[number] else middle
+    return torch.from_numpy(out)
+
+
+def known_of(codes: Tensor) -> Tensor:
+    """The network's input (B, 2, H, W) of codes (B, H, W): seen free, seen occupied."""
+    seen = codes % 3
+    known = torch.stack([seen == 0, seen == 1], dim=1).float()
+    return known.to(memory_format=torch.channels_last)
+
+
+def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean negative log-likelihood [nat] of what was not seen: of the classes, and of ROOM.
+
+    Args:
+        logits: (B, 4, H, W).
+        codes: (B, H, W).
+    """
+    truth, unseen = (codes // 3).long(), codes % 3 == 2
+    logs = F.log_softmax(logits[:, :ROOM], dim=1)
+    of_truth = logs.gather(1, truth[:, None])[:, 0]
+    room, asked = room_of(codes)
+    of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room, reduction="none")
+    return (
+        -(of_truth * unseen).sum() / unseen.sum().clamp(min=1),
+        (of_room * asked).sum() / asked.sum().clamp(min=1),
+    )
+
+
+def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
+    """Where there is truly room around a cell, and where that is a question: (B, H, W) float.
+
+    It is none where the square was seen whole, or something in it was seen occupied.
+    """
+    around = 2 * REACH + 1
+
+    def widened(mask: Tensor) -> Tensor:
+        return F.max_pool2d(mask.float()[:, None], around, 1, REACH)[:, 0]
+
+    room = 1.0 - widened(codes // 3 != FREE)
+    asked = widened(codes % 3 == 2) * (1.0 - widened(codes % 3 == 1))
+    return room, asked
+
+
+__all__ = ["FREE", "HIDDEN", "OCCUPIED", "REACH", "ROOM", "batch_of", "known_of", "losses",
+           "room_of"]  # fmt: skip

@@ -1,0 +1,360 @@
+"""Train the compact network.
+
+    python -m predictor.train                      about an hour on 2 cores, samples included
+    python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
+
+A checkpoint holds everything that decides what comes next, and what a step does depends on its
+number and the seed alone: a training that was killed and started again by the same command ends
+as if it had not been.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from predictor.compact_net import CompactNet
+    from predictor.samples import Samples
+    from predictor.scores import Scores
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """What decides the numbers of a training.
+
+    Attributes:
+        steps: of the optimiser.
+        batch: samples a step, of the usual side; fewer of a larger one, more of a smaller.
+        rate: highest learning rate.
+        warmup: steps in which it rises; then it falls along a cosine to nothing.
+        decay: of weights, by AdamW.
+        average: of weights from step to step: how much of the old average stays.
+        seed: of the first weights and of the order of samples.
+    """
+
+    steps: int = 12_000
+    batch: int = 32
+    rate: float = 2e-3
+    warmup: int = 300
+    decay: float = 0.02
+    average: float = 0.998
+    seed: int = 0
+
+
+SIDES = (200, 200, 200, 120, 160, 240, 280)
+"""Sides of what a step learns from [cells], drawn from: windows and expansions differ."""
+USUAL = 200
+"""The side at a window of 5 m, twice expanded."""
+VALIDATED = 768
+"""Samples of a validation."""
+
+
+class Trainer:
+    """A training that can be left and taken up again.
+
+    Args:
+        config: what decides its numbers.
+        train: samples to learn from.
+        validation: samples to measure on.
+        out: folder of checkpoint, log and weights.
+
+    Raises:
+        TrainError: if the folder holds another training.
+    """
+
+    def __init__(self, config: TrainConfig, train: Samples, validation: Samples, out: Path) -> None:
+        import torch
+
+        from predictor.compact_net import CompactNet
+
+        self.config, self.train, self.validation, self.out = config, train, validation, out
+        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.brief = self.device.type == "cuda" or bool(
+            torch.cpu.get_capabilities().get("avx512_bf16")
+        )
+        torch.manual_seed(config.seed)
+        self.net = CompactNet().to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
+        self.optimizer = torch.optim.AdamW(self.net.parameters(), config.rate, (0.9, 0.98),
+                                           weight_decay=config.decay)  # fmt: skip
+        self.step = 0
+        self.log: list[dict[str, float]] = []
+        self.losses: list[float] = []
+        """Of the steps since the last validation."""
+        out.mkdir(parents=True, exist_ok=True)
+        self._facts = {"config": dataclasses.asdict(config), "drives": len(train.about),
+                       "samples": len(train), "worlds": sorted(train.worlds)}  # fmt: skip
+        self._resume()
+
+    @property
+    def checkpoint(self) -> Path:
+        """Where the state is kept."""
+        return self.out / "checkpoint.pt"
+
+    def run(self, validate_every: int, save_every: float) -> None:
+        """Train to the end, with a progress bar.
+
+        Args:
+            validate_every: steps.
+            save_every: seconds between checkpoints.
+        """
+        from tqdm import tqdm
+
+        steps = self.config.steps
+        saved = time.monotonic()
+        with (
+            tqdm(total=steps, initial=self.step, unit="step", smoothing=0.05) as bar,
+            ThreadPoolExecutor(1) as ahead,
+        ):
+            for codes in self._batches(ahead):
+                self.losses.append(self._learn(codes))
+                self.step += 1
+                bar.update()
+                if self.step % validate_every == 0 or self.step == steps:
+                    self._note()
+                    last = self.log[-1]
+                    bar.set_postfix_str(
+                        f"loss {last['loss']:.3f}, validation: NLL {last['nll']:.3f}, "
+                        f"IoU free {last['iou_free']:.3f}, ECE {last['ece_free']:.3f}"
+                    )
+                if time.monotonic() - saved > save_every or self.step == steps:
+                    self.save()
+                    saved = time.monotonic()
+        self.export()
+
+    def save(self) -> None:
+        """Write the checkpoint, whole or not at all."""
+        import torch
+
+        temporary = self.checkpoint.with_suffix(".tmp")
+        state = {
+            "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
+            "net": self.net.state_dict(), "averaged": self.averaged,
+            "optimizer": self.optimizer.state_dict(),
+        }  # fmt: skip
+        torch.save(state, temporary)
+        os.replace(temporary, self.checkpoint)
+
+    def export(self) -> Path:
+        """Write the averaged weights, the log, and the curve."""
+        from benchmarks.store import commit
+        from predictor.weights import save_weights
+
+        facts = self._facts | {"commit": commit(), "validation": self.log[-1], "step": self.step,
+                               "validation_worlds": sorted(self.validation.worlds)}  # fmt: skip
+        path = self.out / "compact.safetensors"
+        save_weights(path, self.smoothed(), facts)
+        draw_curve(self.log, self.out / "curve.png")
+        return path
+
+    def smoothed(self) -> CompactNet:
+        """The network of averaged weights, which is what is measured and shipped."""
+        import torch
+
+        from predictor.compact_net import CompactNet
+
+        net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        net.load_state_dict(self.averaged)
+        return net.eval()
+
+    def _resume(self) -> None:
+        import torch
+
+        if not self.checkpoint.exists():
+            return
+        try:
+            state = torch.load(self.checkpoint, map_location=self.device, weights_only=True)
+            theirs = state["facts"]
+        except Exception as error:
+            raise TrainError(f"{self.checkpoint} cannot be read: {error}; delete it to start "
+                             "again") from error  # fmt: skip
+        if theirs != self._facts:
+            other = ", ".join(sorted(k for k in self._facts if theirs.get(k) != self._facts[k]))
+            raise TrainError(f"{self.out} holds a training with another {other}; choose another "
+                             "folder by --out")  # fmt: skip
+        self.net.load_state_dict(state["net"])
+        self.averaged = state["averaged"]
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.step, self.log, self.losses = state["step"], state["log"], state["losses"]
+
+    def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[Tensor]:
+        """The codes of each step still to be made, one made ready while another is learnt from."""
+        coming = ahead.submit(self._batch, self.step)
+        for step in range(self.step, self.config.steps):
+            codes = coming.result()
+            coming = ahead.submit(self._batch, step + 1)
+            yield codes
+
+    def _batch(self, step: int) -> Tensor:
+        import numpy as np
+
+        from predictor.targets import batch_of
+
+        rng = np.random.default_rng([self.config.seed, step])
+        side = int(rng.choice(SIDES))
+        count = max(1, round(self.config.batch * (USUAL / side) ** 2))
+        chosen = rng.integers(len(self.train), size=count)
+        return batch_of([self.train[int(i)] for i in chosen], side, rng.random(count) < 0.5)
+
+    def _learn(self, codes: Tensor) -> float:
+        """One step of the optimiser; the loss before it."""
+        import torch
+
+        from predictor.targets import known_of, losses
+
+        config, step = self.config, self.step
+        share = min(1.0, (step + 1) / config.warmup)
+        fall = 0.5 * (1.0 + math.cos(math.pi * step / config.steps))
+        for group in self.optimizer.param_groups:
+            group["lr"] = config.rate * share * fall
+        self.net.train()
+        codes = codes.to(self.device)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
+            logits = self.net(known_of(codes))
+        loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        self.optimizer.step()
+        # Early on, the average follows fast: it must forget the first weights.
+        keep = min(config.average, step / (step + 10.0))
+        with torch.no_grad():
+            for name, values in self.net.state_dict().items():
+                if values.dtype.is_floating_point:
+                    self.averaged[name].lerp_(values, 1.0 - keep)
+                else:
+                    self.averaged[name].copy_(values)
+        return float(loss)
+
+    def _note(self) -> None:
+        """Validate, and write it down."""
+        entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
+        self.losses = []
+        self.log.append(entry | validate(self.smoothed(), self.validation).measures())
+        lines = "".join(json.dumps(line) + "\n" for line in self.log)
+        (self.out / "log.jsonl").write_text(lines, encoding="utf-8")
+
+
+class TrainError(ValueError):
+    """A training cannot be done or taken up; the message is one line."""
+
+
+def validate(net: CompactNet, samples: Samples, count: int = VALIDATED) -> Scores:
+    """Scores of a network on samples spread evenly over a set, of the usual side."""
+    import numpy as np
+    import torch
+
+    from predictor.compact_net import ROOM
+    from predictor.scores import RINGS, Scores
+    from predictor.targets import batch_of, known_of
+
+    scores = Scores()
+    device = next(net.parameters()).device
+    chosen = np.unique(np.linspace(0, len(samples) - 1, count).astype(int))
+    for start in range(0, len(chosen), 32):
+        part = [samples[int(i)] for i in chosen[start : start + 32]]
+        codes = batch_of(part, USUAL, np.zeros(len(part), dtype=bool))
+        with torch.inference_mode():
+            logits = net(known_of(codes.to(device)))[:, :ROOM]
+        p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
+        truth, seen = codes.numpy() // 3, codes.numpy() % 3
+        ring = np.where(seen == 2, np.int8(RINGS - 1), np.int8(-1))
+        scores.add(p_free, p_occupied, truth == 0, truth == 1, ring)
+    return scores
+
+
+def draw_curve(log: list[dict[str, float]], path: Path) -> None:
+    """The training curve: loss, and what validation says."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4), layout="constrained")
+    steps = [entry["step"] for entry in log]
+    panels = (
+        ("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"),
+    )  # fmt: skip
+    for axis, names in zip(axes, panels, strict=True):
+        for name in names:
+            label = name.replace("_", " ") + (" (training)" if name == "loss" else "")
+            axis.plot(steps, [entry[name] for entry in log], label=label)
+        axis.set_xlabel("step")
+        axis.grid(alpha=0.3)
+        axis.legend(frameon=False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
+    from predictor.drives import DrivesConfig
+
+    default, drives = TrainConfig(), DrivesConfig()
+    parser = argparse.ArgumentParser(
+        prog="predictor.train",
+        description="Train the compact network. Samples that are not there yet are made first. "
+        "Interrupted, it goes on where it was: give the same command again.",
+    )
+    add = parser.add_argument
+    add("--data", type=Path, default=drives.out, metavar="DIR", help="default: %(default)s")
+    add("--out", type=Path, default=Path("results/train"), metavar="DIR",
+        help="checkpoint, log, curve and weights (default: %(default)s)")  # fmt: skip
+    add("--train", type=int, default=drives.train, metavar="N", help="drives to learn from "
+        "(default: %(default)s)")  # fmt: skip
+    add("--validation", type=int, default=drives.validation, metavar="N", help="drives to measure "
+        "on (default: %(default)s)")  # fmt: skip
+    add("--steps", type=int, default=default.steps, metavar="N", help="default: %(default)s")
+    add("--batch", type=int, default=default.batch, metavar="N", help="default: %(default)s")
+    add("--seed", type=int, default=default.seed, metavar="N", help="default: %(default)s")
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes, threads")
+    args = parser.parse_args(argv)
+    for name in ("train", "validation", "steps", "batch", "jobs"):
+        if getattr(args, name) < 1:
+            print(f"predictor.train: --{name} must be at least 1", file=sys.stderr)
+            return 2
+    try:
+        print(_run(args))
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    except ValueError as error:
+        print(f"predictor.train: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run(args: Any) -> Path:
+    from predictor.drives import DrivesConfig, make
+
+    make(DrivesConfig(args.data, args.train, args.validation), args.jobs)
+    # After the drives, whose processes must not wait for it.
+    import torch
+
+    from predictor.samples import Samples, check_apart
+
+    torch.set_num_threads(args.jobs)
+    train = Samples.load(args.data / "train", args.train)
+    validation = Samples.load(args.data / "validation", args.validation)
+    check_apart({"train": train, "validation": validation})
+    config = TrainConfig(steps=args.steps, batch=args.batch, seed=args.seed)
+    trainer = Trainer(config, train, validation, args.out)
+    trainer.run(validate_every=max(1, min(500, args.steps // 10)), save_every=60.0)
+    return trainer.export()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
