@@ -40,7 +40,7 @@ def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-
 
     try:
         load_predictor(settings.predictor)
-        for place in sources(settings):
+        for place in sources(settings.world):
             if place.endswith((".yaml", ".yml")):
                 load_world(place)
     except (PredictorError, MapError) as error:

@@ -22,14 +22,14 @@ from sim.task import NoTaskError, Task, sample_task
 from sim.world import sealed
 
 
-def sources(settings: Settings) -> list[str]:
-    """The families and map files that the episodes take in turn.
+def sources(names: tuple[str, ...]) -> list[str]:
+    """The families and map files that `--world` names, folders opened.
 
     Raises:
         UsageError: if one is neither a family, nor a map, nor a folder with maps.
     """
     found: list[str] = []
-    for name in settings.world:
+    for name in names:
         path = Path(name)
         if name in FAMILIES:
             found.append(name)
@@ -56,10 +56,18 @@ def task_of(settings: Settings, index: int) -> Task:
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
     """
-    places = sources(settings)
+    places = sources(settings.world)
     place, seed = places[index % len(places)], settings.seed + index // len(places)
+    return task_in(place, seed, CarConfig(v_max=settings.v_max))
+
+
+def task_in(place: str, seed: int, car: CarConfig) -> Task:
+    """A task in one of `sources`.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
     world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
-    car = CarConfig(v_max=settings.v_max)
     try:
         return sample_task(world, seed, car)
     except NoTaskError:
@@ -87,6 +95,8 @@ def drive(
         expansion=settings.expansion,
         risk=settings.risk if arm.risk is None else arm.risk,
         steer=arm.steer,
+        # Whatever the machine is busy with, a drive must come out the same.
+        deadline=30.0,
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
         car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
                       car.turning_radius, car.body),

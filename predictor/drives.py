@@ -10,9 +10,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from predictor.grid import OccupancyGrid
+    from sim.lidar import LidarConfig
+    from sim.task import Task
 
 SPLITS = {"train": 1_000_000, "validation": 500_000}
 """First seed of each split. What is measured and published uses seeds far below both."""
@@ -50,11 +60,9 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     """
     import numpy as np
 
-    from planner.navigator import NavigatorConfig
-    from predictor.body import Body
     from predictor.grid import FREE, paste
     from predictor.samples import SIDE, encoded, world_hash, write_samples
-    from sim import Lidar, LidarConfig
+    from sim import LidarConfig
     from sim.families import generate
     from sim.task import NoTaskError, sample_task
     from sim.variation import varied
@@ -64,36 +72,32 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     rng = np.random.default_rng(seed)
     family = FAMILIES[number % len(FAMILIES)]
     world = varied(generate(family, seed), rng)
+    frame, free, surface = world.grid.frame, world.grid.cells == FREE, world.surface
     samples: list[bytes] = []
     windows: list[float] = []
     try:
         task = sample_task(world, seed)
     except NoTaskError:
-        task = None
-    if task is not None:
-        states = _drive(task, float(rng.choice(WINDOWS)), rng)
-        frame = world.grid.frame
-        free, surface = world.grid.cells == FREE, world.surface
-        for _ in range(config.views):
-            known = task.blank(float(rng.choice(WINDOWS)))
-            known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
-            noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
-            lidar = Lidar(LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05]))))
-            first = int(rng.integers(config.every))
-            for tick, state in enumerate(states):
-                known.integrate(lidar.scan(world, state, rng), state)
-                if tick % config.every != first:
-                    continue
-                side = known.frame.square(state[0], state[1], SIDE * frame.resolution)
-                samples.append(
-                    encoded(
-                        known.crop(side),
-                        paste(frame, free, side, np.bool_(False)),
-                        paste(frame, surface, side, np.bool_(False)),
-                        float(state[2]),
-                    )
+        views = []
+    else:
+        # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
+        states = driven(task, float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0])), rng)
+        views = [float(rng.choice(WINDOWS)) for _ in range(config.views)]
+    for window in views:
+        noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
+        lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
+        first = int(rng.integers(config.every))
+        for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
+            side = known.frame.square(state[0], state[1], SIDE * frame.resolution)
+            samples.append(
+                encoded(
+                    known.crop(side),
+                    paste(frame, free, side, np.bool_(False)),
+                    paste(frame, surface, side, np.bool_(False)),
+                    float(state[2]),
                 )
-                windows.append(known.window)
+            )
+            windows.append(window)
     path = path_of(config, item)
     path.parent.mkdir(parents=True, exist_ok=True)
     about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells)}
@@ -101,20 +105,52 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     return len(samples)
 
 
-def _drive(task, window: float, rng):  # type: ignore[no-untyped-def]
-    """The states (T, 4) of a drive, careful or careless."""
+def driven(task: Task, window: float, risk: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """The states (T, 4) of a drive without prediction.
+
+    Args:
+        task: where.
+        window: of the LIDAR [m].
+        risk: 0: careful; 1: relying on all that was not seen occupied.
+        rng: noise of the LIDAR.
+    """
     import numpy as np
 
     from planner.navigator import Navigator, NavigatorConfig
     from sim import DubinsCar, Lidar
     from sim.episode import EpisodeConfig, run_episode
 
-    # Half the drives rely on all that was not seen occupied: they are faster, and end otherwise.
-    config = NavigatorConfig(window=window, risk=float(rng.choice([0.0, 1.0])))
+    config = NavigatorConfig(window=window, risk=risk)
     start = np.array(task.start)
     navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
     episode = run_episode(task, navigator, DubinsCar(), Lidar(), EpisodeConfig(), rng)
-    return episode.trace["states"][:-1]
+    states: NDArray[np.float64] = episode.trace["states"][:-1]
+    return states
+
+
+def seen_again(
+    task: Task,
+    states: NDArray[np.float64],
+    window: float,
+    lidar: LidarConfig,
+    rng: np.random.Generator,
+    every: int,
+    first: int = 0,
+) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
+    """A drive through another LIDAR: what is known, and the state, every few ticks.
+
+    The grid is one and grows; take from it what is to be kept.
+    """
+    from planner.navigator import NavigatorConfig
+    from predictor.body import Body
+    from sim import Lidar
+
+    known, sensor = task.blank(window), Lidar(lidar)
+    known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
+    for tick, state in enumerate(states):
+        known.integrate(sensor.scan(task.world, state, rng), state)
+        if tick % every == first:
+            yield known, state
 
 
 def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:

@@ -131,7 +131,7 @@ class Samples:
             codes.append(block)
             about.append(facts)
             windows.append(sides)
-            begin = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+            begin = np.concatenate([[0], ends])[: len(ends)].astype(np.int64)
             starts.append(np.column_stack([np.full(len(ends), drive), begin, ends]))
         return cls(codes, np.concatenate(starts), np.concatenate(windows), about)
 

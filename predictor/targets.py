@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from predictor.compact_net import FREE, HIDDEN, OCCUPIED, ROOM
+from predictor.compact_net import FREE, ROOM
 
 REACH = 3
 """ROOM asks for a free square that reaches this far around a cell [cells]: 0.35 m wide, a car's
@@ -49,7 +49,7 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     logs = F.log_softmax(logits[:, :ROOM], dim=1)
     of_truth = logs.gather(1, truth[:, None])[:, 0]
     room, asked = room_of(codes)
-    of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room, reduction="none")
+    of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room.float(), reduction="none")
     return (
         -(of_truth * unseen).sum() / unseen.sum().clamp(min=1),
         (of_room * asked).sum() / asked.sum().clamp(min=1),
@@ -57,19 +57,24 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Where there is truly room around a cell, and where that is a question: (B, H, W) float.
+    """Where there is truly room around a cell, and where that is a question: (B, H, W) bool."""
+    return widened((codes // 3 != FREE).float()) == 0.0, question(codes % 3)[1]
 
-    It is none where the square was seen whole, or something in it was seen occupied.
+
+def question(seen: Tensor) -> tuple[Tensor, Tensor]:
+    """Where what was seen leaves no room around a cell, and where it leaves the question open.
+
+    Args:
+        seen: 0 free, 1 occupied, 2 not seen, (B, H, W).
+
+    Returns:
+        Whether the square around a cell holds something seen occupied, and whether it holds
+        nothing such, but something not seen: (B, H, W) bool. Else all of it was seen free.
     """
-    around = 2 * REACH + 1
-
-    def widened(mask: Tensor) -> Tensor:
-        return F.max_pool2d(mask.float()[:, None], around, 1, REACH)[:, 0]
-
-    room = 1.0 - widened(codes // 3 != FREE)
-    asked = widened(codes % 3 == 2) * (1.0 - widened(codes % 3 == 1))
-    return room, asked
+    barred = widened((seen == 1).float()) > 0.0
+    return barred, (widened((seen == 2).float()) > 0.0) & ~barred
 
 
-__all__ = ["FREE", "HIDDEN", "OCCUPIED", "REACH", "ROOM", "batch_of", "known_of", "losses",
-           "room_of"]  # fmt: skip
+def widened(values: Tensor) -> Tensor:
+    """The largest value in the square around each cell, (B, H, W)."""
+    return F.max_pool2d(values[:, None], 2 * REACH + 1, 1, REACH)[:, 0]

@@ -237,7 +237,7 @@ class Trainer:
                     self.averaged[name].lerp_(values, 1.0 - keep)
                 else:
                     self.averaged[name].copy_(values)
-        return float(loss)
+        return float(loss.detach())
 
     def _note(self) -> None:
         """Validate, and write it down."""

@@ -1,0 +1,107 @@
+"""The learned predictor: a compact network, trained on generated buildings, with its weights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+from torch import Tensor
+
+from predictor.compact_net import FREE, OCCUPIED, ROOM
+from predictor.grid import Grid
+from predictor.prediction import Prediction
+from predictor.samples import quarters
+from predictor.targets import question, widened
+from predictor.weights import load_weights
+
+SHIPPED = Path(__file__).with_name("compact.safetensors")
+"""The weights that come with the package; their card lies beside them."""
+RESOLUTION = 0.05
+"""Of the maps that the network was trained on [m]; others are resampled to it."""
+
+
+class Compact:
+    """Predicts what a network has learned of buildings.
+
+    The probabilities are those of single cells. A car needs room: the confidence is what is left
+    of p_free when the question is not whether a cell is free, but whether it lies in a free square
+    as wide as the car. So confidence * p_free, which the planner relies upon, is the probability of
+    the best such square around the cell.
+
+    Args:
+        weights: a .safetensors file; the shipped one by default.
+
+    Raises:
+        WeightsError: if the file does not hold weights of this network.
+    """
+
+    def __init__(self, weights: Path = SHIPPED) -> None:
+        net, self.facts = load_weights(weights)
+        self.net = net.folded()
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+        """Predict the rest of a window.
+
+        Raises:
+            ValueError: if the window is empty or the pose not finite.
+        """
+        if known.cells.size == 0:
+            raise ValueError("the window is empty: there is no cell to predict")
+        if not np.isfinite(pose).all():
+            raise ValueError(f"pose is {pose}, it must be finite")
+        turns = quarters(float(pose[2]))
+        seen, rows, cols = _resampled(known)
+        outputs = self._outputs(np.rot90(seen, turns))
+        p_free, p_occupied, trust = np.rot90(outputs, -turns, axes=(1, 2))[:, rows[:, None], cols]
+        p_free = np.where(known.unknown, p_free, known.free).astype(np.float32)
+        p_occupied = np.where(known.unknown, p_occupied, known.occupied).astype(np.float32)
+        # Whatever the network says of a map in which nothing was seen, it has no reason to.
+        trust = np.where(known.unknown, trust, known.free) * bool((~known.unknown).any())
+        confidence = np.minimum(trust / np.maximum(p_free, 1e-6), 1.0)
+        confidence = np.where(known.unknown, confidence, 1.0).astype(np.float32)
+        return Prediction(known.frame, p_free, p_occupied, confidence)
+
+    def _outputs(self, seen: NDArray[np.int8]) -> NDArray[np.float32]:
+        """p_free, p_occupied and trust (3, rows, columns) of a map that looks along +x."""
+        rows, cols = seen.shape
+        multiple = self.net.config.multiple
+        padding = [((-n % multiple) // 2, -n % multiple - (-n % multiple) // 2) for n in seen.shape]
+        padded = np.pad(seen, padding, constant_values=2)
+        with torch.inference_mode():
+            codes = torch.from_numpy(np.ascontiguousarray(padded))[None]
+            known = torch.stack([codes == 0, codes == 1], dim=1).float()
+            logits = self.net(known.contiguous(memory_format=torch.channels_last))
+            classes = torch.softmax(logits[:, :ROOM], dim=1)[0]
+            trust = _trust(torch.sigmoid(logits[:, ROOM]), codes)[0]
+        top, left = padding[0][0], padding[1][0]
+        out = torch.stack([classes[FREE], classes[OCCUPIED], trust]).numpy()
+        return np.asarray(out[:, top : top + rows, left : left + cols])
+
+
+def _trust(room: Tensor, codes: Tensor) -> Tensor:
+    """Probability of the likeliest free square around each cell, (B, H, W).
+
+    Args:
+        room: probability that the square around a cell is free, (B, H, W).
+        codes: what was seen there, (B, H, W).
+    """
+    barred, asked = question(codes)
+    certain = torch.where(barred, 0.0, 1.0)
+    return widened(torch.where(asked, room, certain))
+
+
+def _resampled(known: Grid) -> tuple[NDArray[np.int8], NDArray[np.intp], NDArray[np.intp]]:
+    """A map at the network's resolution, and for each row and column of the map its own there."""
+    # In the order in which they win where several cells make one: free, unknown, occupied.
+    rank = np.where(known.free, np.int8(0), np.where(known.occupied, np.int8(2), np.int8(1)))
+    ratio = RESOLUTION / known.frame.resolution
+    back = [((np.arange(n) + 0.5) / ratio).astype(np.intp) for n in known.frame.shape]
+    if abs(ratio - 1.0) > 1e-6:
+        there = [((np.arange(b[-1] + 1) + 0.5) * ratio).astype(np.intp) for b in back]
+        rank = maximum_filter(rank, max(1, round(ratio)), mode="nearest")
+        rank = rank[np.minimum(there[0], rank.shape[0] - 1)[:, None],
+                    np.minimum(there[1], rank.shape[1] - 1)]  # fmt: skip
+    return np.array([0, 2, 1], dtype=np.int8)[rank], back[0], back[1]

@@ -1,0 +1,101 @@
+"""Scoring predictors along drives, over worlds and maps."""
+
+import json
+
+import numpy as np
+import pytest
+
+from predictor.evaluate import EvaluateConfig, group_of, main, score_drive
+from predictor.grid import Grid, GridFrame
+from predictor.scores import Scores
+from sim import empty_straight, save_world
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("halls")
+    save_world(empty_straight(24.0, 3.0), folder / "hall.yaml")
+    save_world(empty_straight(2.0, 2.0), folder / "hut.yaml")
+    return folder
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def evaluated(maps, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out")
+    command = ("--world", maps, "--drives", 1, "--predictors", "none", "extend", "--jobs", 1,
+               "--out", out)  # fmt: skip
+    assert run(*command) == 0
+    return out, command
+
+
+def test_it_writes_scores_and_pictures(evaluated):
+    out, _ = evaluated
+    assert {"results.json", "reliability.png", "rings.png", "sheet.png"} <= {
+        path.name for path in out.iterdir()
+    }
+    results = json.loads((out / "results.json").read_text())
+    (entry,) = results["groups"].values()
+    assert entry["drives"] == 1
+    assert entry["skipped"] == 1
+    rows = entry["predictors"]
+    assert set(rows) == {"none", "none (c·p)", "extend", "extend (c·p)", "grey"}
+    assert rows["extend"]["iou_free"] > rows["none"]["iou_free"] == 0.0
+    assert rows["extend"]["brier_free"] < rows["none"]["brier_free"]
+    assert rows["extend"]["ssim"] > rows["grey"]["ssim"]
+    assert len(rows["extend"]["rings"]) == 7
+
+
+def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
+    out, command = evaluated
+    before = json.loads((out / "results.json").read_text())["groups"]
+
+    def refuse(*_):
+        pytest.fail("it drove again")
+
+    monkeypatch.setattr("predictor.evaluate.score_drive", refuse)
+    assert run(*command) == 0
+    after = json.loads((out / "results.json").read_text())["groups"]
+    assert json.dumps(after) == json.dumps(before)
+
+
+def test_other_settings_do_not_overwrite_what_is_there(evaluated, capsys):
+    _, command = evaluated
+    assert run(*command, "--window", 7) == 2
+    assert "other settings" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [("--world", "nowhere"), ("--predictors", "nobody"), ("--drives", 0), ("--expansion", 0.5)],
+)
+def test_bad_arguments_are_one_line(wrong, tmp_path, capsys):
+    assert run(*wrong, "--out", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("predictor.evaluate: ")
+    assert error.count("\n") == 1
+
+
+def test_cells_that_were_seen_do_not_count(maps):
+    config = EvaluateConfig((str(maps / "hall.yaml"),), ("none",), 1, every=20)
+    facts, arrays = score_drive(config, (str(maps / "hall.yaml"), 0))
+    scores = Scores(**{key: arrays[f"none/{key}"] for key in vars(Scores())})
+    cells = facts["moments"] * 200 * 200
+    assert 0 < scores.measures()["cells"] < cells
+    # `none` gives no cell a chance of being free: all its mass is in the lowest level.
+    assert scores.free[:, 1:].sum() == 0
+
+
+def test_maps_are_reported_under_their_folder(maps):
+    assert group_of("office") == "office"
+    assert group_of(str(maps / "hall.yaml")) == maps.name
+
+
+def test_the_image_of_a_map_is_the_papers():
+    from predictor.evaluate import image_of
+
+    known = Grid(GridFrame(0.05, (0.0, 0.0), (1, 3)), np.array([[0, 100, -1]], np.int8))
+    assert image_of(known, None).tolist() == [[1.0, 0.0, 0.5]]

@@ -1,0 +1,141 @@
+"""Training: it learns, it can be killed at any moment, and it says what it was made of."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from predictor import train
+from predictor.drives import seen_again
+from predictor.grid import FREE, paste
+from predictor.samples import SIDE, Samples, encoded, world_hash, write_samples
+from predictor.train import TrainConfig, Trainer, TrainError, main
+from predictor.weights import load_weights
+from sim import LidarConfig
+from sim.families import generate
+from sim.task import sample_task
+
+CONFIG = TrainConfig(steps=12, batch=2, warmup=4)
+
+
+def some_drive(folder, seed):
+    """A way through a building, without driving it: quick, and good enough to learn from."""
+    task = sample_task(generate("narrow", seed), seed)
+    world, rng = task.world, np.random.default_rng(seed)
+    ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
+    states = np.column_stack([task.waypoints, np.arctan2(ways[:, 1], ways[:, 0])])
+    frame, free = world.grid.frame, world.grid.cells == FREE
+    samples = []
+    for known, state in seen_again(task, states, 5.0, LidarConfig(), rng, 1):
+        side = known.frame.square(state[0], state[1], SIDE * frame.resolution)
+        samples.append(
+            encoded(
+                known.crop(side),
+                paste(frame, free, side, np.bool_(False)),
+                paste(frame, world.surface, side, np.bool_(False)),
+                state[2],
+            )
+        )
+    about = {"family": "narrow", "seed": seed, "world": world_hash(world.grid.cells)}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_samples(folder / f"{seed:06d}.npz", samples, [5.0] * len(samples), about)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data")
+    for split, seeds in (("train", (1, 2)), ("validation", (3,))):
+        for seed in seeds:
+            some_drive(folder / split, seed)
+    return folder
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Small maps, one thread: a step takes a moment, and sums come out in one order."""
+    monkeypatch.setattr(train, "SIDES", (40, 80))
+    monkeypatch.setattr(train, "USUAL", 80)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def trainer(data, out, config=CONFIG):
+    train_set, validation = (Samples.load(data / name) for name in ("train", "validation"))
+    return Trainer(config, train_set, validation, out)
+
+
+def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, monkeypatch):
+    trainer(data, tmp_path / "whole").run(validate_every=4, save_every=0.0)
+    killed = trainer(data, tmp_path / "killed")
+    learn = killed._learn
+
+    def die(codes):
+        if killed.step == 6:
+            raise KeyboardInterrupt
+        return learn(codes)
+
+    monkeypatch.setattr(killed, "_learn", die)
+    with pytest.raises(KeyboardInterrupt):
+        killed.run(validate_every=4, save_every=0.0)
+    again = trainer(data, tmp_path / "killed")
+    assert again.step == 6
+    again.run(validate_every=4, save_every=0.0)
+    one, two = (tmp_path / name / "log.jsonl" for name in ("whole", "killed"))
+    assert one.read_text() == two.read_text()
+    assert [json.loads(line)["step"] for line in one.read_text().splitlines()] == [4, 8, 12]
+    nets = [load_weights(tmp_path / n / "compact.safetensors")[0] for n in ("whole", "killed")]
+    assert all(
+        torch.equal(a, b)
+        for a, b in zip(nets[0].state_dict().values(), nets[1].state_dict().values(), strict=True)
+    )
+
+
+def test_it_learns(data, tmp_path, small):
+    longer = TrainConfig(steps=60, batch=4, warmup=10)
+    trainer(data, tmp_path, longer).run(validate_every=20, save_every=60.0)
+    losses = [json.loads(line)["loss"] for line in (tmp_path / "log.jsonl").open()]
+    assert losses[-1] < 0.8 * losses[0]
+    assert (tmp_path / "curve.png").stat().st_size > 5000
+
+
+def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, small):
+    one = trainer(data, tmp_path)
+    one.run(validate_every=12, save_every=60.0)
+    _, facts = load_weights(tmp_path / "compact.safetensors")
+    assert facts["worlds"] == sorted(one.train.worlds)
+    assert facts["validation_worlds"] == sorted(one.validation.worlds)
+    assert facts["config"]["steps"] == 12
+
+
+def test_another_training_in_the_folder_is_not_overwritten(data, tmp_path, small):
+    trainer(data, tmp_path).save()
+    with pytest.raises(TrainError, match="another config"):
+        trainer(data, tmp_path, TrainConfig(steps=13, batch=2, warmup=4))
+
+
+def test_a_damaged_checkpoint_is_named(data, tmp_path, small):
+    one = trainer(data, tmp_path)
+    one.save()
+    one.checkpoint.write_bytes(one.checkpoint.read_bytes()[:1000])
+    with pytest.raises(TrainError, match="cannot be read"):
+        trainer(data, tmp_path)
+
+
+@pytest.mark.slow
+def test_one_command_makes_samples_trains_and_writes_weights(tmp_path):
+    data, out = tmp_path / "data", tmp_path / "out"
+    assert main(["--data", str(data), "--out", str(out), "--train", "1", "--validation", "1",
+                 "--steps", "4", "--batch", "2"]) == 0  # fmt: skip
+    assert len(Samples.load(data / "train")) > 20
+    assert {"checkpoint.pt", "log.jsonl", "curve.png", "compact.safetensors"} <= {
+        path.name for path in out.iterdir()
+    }
+
+
+@pytest.mark.parametrize("wrong", [["--steps", "0"], ["--train", "-1"], ["--jobs", "0"]])
+def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
+    assert main(wrong) == 2
+    assert wrong[0] in capsys.readouterr().err
