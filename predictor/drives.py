@@ -78,12 +78,13 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     try:
         task = sample_task(world, seed)
     except NoTaskError:
-        views = []
+        views = 0
     else:
         # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
         states = driven(task, float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0])), rng)
-        views = [float(rng.choice(WINDOWS)) for _ in range(config.views)]
-    for window in views:
+        views = config.views
+    for _ in range(views):
+        window = float(rng.choice(WINDOWS))
         noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
         lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
         first = int(rng.integers(config.every))
