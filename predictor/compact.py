@@ -23,6 +23,9 @@ RESOLUTION = 0.05
 """Of the maps that the network was trained on [m]; others are resampled to it."""
 
 
+Index = slice | NDArray[np.intp]
+
+
 class Compact:
     """Predicts what a network has learned of buildings.
 
@@ -55,17 +58,18 @@ class Compact:
         turns = quarters(float(pose[2]))
         seen, rows, cols = _resampled(known)
         outputs = self._outputs(np.rot90(seen, turns))
-        p_free, p_occupied, trust = np.rot90(outputs, -turns, axes=(1, 2))[:, rows[:, None], cols]
-        p_free = np.where(known.unknown, p_free, known.free).astype(np.float32)
-        p_occupied = np.where(known.unknown, p_occupied, known.occupied).astype(np.float32)
-        # Whatever the network says of a map in which nothing was seen, it has no reason to.
-        trust = np.where(known.unknown, trust, known.free) * bool((~known.unknown).any())
-        confidence = np.minimum(trust / np.maximum(p_free, 1e-6), 1.0)
-        confidence = np.where(known.unknown, confidence, 1.0).astype(np.float32)
+        outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
+        p_free, p_occupied, confidence = outputs
+        if known.unknown.all():
+            # Whatever the network says of a map in which nothing was seen, it has no reason to.
+            confidence[:] = 0.0
+        for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
+                                 (confidence, True)):  # fmt: skip
+            np.copyto(values, observed, where=~known.unknown)
         return Prediction(known.frame, p_free, p_occupied, confidence)
 
     def _outputs(self, seen: NDArray[np.int8]) -> NDArray[np.float32]:
-        """p_free, p_occupied and trust (3, rows, columns) of a map that looks along +x."""
+        """p_free, p_occupied, confidence (3, rows, columns) of a map that looks along +x."""
         rows, cols = seen.shape
         multiple = self.net.config.multiple
         padding = [((-n % multiple) // 2, -n % multiple - (-n % multiple) // 2) for n in seen.shape]
@@ -75,13 +79,14 @@ class Compact:
             known = torch.stack([codes == 0, codes == 1], dim=1).float()
             logits = self.net(known.contiguous(memory_format=torch.channels_last))
             classes = torch.softmax(logits[:, :ROOM], dim=1)[0]
-            trust = _trust(torch.sigmoid(logits[:, ROOM]), codes)[0]
+            room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)[0]
+            confidence = (room / classes[FREE].clamp(min=1e-6)).clamp(max=1.0)
         top, left = padding[0][0], padding[1][0]
-        out = torch.stack([classes[FREE], classes[OCCUPIED], trust]).numpy()
+        out = torch.stack([classes[FREE], classes[OCCUPIED], confidence]).numpy()
         return np.asarray(out[:, top : top + rows, left : left + cols])
 
 
-def _trust(room: Tensor, codes: Tensor) -> Tensor:
+def _likeliest(room: Tensor, codes: Tensor) -> Tensor:
     """Probability of the likeliest free square around each cell, (B, H, W).
 
     Args:
@@ -93,15 +98,20 @@ def _trust(room: Tensor, codes: Tensor) -> Tensor:
     return widened(torch.where(asked, room, certain))
 
 
-def _resampled(known: Grid) -> tuple[NDArray[np.int8], NDArray[np.intp], NDArray[np.intp]]:
-    """A map at the network's resolution, and for each row and column of the map its own there."""
-    # In the order in which they win where several cells make one: free, unknown, occupied.
-    rank = np.where(known.free, np.int8(0), np.where(known.occupied, np.int8(2), np.int8(1)))
+def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
+    """A map at the network's resolution, and for each row and column of the map its own there.
+
+    Its cells are 0 free, 1 occupied, 2 not seen.
+    """
+    # In the order in which they win where several cells make one: free, not seen, occupied.
+    rank = known.unknown + np.int8(2) * known.occupied
+    rows: Index = slice(None)
+    cols: Index = slice(None)
     ratio = RESOLUTION / known.frame.resolution
-    back = [((np.arange(n) + 0.5) / ratio).astype(np.intp) for n in known.frame.shape]
     if abs(ratio - 1.0) > 1e-6:
-        there = [((np.arange(b[-1] + 1) + 0.5) * ratio).astype(np.intp) for b in back]
+        rows, cols = (((np.arange(n) + 0.5) / ratio).astype(np.intp) for n in rank.shape)
+        there = [((np.arange(back[-1] + 1) + 0.5) * ratio).astype(np.intp) for back in (rows, cols)]
         rank = maximum_filter(rank, max(1, round(ratio)), mode="nearest")
         rank = rank[np.minimum(there[0], rank.shape[0] - 1)[:, None],
                     np.minimum(there[1], rank.shape[1] - 1)]  # fmt: skip
-    return np.array([0, 2, 1], dtype=np.int8)[rank], back[0], back[1]
+    return np.asarray(-rank % 3, dtype=np.int8), rows, cols
