@@ -290,7 +290,7 @@ class Navigator:
         return solved
 
     def _goes_on(self, plan: Plan, risk: RiskMap) -> bool:
-        """Whether from a plan's end some arc, or straight on, meets nothing seen occupied."""
+        """Whether from a plan's end some arc, or straight on, meets nothing that is barred."""
         x, y = plan.states[-1, :2]
         if math.hypot(x - self.goal[0], y - self.goal[1]) < 0.8:
             return True
@@ -298,7 +298,7 @@ class Navigator:
         body = car.body.inflated(0.05)
         ways = arcs(plan.states[-1], self._WAYS * car.max_curvature, 2.0 * car.turning_radius, 0.05)
         return any(
-            first_contact(risk.known.occupied, frame.resolution, frame.origin, way,
+            first_contact(risk.barred, frame.resolution, frame.origin, way,
                           body.half_length, body.half_width) < 0
             for way in ways
         )  # fmt: skip

@@ -22,6 +22,7 @@ class RiskMap:
         trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
             free, 0 where seen occupied, (rows, columns).
         safe: cells that a plan may rely upon, (rows, columns).
+        barred: cells seen occupied, or believed with confidence not to be free, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside it, (rows,
             columns); what lies outside the frame is not safe.
     """
@@ -30,6 +31,7 @@ class RiskMap:
     known: Grid
     trust: NDArray[np.float32]
     safe: NDArray[np.bool_]
+    barred: NDArray[np.bool_]
     clearance: NDArray[np.float32]
 
     @classmethod
@@ -54,8 +56,11 @@ class RiskMap:
         if not 0.0 <= epsilon <= 1.0:
             raise ValueError(f"risk is {epsilon}, it must lie in [0, 1]")
         trust = known.free.astype(np.float32)
+        barred = known.occupied.copy()
         if prediction is not None:
             believed = np.nan_to_num(prediction.confidence * prediction.p_free, nan=0.0)
+            # A NaN compares false.
+            blocked = prediction.confidence * (1.0 - prediction.p_free) > 0.5
             row, col = prediction.frame.offset(known.frame)
             rows, cols = known.frame.shape
             r0, r1 = max(0, row), min(prediction.frame.shape[0], row + rows)
@@ -65,13 +70,15 @@ class RiskMap:
                 part = trust[here]
                 unseen = known.unknown[here]
                 part[unseen] = believed[r0:r1, c0:c1][unseen]
+                barred[here] |= unseen & blocked[r0:r1, c0:c1]
         safe = known.free.copy()
         if epsilon > 0.0:
             # 1e-6: a single-precision product of ones must still count at its face value.
             safe |= known.unknown & (trust >= 1.0 - epsilon - 1e-6)
         if margin > 0.0:
             safe &= distance_field(~safe) * known.frame.resolution > margin
-        return cls(known.frame, known, trust, safe, _clearance(safe, known.frame.resolution))
+        clearance = _clearance(safe, known.frame.resolution)
+        return cls(known.frame, known, trust, safe, barred, clearance)
 
     @cached_property
     def obstacle_distance(self) -> NDArray[np.float32]:

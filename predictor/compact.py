@@ -29,10 +29,9 @@ Index = slice | NDArray[np.intp]
 class Compact:
     """Predicts what a network has learned of buildings.
 
-    The probabilities are those of single cells. A car needs room: the confidence is what is left
-    of p_free when the question is not whether a cell is free, but whether it lies in a free square
-    as wide as the car. So confidence * p_free, which the planner relies upon, is the probability of
-    the best such square around the cell.
+    The probabilities are those of single cells. A car needs room: the confidence is 1 less the
+    probability that a cell is free, but in no free square as wide as the car. So where p_free is
+    high, confidence * p_free, which the planner relies upon, is the probability of such a square.
 
     Args:
         weights: a .safetensors file; the shipped one by default.
@@ -80,7 +79,7 @@ class Compact:
             logits = self.net(known.contiguous(memory_format=torch.channels_last))
             classes = torch.softmax(logits[:, :ROOM], dim=1)[0]
             room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)[0]
-            confidence = (room / classes[FREE].clamp(min=1e-6)).clamp(max=1.0)
+            confidence = (1.0 - classes[FREE] + room).clamp(max=1.0)
         top, left = padding[0][0], padding[1][0]
         out = torch.stack([classes[FREE], classes[OCCUPIED], confidence]).numpy()
         return np.asarray(out[:, top : top + rows, left : left + cols])

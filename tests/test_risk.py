@@ -199,3 +199,22 @@ def test_the_distance_field_equals_scipys_exactly_on_large_maps(density):
     mask[200, 17] = True
     exact = distance_transform_edt(~mask).astype(np.float32)
     assert np.array_equal(distance_field(mask), exact)
+
+
+@given(grids, shares_or_nan, shares_or_nan)
+def test_what_is_barred_was_seen_occupied_or_is_firmly_believed_not_to_be_free(
+    known, p_free, confidence
+):
+    barred = RiskMap.from_prediction(known, believed(p_free, confidence), 0.1).barred
+    assert barred[known.occupied].all()
+    assert not barred[known.free].any()
+    unseen = barred[known.unknown]
+    firmly = (confidence * (1 - p_free))[known.unknown]
+    assert (firmly[unseen] > 0.49).all()
+    assert not unseen[np.isnan(firmly)].any()
+    assert unseen[firmly > 0.51].all()
+
+
+@given(grids)
+def test_without_a_prediction_only_what_was_seen_occupied_is_barred(known):
+    assert np.array_equal(RiskMap.from_prediction(known, None, 0.1).barred, known.occupied)
