@@ -159,7 +159,7 @@ def machine() -> dict[str, Any]:
         model = next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
     except (OSError, StopIteration):
         pass
-    packages = ("numpy", "numba", "scipy", "casadi", "daqp", "ompl")
+    packages = ("numpy", "numba", "scipy", "casadi", "daqp", "ompl", "torch")
     return {
         "processor": model,
         "cores": os.cpu_count(),
