@@ -39,7 +39,7 @@ class Settings:
     episodes: int = 12
     seed: int = 0
     arms: tuple[str, ...] = ("known", "predicted", "oracle")
-    predictor: str = "compact"
+    predictor: str = "extend"
     risk: float = 0.1
     v_max: float = 4.0
     window: float = 5.0
@@ -97,7 +97,7 @@ def parse(argv: list[str] | None) -> tuple[Settings, Path, int]:
     add("--arms", default=",".join(default.arms), metavar="A,B",
         help=f"compared: of {', '.join(ARM_NAMES)}, or all")  # fmt: skip
     add("--predictor", default=default.predictor, metavar="P",
-        help="a name (none, extend, compact, or one that a package offers), or module:Class")  # fmt: skip
+        help="none, extend, compact, a name that a package offers, or module:Class")  # fmt: skip
     add("--risk", type=float, default=default.risk, metavar="ε",
         help="0: rely on what was seen free alone; 1: on all not seen occupied")  # fmt: skip
     add("--v-max", type=float, default=default.v_max, metavar="V", help="top speed [m/s]")

@@ -38,15 +38,17 @@ class DrivesConfig:
 
     Attributes:
         out: folder; its splits are folders inside.
-        train: drives to learn from.
+        train: drives to learn from, each in a building of its own.
         validation: drives to tune on.
+        longest: a drive is broken off after this [s]: many buildings teach more than long drives.
         views: times that each drive is seen again.
         every: ticks between two samples.
     """
 
     out: Path = Path("data/drives")
-    train: int = 1000
-    validation: int = 60
+    train: int = 3000
+    validation: int = 300
+    longest: float = 15.0
     views: int = 2
     every: int = 4
 
@@ -81,7 +83,8 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
         views = 0
     else:
         # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
-        states = driven(task, float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0])), rng)
+        window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
+        states = driven(task, window, risk, rng, config.longest)
         views = config.views
     for _ in range(views):
         window = float(rng.choice(WINDOWS))
@@ -106,7 +109,13 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     return len(samples)
 
 
-def driven(task: Task, window: float, risk: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def driven(
+    task: Task,
+    window: float,
+    risk: float,
+    rng: np.random.Generator,
+    longest: float | None = None,
+) -> NDArray[np.float64]:
     """The states (T, 4) of a drive without prediction.
 
     Args:
@@ -114,6 +123,7 @@ def driven(task: Task, window: float, risk: float, rng: np.random.Generator) -> 
         window: of the LIDAR [m].
         risk: 0: careful; 1: relying on all that was not seen occupied.
         rng: noise of the LIDAR.
+        longest: the drive is broken off after this [s]; None: it goes on to its end.
     """
     import numpy as np
 
@@ -122,9 +132,11 @@ def driven(task: Task, window: float, risk: float, rng: np.random.Generator) -> 
     from sim.episode import EpisodeConfig, run_episode
 
     config = NavigatorConfig(window=window, risk=risk)
-    start = np.array(task.start)
+    start, car, ending = np.array(task.start), DubinsCar(), EpisodeConfig()
+    if longest is not None:
+        ending = EpisodeConfig(timeout=longest * car.config.v_max / task.path_length)
     navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
-    episode = run_episode(task, navigator, DubinsCar(), Lidar(), EpisodeConfig(), rng)
+    episode = run_episode(task, navigator, car, Lidar(), ending, rng)
     states: NDArray[np.float64] = episode.trace["states"][:-1]
     return states
 
@@ -188,7 +200,7 @@ def main(argv: list[str] | None = None) -> int:
     add = parser.add_argument
     add("--out", type=Path, default=default.out, metavar="DIR", help="default: %(default)s")
     add("--train", type=int, default=default.train, metavar="N", help="drives to learn from "
-        "(default: %(default)s; one gives about 100 samples)")  # fmt: skip
+        "(default: %(default)s; one gives about 70 samples)")  # fmt: skip
     add("--validation", type=int, default=default.validation, metavar="N",
         help="drives to tune on (default: %(default)s)")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from predictor.compact_net import CompactNet
     from predictor.samples import Samples
-    from predictor.scores import Scores
 
 
 @dataclass(frozen=True)
@@ -58,8 +57,6 @@ SIDES = (200, 200, 200, 120, 160, 240, 280)
 """Sides of what a step learns from [cells], drawn from: windows and expansions differ."""
 USUAL = 200
 """The side at a window of 5 m, twice expanded."""
-VALIDATED = 768
-"""Samples of a validation."""
 
 
 class Trainer:
@@ -151,6 +148,7 @@ class Trainer:
     def export(self) -> Path:
         """Write the averaged weights, the log, and the curve."""
         from benchmarks.store import commit
+        from predictor.curve import draw_curve
         from predictor.weights import save_weights
 
         facts = self._facts | {"commit": commit(), "validation": self.log[-1], "step": self.step,
@@ -241,62 +239,17 @@ class Trainer:
 
     def _note(self) -> None:
         """Validate, and write it down."""
+        from predictor.curve import validate
+
         entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
         self.losses = []
-        self.log.append(entry | validate(self.smoothed(), self.validation).measures())
+        self.log.append(entry | validate(self.smoothed(), self.validation, USUAL).measures())
         lines = "".join(json.dumps(line) + "\n" for line in self.log)
         (self.out / "log.jsonl").write_text(lines, encoding="utf-8")
 
 
 class TrainError(ValueError):
     """A training cannot be done or taken up; the message is one line."""
-
-
-def validate(net: CompactNet, samples: Samples, count: int = VALIDATED) -> Scores:
-    """Scores of a network on samples spread evenly over a set, of the usual side."""
-    import numpy as np
-    import torch
-
-    from predictor.compact_net import ROOM
-    from predictor.scores import RINGS, Scores
-    from predictor.targets import batch_of, known_of
-
-    scores = Scores()
-    device = next(net.parameters()).device
-    chosen = np.unique(np.linspace(0, len(samples) - 1, count).astype(int))
-    for start in range(0, len(chosen), 32):
-        part = [samples[int(i)] for i in chosen[start : start + 32]]
-        codes = batch_of(part, USUAL, np.zeros(len(part), dtype=bool))
-        with torch.inference_mode():
-            logits = net(known_of(codes.to(device)))[:, :ROOM]
-        p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
-        truth, seen = codes.numpy() // 3, codes.numpy() % 3
-        ring = np.where(seen == 2, np.int8(RINGS - 1), np.int8(-1))
-        scores.add(p_free, p_occupied, truth == 0, truth == 1, ring)
-    return scores
-
-
-def draw_curve(log: list[dict[str, float]], path: Path) -> None:
-    """The training curve: loss, and what validation says."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4), layout="constrained")
-    steps = [entry["step"] for entry in log]
-    panels = (
-        ("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"),
-    )  # fmt: skip
-    for axis, names in zip(axes, panels, strict=True):
-        for name in names:
-            label = name.replace("_", " ") + (" (training)" if name == "loss" else "")
-            axis.plot(steps, [entry[name] for entry in log], label=label)
-        axis.set_xlabel("step")
-        axis.grid(alpha=0.3)
-        axis.legend(frameon=False)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
 
 
 def main(argv: list[str] | None = None) -> int:
