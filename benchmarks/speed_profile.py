@@ -62,7 +62,9 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     _profiles(axes[0, 0], drives, v_max)
     _strips(axes[1, 0], drives, room=many)
     world = (runs[0].episode(index, runs[0].arms_of(index)[0]) or {}).get("world", "")
-    axes[0, 0].set_title(f"Episode {index} · {world}", loc="left", fontsize=11, color=INK)
+    # Above the legend, where that is too wide to stand beside it.
+    pad = 22 if len(drives) > 3 else 6
+    axes[0, 0].set_title(f"Episode {index} · {world}", loc="left", fontsize=11, color=INK, pad=pad)
     if many:
         _all_episodes(axes[0, 1], runs, drives)
         axes[0, 1].sharey(axes[0, 0])

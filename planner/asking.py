@@ -63,6 +63,8 @@ class Asker:
             answer, error = answers.get(timeout=patience)
         except queue.Empty:
             raise LateError from None
+        # It has nothing left to do, but on a busy machine it may still seem to when asked next.
+        self._thread.join()
         if error is not None:
             raise RaisedError from error
         try:

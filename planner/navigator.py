@@ -29,6 +29,10 @@ from predictor import (
 from predictor.body import first_contact
 
 
+FIRST_DEADLINE = 180.0
+"""The first answer may have to load and compile first, on a busy machine [s]."""
+
+
 @dataclass(frozen=True)
 class NavigatorConfig:
     """Settings of the chain.
@@ -208,8 +212,7 @@ class Navigator:
         if self._asker is None or (c.risk == 0 and not c.steer):
             return None
         frame = self.known.frame.square(float(state[0]), float(state[1]), c.predicted_side)
-        # The first answer may have to compile or load something first.
-        patience = 30.0 if self._tick == 0 else c.deadline
+        patience = max(FIRST_DEADLINE, c.deadline) if self._tick == 0 else c.deadline
         try:
             return self._asker.ask(self.known.crop(frame), state[:3].copy(), patience)
         except LateError:
