@@ -28,7 +28,6 @@ from predictor import (
 )
 from predictor.body import first_contact
 
-
 FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""
 

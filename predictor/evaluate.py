@@ -120,13 +120,21 @@ def score_drive(
     moments.sort(key=lambda entry: entry[0])
     shown = [moments[0], moments[len(moments) // 2], moments[-1]] if moments else []
     arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}
+    building = world_hash(world.grid.cells)
     facts = {
-        "place": place, "seed": seed, "world": world.name, "hash": world_hash(world.grid.cells),
+        "place": place, "seed": seed, "world": world.name, "hash": building,
+        "learned_by": [name for name, p in predictors.items() if building in _learned(p)],
         "moments": len(similar[BLANK]), "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
         "ms": {k: float(np.median(v)) for k, v in taken.items()},
         "errors": [off for off, _ in shown],
     }  # fmt: skip
     return facts, arrays
+
+
+def _learned(predictor: Any) -> frozenset[str]:
+    """Hashes of the buildings that a predictor says it was trained or tuned on."""
+    facts = getattr(predictor, "facts", {})
+    return frozenset(facts.get("worlds", ())) | frozenset(facts.get("validation_worlds", ()))
 
 
 def image_of(known: Grid, prediction: Prediction | None) -> NDArray[np.float64]:
@@ -234,6 +242,7 @@ class Evaluation:
                 "drives": len(scored),
                 "skipped": len(facts[group]) - len(scored),
                 "moments": sum(fact["moments"] for fact in scored),
+                "learned": sum(bool(fact["learned_by"]) for fact in scored),
                 "predictors": {},
             }
             for name in [*names, BLANK]:
@@ -270,6 +279,8 @@ def table(results: dict[str, Any]) -> str:
     lines = []
     for group, entry in results["groups"].items():
         skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
+        if entry["learned"]:
+            skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
         lines.append(f"\n{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}")
         lines.append(f"{'':18}" + "".join(f"{c.replace('_', ' '):>16}" for c in columns))
         for name, row in entry["predictors"].items():

@@ -99,3 +99,27 @@ def test_the_image_of_a_map_is_the_papers():
 
     known = Grid(GridFrame(0.05, (0.0, 0.0), (1, 3)), np.array([[0, 100, -1]], np.int8))
     assert image_of(known, None).tolist() == [[1.0, 0.0, 0.5]]
+
+
+class Graduate:
+    """A predictor that has learned from the very building that it is asked about."""
+
+    def __init__(self):
+        from predictor.samples import world_hash
+        from sim.map_server import load_world
+        from sim.world import sealed
+
+        self.facts = {"worlds": [world_hash(sealed(load_world(self.place)).grid.cells)]}
+
+    def predict(self, known, pose):
+        from predictor import NoPrediction
+
+        return NoPrediction().predict(known, pose)
+
+
+def test_buildings_that_a_predictor_has_learned_from_are_told(maps, monkeypatch):
+    monkeypatch.setattr(Graduate, "place", maps / "hall.yaml", raising=False)
+    names = ("none", f"{__name__}:Graduate")
+    config = EvaluateConfig((str(maps / "hall.yaml"),), names, 1, every=50)
+    facts, _ = score_drive(config, (str(maps / "hall.yaml"), 0))
+    assert facts["learned_by"] == [names[1]]
