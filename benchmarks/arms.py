@@ -50,14 +50,11 @@ class Oracle:
     """
 
     def __init__(self, world: World) -> None:
-        grid = world.grid
-        self._free = Grid(grid.frame, np.where(grid.free, 0, -1).astype(np.int8))
-        self._surface = Grid(grid.frame, np.where(world.surface, 100, -1).astype(np.int8))
+        self.world = world
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """The truth, with full confidence."""
-        free = self._free.crop(known.frame).free
-        surface = self._surface.crop(known.frame).occupied
+        free, surface = self.world.truth(known.frame)
         return Prediction(
             known.frame,
             free.astype(np.float32),

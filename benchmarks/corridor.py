@@ -30,7 +30,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-def]
-    # Here and not above, so that --help and bad arguments answer at once.
+    # Here and not above, so that --help and bad arguments answer at once; the workers' first, for
+    # it keeps libraries to one thread a process, whatever --jobs is.
+    import benchmarks.workers  # noqa: F401
     from benchmarks.drive import sources
     from benchmarks.figures import draw_all
     from benchmarks.store import Store

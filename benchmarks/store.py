@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.run_dir import RESULTS, TRACES
 from benchmarks.settings import Settings, UsageError
 from benchmarks.summary import gap, summarise
+from predictor.whole import write_whole
 
 GROWS = ("episodes", "arms")
 """Settings that a run may be continued with more of."""
@@ -53,7 +54,7 @@ class Store:
             if other:
                 what = ", ".join(f"{k} {theirs.get(k)}" for k in other)
                 raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
-        write(marker, json.dumps(mine, indent=1).encode())
+        write_whole(marker, json.dumps(mine, indent=1).encode())
         self.commit = commit()
         packed = self._packed()
         self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
@@ -68,7 +69,7 @@ class Store:
         buffer = io.BytesIO()
         text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
         np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
-        write(self.parts / f"{result['index']}-{result['arm']}.npz", buffer.getvalue())
+        write_whole(self.parts / f"{result['index']}-{result['arm']}.npz", buffer.getvalue())
         self.episodes.append(result)
 
     def pack(self) -> dict[str, Any]:
@@ -93,7 +94,7 @@ class Store:
             "episodes": chosen,
             "unused": [e for e in self.episodes if e not in chosen],
         }
-        write(self.out / RESULTS, json.dumps(results, indent=1).encode())
+        write_whole(self.out / RESULTS, json.dumps(results, indent=1).encode())
         for path in loose:
             path.unlink()
         return results
@@ -142,13 +143,6 @@ class Store:
 def arms_order(arms: tuple[str, ...], arm: str) -> int:
     """Where an arm stands among those asked for; last if it was not."""
     return arms.index(arm) if arm in arms else len(arms)
-
-
-def write(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    temporary = path.with_name(path.name + f".{os.getpid()}.tmp")
-    temporary.write_bytes(data)
-    os.replace(temporary, path)
 
 
 def machine() -> dict[str, Any]:

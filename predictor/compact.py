@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -86,15 +87,14 @@ class Compact:
 
 
 def _likeliest(room: Tensor, codes: Tensor) -> Tensor:
-    """Probability of the likeliest free square around each cell, (B, H, W).
+    """Probability of the likeliest free square around each cell not seen, (B, H, W).
 
     Args:
         room: probability that the square around a cell is free, (B, H, W).
         codes: what was seen there, (B, H, W).
     """
-    barred, asked = question(codes)
-    certain = torch.where(barred, 0.0, 1.0)
-    return widened(torch.where(asked, room, certain))
+    _, asked = question(codes)
+    return widened(torch.where(asked, room, 0.0))
 
 
 def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
@@ -110,7 +110,7 @@ def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
     if abs(ratio - 1.0) > 1e-6:
         rows, cols = (((np.arange(n) + 0.5) / ratio).astype(np.intp) for n in rank.shape)
         there = [((np.arange(back[-1] + 1) + 0.5) * ratio).astype(np.intp) for back in (rows, cols)]
-        rank = maximum_filter(rank, max(1, round(ratio)), mode="nearest")
+        rank = maximum_filter(rank, max(1, math.ceil(ratio - 1e-6)), mode="nearest")
         rank = rank[np.minimum(there[0], rank.shape[0] - 1)[:, None],
                     np.minimum(there[1], rank.shape[1] - 1)]  # fmt: skip
     return np.asarray(-rank % 3, dtype=np.int8), rows, cols

@@ -1,44 +1,14 @@
-"""How a training goes: scores on validation drives, and the curve that they make."""
+"""The curve of a training."""
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
-import numpy as np
-import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from predictor.compact_net import ROOM, CompactNet
-from predictor.samples import Samples
-from predictor.scores import RINGS, Scores
-from predictor.targets import batch_of, known_of
-
-VALIDATED = 1024
-"""Samples of a validation."""
-
-
-def validate(net: CompactNet, samples: Samples, side: int) -> Scores:
-    """Scores of a network on VALIDATED samples spread evenly over a set.
-
-    Args:
-        net: the network, ready for inference.
-        samples: of which the middles are taken.
-        side: of the middles [cells].
-    """
-    scores = Scores()
-    device = next(net.parameters()).device
-    chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
-    for start in range(0, len(chosen), 32):
-        part = [samples[int(i)] for i in chosen[start : start + 32]]
-        codes = batch_of(part, side, np.zeros(len(part), dtype=bool))
-        with torch.inference_mode():
-            logits = net(known_of(codes.to(device)))[:, :ROOM]
-        p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
-        truth, seen = codes.numpy() // 3, codes.numpy() % 3
-        ring = np.where(seen == 2, np.int8(RINGS - 1), np.int8(-1))
-        scores.add(p_free, p_occupied, truth == 0, truth == 1, ring)
-    return scores
+from predictor.whole import write_whole
 
 
 def draw_curve(log: list[dict[str, float]], path: Path) -> None:
@@ -57,4 +27,6 @@ def draw_curve(log: list[dict[str, float]], path: Path) -> None:
         axis.grid(alpha=0.3)
         axis.legend(frameon=False)
     FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=130)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=130)
+    write_whole(path, buffer.getvalue())

@@ -8,9 +8,10 @@ python -m predictor.drives --help
 
 from __future__ import annotations
 
-import argparse
+import json
 import sys
 from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,6 +31,10 @@ FAMILIES = ("corridor", "narrow", "office")
 """Learned from. `trap` is not, so that there is a kind of building that the network never saw."""
 WINDOWS = (5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 """Sides of the square that the LIDAR writes into [m], drawn from."""
+
+
+class DrivesError(ValueError):
+    """Samples cannot be made; the message is one line."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,6 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     """
     import numpy as np
 
-    from predictor.grid import FREE, paste
     from predictor.samples import SIDE, encoded, world_hash, write_samples
     from sim import LidarConfig
     from sim.families import generate
@@ -73,10 +77,9 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     seed = SPLITS[split] + number
     rng = np.random.default_rng(seed)
     family = FAMILIES[number % len(FAMILIES)]
-    world = varied(generate(family, seed), rng)
-    frame, free, surface = world.grid.frame, world.grid.cells == FREE, world.surface
+    drawn = generate(family, seed)
+    world = varied(drawn, rng)
     samples: list[bytes] = []
-    windows: list[float] = []
     try:
         task = sample_task(world, seed)
     except NoTaskError:
@@ -92,20 +95,13 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
         lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
         first = int(rng.integers(config.every))
         for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
-            side = known.frame.square(state[0], state[1], SIDE * frame.resolution)
-            samples.append(
-                encoded(
-                    known.crop(side),
-                    paste(frame, free, side, np.bool_(False)),
-                    paste(frame, surface, side, np.bool_(False)),
-                    float(state[2]),
-                )
-            )
-            windows.append(window)
+            side = SIDE * world.grid.frame.resolution
+            crop = known.crop(known.frame.square(state[0], state[1], side))
+            samples.append(encoded(crop, *world.truth(crop.frame), float(state[2])))
     path = path_of(config, item)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells)}
-    write_samples(path, samples, windows, about)
+    about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells),
+             "original": world_hash(drawn.grid.cells)}  # fmt: skip
+    write_samples(path, samples, about)
     return len(samples)
 
 
@@ -172,11 +168,16 @@ def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
 
 
 def make(config: DrivesConfig, jobs: int) -> None:
-    """Make all that is missing of a set, with a progress bar."""
+    """Make all that is missing of a set, with a progress bar.
+
+    Raises:
+        DrivesError: if the folder holds samples that were made in another way.
+    """
     from tqdm import tqdm
 
-    from benchmarks.workers import finished
+    from benchmarks.workers import finished  # First: it keeps libraries to one thread a process.
 
+    _claim(config)
     items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
     todo = [item for item in items if not path_of(config, item).exists()]
     count = 0
@@ -187,12 +188,30 @@ def make(config: DrivesConfig, jobs: int) -> None:
             bar.update()
 
 
+def _claim(config: DrivesConfig) -> None:
+    """Make the folders, and see to it that one folder holds samples of one recipe."""
+    from predictor.samples import FORMAT
+    from predictor.whole import write_whole
+
+    for split in SPLITS:
+        (config.out / split).mkdir(parents=True, exist_ok=True)
+    recipe = {"format": FORMAT, "longest": config.longest, "views": config.views,
+              "every": config.every, "families": FAMILIES, "windows": WINDOWS}  # fmt: skip
+    path, mine = config.out / "recipe.json", json.dumps(recipe, indent=1)
+    if path.exists() and path.read_text() != mine:
+        raise DrivesError(f"{path} says that its samples were made in another way; choose another "
+                          "folder")  # fmt: skip
+    write_whole(path, mine.encode())
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 130 if interrupted."""
+    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     import os
 
+    from benchmarks.settings import OneLineParser
+
     default = DrivesConfig()
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog="predictor.drives",
         description="Make samples to train predictors on: drives of the project's own planner "
         "through generated buildings. Interrupted, it goes on where it was: give the same command.",
@@ -214,6 +233,9 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
+    except (DrivesError, OSError, BrokenExecutor) as error:
+        print(f"predictor.drives: {error}", file=sys.stderr)
+        return 2
     return 0
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from predictor.scores import BINS, EDGES, RINGS, Scores
+from predictor.whole import write_whole
 
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 """Of predictors, in their order; after Okabe & Ito 2008, safe for the colour-blind."""
@@ -41,7 +44,9 @@ def draw(
 
 def _save(figure: Figure, path: Path) -> None:
     FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=120)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=120)
+    write_whole(path, buffer.getvalue())
 
 
 def _panels(groups: dict[str, dict[str, Scores]], rows: int) -> tuple[Figure, NDArray]:
@@ -55,7 +60,7 @@ def _reliability(groups: dict[str, dict[str, Scores]], predictors: tuple[str, ..
         for row, name in enumerate(("free", "occupied")):
             axis = axes[row, column]
             axis.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
-            for predictor, colour in zip(predictors, COLOURS, strict=False):
+            for predictor, colour in zip(predictors, cycle(COLOURS), strict=False):
                 p, rate, weight = scores[predictor].reliability(name)
                 axis.plot(p, rate, color=colour, linewidth=1.0, label=predictor)
                 # A bin's dot is as large as its share of the cells.
@@ -84,7 +89,7 @@ def _rings(groups: dict[str, dict[str, Scores]], predictors: tuple[str, ...]) ->
     for column, (group, scores) in enumerate(groups.items()):
         for row, (measure, label) in enumerate(rows):
             axis = axes[row, column]
-            for predictor, colour in zip(predictors, COLOURS, strict=False):
+            for predictor, colour in zip(predictors, cycle(COLOURS), strict=False):
                 values = [
                     scores[predictor].measures(slice(i, i + 1))[measure] for i in range(RINGS)
                 ]

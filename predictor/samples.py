@@ -5,8 +5,8 @@ anything from it. A file is a NumPy archive:
 
     codes     (bytes,) uint8    zlib-compressed samples, one after the other
     ends      (n,) int64        where each ends in `codes`
-    windows   (n,) float32      side of the square that the LIDAR wrote into [m]
-    about     (bytes,) uint8    JSON: format, family, seed, world (its hash), side, resolution
+    about     (bytes,) uint8    JSON: format, side, family, seed, and the hashes of the building,
+                                as it was driven through (world) and as it was drawn (original)
 
 A sample is (side, side) uint8 of known + 3 · truth: known is 0 free, 1 occupied, 2 not seen; truth
 0 free, 1 surface, 2 never observable. The robot is in the middle, looking along +x to within 45°:
@@ -18,7 +18,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -29,8 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.grid import FREE, OCCUPIED, Grid
+from predictor.whole import write_whole
 
-FORMAT = 1
+FORMAT = 2
 SIDE = 280
 """Of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
 
@@ -67,9 +67,7 @@ def world_hash(cells: NDArray[np.int8]) -> str:
     return digest.hexdigest()[:32]
 
 
-def write_samples(
-    path: Path, samples: list[bytes], windows: list[float], about: dict[str, Any]
-) -> None:
+def write_samples(path: Path, samples: list[bytes], about: dict[str, Any]) -> None:
     """Write the samples of a drive, whole or not at all."""
     buffer = io.BytesIO()
     text = json.dumps({"format": FORMAT, "side": SIDE} | about)
@@ -78,12 +76,9 @@ def write_samples(
         allow_pickle=False,
         codes=np.frombuffer(b"".join(samples), dtype=np.uint8),
         ends=np.cumsum([len(sample) for sample in samples], dtype=np.int64),
-        windows=np.array(windows, dtype=np.float32),
         about=np.frombuffer(text.encode(), dtype=np.uint8),
     )
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    temporary.write_bytes(buffer.getvalue())
-    os.replace(temporary, path)
+    write_whole(path, buffer.getvalue())
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +88,11 @@ class Samples:
     Attributes:
         codes: one block of bytes a drive.
         starts: per sample, which drive, and where it begins and ends there: (n, 3).
-        windows: per sample [m], (n,).
         about: per drive, what is known of it.
     """
 
     codes: list[NDArray[np.uint8]]
     starts: NDArray[np.int64]
-    windows: NDArray[np.float32]
     about: list[dict[str, Any]]
 
     @classmethod
@@ -116,24 +109,28 @@ class Samples:
         paths = sorted(folder.glob("*.npz"))[:drives] if folder.is_dir() else []
         if not paths:
             raise SamplesError(f"{folder} holds no samples: python -m predictor.drives makes some")
-        codes, starts, windows, about = [], [], [], []
+        codes, starts, about = [], [], []
         for drive, path in enumerate(paths):
             try:
                 with np.load(path, allow_pickle=False) as file:
                     facts = json.loads(bytes(file["about"]))
-                    block, ends, sides = file["codes"], file["ends"], file["windows"]
+                    block, ends = file["codes"], file["ends"]
             except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
                 raise SamplesError(
                     f"{path} is damaged ({error}); delete it and make it again"
                 ) from error
             if facts.get("format") != FORMAT or facts.get("side") != SIDE:
-                raise SamplesError(f"{path} is of format {facts.get('format')}, not {FORMAT}")
+                raise SamplesError(
+                    f"{path} is of format {facts.get('format')}, not {FORMAT}: make new samples in "
+                    "another folder"
+                )
             codes.append(block)
             about.append(facts)
-            windows.append(sides)
             begin = np.concatenate([[0], ends])[: len(ends)].astype(np.int64)
             starts.append(np.column_stack([np.full(len(ends), drive), begin, ends]))
-        return cls(codes, np.concatenate(starts), np.concatenate(windows), about)
+        if not sum(len(part) for part in starts):
+            raise SamplesError(f"{folder} holds drives without a single sample: make more drives")
+        return cls(codes, np.concatenate(starts), about)
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -153,8 +150,8 @@ class Samples:
 
     @property
     def worlds(self) -> frozenset[str]:
-        """Hashes of the buildings."""
-        return frozenset(str(facts["world"]) for facts in self.about)
+        """Hashes of the buildings, as they were driven through and as they were drawn."""
+        return frozenset(str(facts[key]) for facts in self.about for key in ("world", "original"))
 
 
 def check_apart(splits: dict[str, Samples]) -> None:

@@ -107,6 +107,8 @@ class Scores:
             p, rate, weight = self.reliability(name, rings)
             out[f"ece_{name}"] = float(np.nansum(weight * abs(p - rate)))
         out["nll"] = self.nll[rings].sum() / max(1.0, out["cells"])
+        if not out["cells"]:
+            return {name: 0.0 if name == "cells" else np.nan for name in out}
         return {name: float(value) for name, value in out.items()}
 
     def reliability(

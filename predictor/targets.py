@@ -49,6 +49,8 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     logs = F.log_softmax(logits[:, :ROOM], dim=1)
     of_truth = logs.gather(1, truth[:, None])[:, 0]
     room, asked = room_of(codes)
+    # A square that reaches out of the map is no question: what lies out there is not said.
+    asked = F.pad(asked[:, REACH:-REACH, REACH:-REACH], (REACH, REACH, REACH, REACH))
     of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room.float(), reduction="none")
     return (
         -(of_truth * unseen).sum() / unseen.sum().clamp(min=1),

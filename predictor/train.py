@@ -10,18 +10,20 @@ as if it had not been.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
+import io
 import json
 import math
 import os
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from predictor.whole import write_whole
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -92,8 +94,16 @@ class Trainer:
         self.losses: list[float] = []
         """Of the steps since the last validation."""
         out.mkdir(parents=True, exist_ok=True)
-        self._facts = {"config": dataclasses.asdict(config), "drives": len(train.about),
-                       "samples": len(train), "worlds": sorted(train.worlds)}  # fmt: skip
+        self._facts = {
+            "config": dataclasses.asdict(config),
+            "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
+            # What else decides the last bits of the sums.
+            "arithmetic": [self.device.type, torch.get_num_threads(), self.brief],
+            "drives": len(train.about),
+            "samples": len(train),
+            "worlds": sorted(train.worlds),
+            "validation_worlds": sorted(validation.worlds),
+        }
         self._resume()
 
     @property
@@ -101,8 +111,8 @@ class Trainer:
         """Where the state is kept."""
         return self.out / "checkpoint.pt"
 
-    def run(self, validate_every: int, save_every: float) -> None:
-        """Train to the end, with a progress bar.
+    def run(self, validate_every: int, save_every: float) -> Path:
+        """Train to the end, with a progress bar, and export the weights.
 
         Args:
             validate_every: steps.
@@ -130,20 +140,20 @@ class Trainer:
                 if time.monotonic() - saved > save_every or self.step == steps:
                     self.save()
                     saved = time.monotonic()
-        self.export()
+        return self.export()
 
     def save(self) -> None:
         """Write the checkpoint, whole or not at all."""
         import torch
 
-        temporary = self.checkpoint.with_suffix(".tmp")
         state = {
             "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
             "net": self.net.state_dict(), "averaged": self.averaged,
             "optimizer": self.optimizer.state_dict(),
         }  # fmt: skip
-        torch.save(state, temporary)
-        os.replace(temporary, self.checkpoint)
+        buffer = io.BytesIO()
+        torch.save(state, buffer)
+        write_whole(self.checkpoint, buffer.getvalue())
 
     def export(self) -> Path:
         """Write the averaged weights, the log, and the curve."""
@@ -151,8 +161,7 @@ class Trainer:
         from predictor.curve import draw_curve
         from predictor.weights import save_weights
 
-        facts = self._facts | {"commit": commit(), "validation": self.log[-1], "step": self.step,
-                               "validation_worlds": sorted(self.validation.worlds)}  # fmt: skip
+        facts = self._facts | {"commit": commit(), "validation": self.log[-1]}
         path = self.out / "compact.safetensors"
         save_weights(path, self.smoothed(), facts)
         draw_curve(self.log, self.out / "curve.png")
@@ -177,6 +186,7 @@ class Trainer:
             state = torch.load(self.checkpoint, map_location=self.device, weights_only=True)
             theirs = state["facts"]
         except Exception as error:
+            # torch.load raises whatever the first wrong byte makes it.
             raise TrainError(f"{self.checkpoint} cannot be read: {error}; delete it to start "
                              "again") from error  # fmt: skip
         if theirs != self._facts:
@@ -239,13 +249,13 @@ class Trainer:
 
     def _note(self) -> None:
         """Validate, and write it down."""
-        from predictor.curve import validate
+        from predictor.validation import validate
 
         entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
         self.losses = []
         self.log.append(entry | validate(self.smoothed(), self.validation, USUAL).measures())
         lines = "".join(json.dumps(line) + "\n" for line in self.log)
-        (self.out / "log.jsonl").write_text(lines, encoding="utf-8")
+        write_whole(self.out / "log.jsonl", lines.encode())
 
 
 class TrainError(ValueError):
@@ -254,10 +264,12 @@ class TrainError(ValueError):
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from predictor.drives import DrivesConfig
+    from benchmarks.settings import OneLineParser
+    from predictor.drives import DrivesConfig, DrivesError
+    from predictor.samples import SamplesError
 
     default, drives = TrainConfig(), DrivesConfig()
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog="predictor.train",
         description="Train the compact network. Samples that are not there yet are made first. "
         "Interrupted, it goes on where it was: give the same command again.",
@@ -284,7 +296,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except ValueError as error:
+    except (TrainError, DrivesError, SamplesError, OSError, BrokenExecutor) as error:
         print(f"predictor.train: {error}", file=sys.stderr)
         return 2
     return 0
@@ -305,8 +317,7 @@ def _run(args: Any) -> Path:
     check_apart({"train": train, "validation": validation})
     config = TrainConfig(steps=args.steps, batch=args.batch, seed=args.seed)
     trainer = Trainer(config, train, validation, args.out)
-    trainer.run(validate_every=max(1, min(500, args.steps // 10)), save_every=60.0)
-    return trainer.export()
+    return trainer.run(validate_every=max(1, min(500, args.steps // 10)), save_every=60.0)
 
 
 if __name__ == "__main__":

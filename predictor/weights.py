@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from predictor.compact_net import CompactConfig, CompactNet
+from predictor.whole import write_whole
 
 ARCHITECTURE = "foresee-compact-1"
 """Written into every file; another number when the network changes its meaning."""
@@ -49,9 +49,7 @@ def save_weights(path: Path, net: CompactNet, facts: dict[str, Any]) -> None:
         "fingerprint": fingerprint(tensors),
         "facts": json.dumps(facts),
     }
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    temporary.write_bytes(save(tensors, metadata=header))
-    os.replace(temporary, path)
+    write_whole(path, save(tensors, metadata=header))
 
 
 def load_weights(path: Path) -> tuple[CompactNet, dict[str, Any]]:
@@ -74,24 +72,39 @@ def load_weights(path: Path) -> tuple[CompactNet, dict[str, Any]]:
             f"{path} holds weights of {header.get('architecture')!r}, not of {ARCHITECTURE!r}"
         )
     try:
-        fields = json.loads(header["config"])
-        config = CompactConfig(
-            int(fields["patch"]), tuple(fields["widths"]), tuple(fields["blocks"])
-        )
-        facts = dict(json.loads(header["facts"]))
-        net = CompactNet(config)
-    except (KeyError, ValueError, TypeError, RuntimeError) as error:
+        config = _config(json.loads(header["config"]))
+        facts = dict(json.loads(header["facts"])) | {"fingerprint": header["fingerprint"]}
+    except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path} has a broken header: {error}") from error
-    wanted = {name: tuple(values.shape) for name, values in net.state_dict().items()}
-    found = {name: tuple(values.shape) for name, values in tensors.items()}
+    # Without memory of its own, until it is known that the file fills it.
+    with torch.device("meta"):
+        net = CompactNet(config)
+    wanted = {name: (tuple(v.shape), v.dtype) for name, v in net.state_dict().items()}
+    found = {name: (tuple(v.shape), v.dtype) for name, v in tensors.items()}
     for name in sorted(wanted.keys() | found.keys()):
         if wanted.get(name) != found.get(name):
             raise WeightsError(
-                f"{path}: tensor {name} has shape {found.get(name)}, not {wanted.get(name)}"
+                f"{path}: tensor {name} is {found.get(name)}, not {wanted.get(name)}"
             )
-    if fingerprint(tensors) != header.get("fingerprint"):
+    if fingerprint(tensors) != header["fingerprint"]:
         raise WeightsError(f"{path} is damaged: its values are not those that were written")
     if not all(torch.isfinite(values).all() for values in tensors.values()):
         raise WeightsError(f"{path} holds numbers that are not finite")
-    net.load_state_dict(tensors)
+    net.load_state_dict(tensors, assign=True)
     return net.eval(), facts
+
+
+def _config(fields: dict[str, Any]) -> CompactConfig:
+    """The shape of a network that a header claims.
+
+    Raises:
+        ValueError: if no network can have it.
+        KeyError: if something is missing.
+        TypeError: if something is of the wrong kind.
+    """
+    config = CompactConfig(fields["patch"], tuple(fields["widths"]), tuple(fields["blocks"]))
+    numbers = (config.patch, *config.widths, *config.blocks)
+    sane = all(isinstance(n, int) and 0 < n <= 1024 for n in numbers)
+    if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
+        raise ValueError(f"no network is shaped like {config}")
+    return config

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from predictor.grid import FREE, OCCUPIED, Grid
+from predictor.grid import FREE, OCCUPIED, Grid, GridFrame, paste
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,13 @@ class World:
         """
         return np.asarray(
             self.grid.occupied & binary_dilation(self.grid.free, np.ones((3, 3), dtype=bool))
+        )
+
+    def truth(self, frame: GridFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """What is free, and what is surface, inside a frame on this lattice: (rows, columns)."""
+        mine, nothing = self.grid.frame, np.bool_(False)
+        return paste(mine, self.grid.free, frame, nothing), paste(
+            mine, self.surface, frame, nothing
         )
 
     @cached_property

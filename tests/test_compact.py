@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.compact import SHIPPED, Compact
+from predictor.compact import SHIPPED, Compact, _resampled
 from predictor.compact_net import CompactNet
 from predictor.targets import known_of, losses, question, room_of
 
@@ -116,6 +116,15 @@ def test_maps_of_other_resolutions_are_predicted_alike(compact, resolution):
         assert abs(a - b) < 0.2
 
 
+@pytest.mark.parametrize("resolution", [0.02, 0.025, 0.04, 0.05, 0.1])
+def test_no_wall_is_lost_between_resolutions(resolution):
+    for at in range(12):
+        cells = np.full((24, 24), FREE, np.int8)
+        cells[:, at] = OCCUPIED
+        seen, _, _ = _resampled(Grid(GridFrame(resolution, (0.0, 0.0), (24, 24)), cells))
+        assert (seen == 1).any(axis=1).all()
+
+
 def test_an_empty_window_is_an_error(compact):
     grid = Grid(GridFrame(0.05, (0.0, 0.0), (0, 0)), np.zeros((0, 0), np.int8))
     with pytest.raises(ValueError, match="empty"):
@@ -146,6 +155,16 @@ def test_room_is_a_free_square_as_wide_as_the_car():
     assert asked.all()
     assert not room[0, 12:19, 12:19].any()
     assert int((~room).sum()) == 49
+
+
+def test_squares_that_reach_out_of_the_map_are_not_asked_for():
+    codes = torch.full((1, 30, 30), 2, dtype=torch.uint8)  # Not seen, free.
+    logits = torch.zeros(1, 4, 30, 30)
+    inside = logits.clone()
+    inside[:, 3, 3:-3, 3:-3] = 20.0  # Right, where it counts.
+    inside[:, 3, :3], inside[:, 3, -3:] = -20.0, -20.0
+    assert float(losses(inside, codes)[1]) == pytest.approx(0.0, abs=1e-6)
+    assert float(losses(logits, codes)[1]) == pytest.approx(np.log(2), abs=1e-5)
 
 
 def test_what_was_seen_settles_the_question_of_room():

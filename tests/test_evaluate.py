@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from predictor.evaluate import EvaluateConfig, group_of, main, score_drive
+from predictor.evaluate import group_of, main
 from predictor.grid import Grid, GridFrame
+from predictor.scored_drive import EvaluateConfig, image_of, score_drive
 from predictor.scores import Scores
 from sim import empty_straight, save_world
 
@@ -42,7 +43,8 @@ def test_it_writes_scores_and_pictures(evaluated):
     assert entry["drives"] == 1
     assert entry["skipped"] == 1
     rows = entry["predictors"]
-    assert set(rows) == {"none", "none (c·p)", "extend", "extend (c·p)", "grey"}
+    ways = ("", " (c·p)", " (room)")
+    assert set(rows) == {name + way for name in ("none", "extend") for way in ways} | {"grey"}
     assert rows["extend"]["iou_free"] > rows["none"]["iou_free"] == 0.0
     assert rows["extend"]["brier_free"] < rows["none"]["brier_free"]
     assert rows["extend"]["ssim"] > rows["grey"]["ssim"]
@@ -56,7 +58,7 @@ def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr("predictor.evaluate.score_drive", refuse)
+    monkeypatch.setattr("predictor.scored_drive.score_drive", refuse)
     assert run(*command) == 0
     after = json.loads((out / "results.json").read_text())["groups"]
     assert json.dumps(after) == json.dumps(before)
@@ -70,13 +72,43 @@ def test_other_settings_do_not_overwrite_what_is_there(evaluated, capsys):
 
 @pytest.mark.parametrize(
     "wrong",
-    [("--world", "nowhere"), ("--predictors", "nobody"), ("--drives", 0), ("--expansion", 0.5)],
+    [
+        ("--world", "nowhere"),
+        ("--world", "office", "office"),
+        ("--predictors", "nobody"),
+        ("--drives", 0),
+        ("--seed", -1),
+        ("--window", "inf"),
+        ("--expansion", 0.5),
+    ],
 )
-def test_bad_arguments_are_one_line(wrong, tmp_path, capsys):
+def test_bad_arguments_are_one_line_and_leave_nothing_behind(wrong, tmp_path, capsys):
     assert run(*wrong, "--out", tmp_path / "out") == 2
     error = capsys.readouterr().err
     assert error.startswith("predictor.evaluate: ")
     assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_damaged_part_is_scored_again(maps, tmp_path):
+    command = ("--world", maps / "hall.yaml", "--drives", 1, "--predictors", "none", "--jobs", 1,
+               "--out", tmp_path)  # fmt: skip
+    assert run(*command) == 0
+    before = json.loads((tmp_path / "results.json").read_text())["groups"]
+    (part,) = (tmp_path / "parts").iterdir()
+    part.write_bytes(part.read_bytes()[:500])
+    assert run(*command) == 0
+    after = json.loads((tmp_path / "results.json").read_text())["groups"]
+    for groups in (before, after):
+        for row in next(iter(groups.values()))["predictors"].values():
+            row.pop("ms", None)
+    assert after == before
+
+
+def test_damaged_settings_are_named(maps, tmp_path, capsys):
+    (tmp_path / "settings.json").write_text("{")
+    assert run("--world", maps, "--predictors", "none", "--out", tmp_path) == 2
+    assert "settings.json cannot be read" in capsys.readouterr().err
 
 
 def test_cells_that_were_seen_do_not_count(maps):
@@ -95,8 +127,6 @@ def test_maps_are_reported_under_their_folder(maps):
 
 
 def test_the_image_of_a_map_is_the_papers():
-    from predictor.evaluate import image_of
-
     known = Grid(GridFrame(0.05, (0.0, 0.0), (1, 3)), np.array([[0, 100, -1]], np.int8))
     assert image_of(known, None).tolist() == [[1.0, 0.0, 0.5]]
 

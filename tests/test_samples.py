@@ -29,7 +29,7 @@ def write(folder, name="000000", world="a", samples=None):
     folder.mkdir(parents=True, exist_ok=True)
     blobs = samples if samples is not None else [some_sample(seed)[2] for seed in range(3)]
     path = folder / f"{name}.npz"
-    write_samples(path, blobs, [5.0] * len(blobs), {"family": "office", "seed": 1, "world": world})
+    write_samples(path, blobs, {"seed": 1, "world": world, "original": f"{world} as drawn"})
     return path
 
 
@@ -63,13 +63,27 @@ def test_the_first_drives_are_read_when_not_all_are_wanted(tmp_path):
     for number in range(4):
         write(tmp_path, f"{number:06d}", world=str(number))
     assert len(Samples.load(tmp_path)) == 12
-    assert Samples.load(tmp_path, 2).worlds == {"0", "1"}
+    assert Samples.load(tmp_path, 2).worlds == {"0", "0 as drawn", "1", "1 as drawn"}
 
 
 def test_a_drive_without_samples_is_no_harm(tmp_path):
     write(tmp_path, "000000", samples=[])
     write(tmp_path, "000001")
     assert len(Samples.load(tmp_path)) == 3
+
+
+def test_drives_without_a_single_sample_are_an_error(tmp_path):
+    write(tmp_path, samples=[])
+    with pytest.raises(SamplesError, match="without a single sample"):
+        Samples.load(tmp_path)
+
+
+def test_a_varied_building_is_in_the_same_split_as_the_one_it_was_made_of(tmp_path):
+    write(tmp_path / "a", world="turned")
+    write(tmp_path / "b", world="turned as drawn")
+    one, other = (Samples.load(tmp_path / name) for name in "ab")
+    with pytest.raises(SamplesError, match="1 buildings"):
+        check_apart({"one": one, "other": other})
 
 
 def test_an_empty_folder_says_how_to_fill_it(tmp_path):
@@ -101,7 +115,7 @@ def test_a_building_in_two_splits_is_refused(tmp_path):
     write(tmp_path / "validation", world="b")
     train, validation = (Samples.load(tmp_path / name) for name in ("train", "validation"))
     check_apart({"train": train, "validation": validation})
-    with pytest.raises(SamplesError, match="1 buildings are both in train and in again"):
+    with pytest.raises(SamplesError, match="2 buildings are both in train and in again"):
         check_apart({"train": train, "again": train})
 
 

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from predictor import train
-from predictor.drives import seen_again
-from predictor.grid import FREE, paste
+from predictor.drives import DrivesConfig, DrivesError, _claim, seen_again
 from predictor.samples import SIDE, Samples, encoded, world_hash, write_samples
 from predictor.train import TrainConfig, Trainer, TrainError, main
 from predictor.weights import load_weights
@@ -25,21 +24,14 @@ def some_drive(folder, seed):
     world, rng = task.world, np.random.default_rng(seed)
     ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
     states = np.column_stack([task.waypoints, np.arctan2(ways[:, 1], ways[:, 0])])
-    frame, free = world.grid.frame, world.grid.cells == FREE
     samples = []
     for known, state in seen_again(task, states, 5.0, LidarConfig(), rng, 1):
-        side = known.frame.square(state[0], state[1], SIDE * frame.resolution)
-        samples.append(
-            encoded(
-                known.crop(side),
-                paste(frame, free, side, np.bool_(False)),
-                paste(frame, world.surface, side, np.bool_(False)),
-                state[2],
-            )
-        )
-    about = {"family": "narrow", "seed": seed, "world": world_hash(world.grid.cells)}
+        crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
+        samples.append(encoded(crop, *world.truth(crop.frame), state[2]))
+    building = world_hash(world.grid.cells)
+    about = {"seed": seed, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
-    write_samples(folder / f"{seed:06d}.npz", samples, [5.0] * len(samples), about)
+    write_samples(folder / f"{seed:06d}.npz", samples, about)
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +106,21 @@ def test_another_training_in_the_folder_is_not_overwritten(data, tmp_path, small
     trainer(data, tmp_path).save()
     with pytest.raises(TrainError, match="another config"):
         trainer(data, tmp_path, TrainConfig(steps=13, batch=2, warmup=4))
+
+
+def test_other_validation_drives_are_another_training(data, tmp_path, small):
+    trainer(data, tmp_path).save()
+    some_drive(data / "other", 4)
+    train_set, other = (Samples.load(data / name) for name in ("train", "other"))
+    with pytest.raises(TrainError, match="another validation_worlds"):
+        Trainer(CONFIG, train_set, other, tmp_path)
+
+
+def test_samples_of_another_recipe_are_not_mixed_in(tmp_path):
+    _claim(DrivesConfig(tmp_path))
+    _claim(DrivesConfig(tmp_path, train=7))
+    with pytest.raises(DrivesError, match="another way"):
+        _claim(DrivesConfig(tmp_path, longest=99.0))
 
 
 def test_a_damaged_checkpoint_is_named(data, tmp_path, small):

@@ -1,0 +1,150 @@
+"""One drive, scored: what predictors say along it of what the car has not seen yet."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
+from skimage.metrics import structural_similarity
+
+from predictor.grid import Grid
+from predictor.prediction import Prediction, checked
+from predictor.registry import load_predictor
+from predictor.samples import world_hash
+from predictor.scores import Scores, rings_of
+
+BLANK = "grey"
+"""In the tables: an image that is grey all over, for comparing SSIM."""
+TRUSTED = " (c·p)"
+"""After a predictor's name: its probabilities times its confidence."""
+RELIED = " (room)"
+"""After a predictor's name: confidence · p_free, as a planner relies upon it, scored not against
+whether a cell is free, but whether it lies in a free square as wide as the car."""
+
+
+@dataclass(frozen=True)
+class EvaluateConfig:
+    """What is scored, on what.
+
+    Attributes:
+        world: families of generated worlds, map_server files, folders of them.
+        predictors: by name, or `package.module:Class`.
+        drives: in each family; in each map.
+        seed: of the first.
+        window: side of the square that the LIDAR writes into [m].
+        expansion: predicted square over window.
+        every: ticks between two predictions.
+    """
+
+    world: tuple[str, ...] = ("corridor", "narrow", "office", "trap")
+    predictors: tuple[str, ...] = ("none", "extend", "compact")
+    drives: int = 20
+    seed: int = 0
+    window: float = 5.0
+    expansion: float = 2.0
+    every: int = 10
+
+
+def score_drive(
+    config: EvaluateConfig, item: tuple[str, int]
+) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
+    """Plain facts of one drive, and its scores by name; or a line why there was no drive.
+
+    Args:
+        config: what.
+        item: a family or a map file, and a seed.
+    """
+    from benchmarks.drive import task_in
+    from planner.navigator import NavigatorConfig
+    from predictor.drives import driven, seen_again
+    from predictor.targets import REACH
+    from sim import CarConfig, LidarConfig
+    from sim.task import NoTaskError
+
+    place, seed = item
+    square_of_a_car = np.ones((2 * REACH + 1, 2 * REACH + 1), dtype=bool)
+    try:
+        task = task_in(place, seed, CarConfig())
+    except NoTaskError as error:
+        return str(error)
+    world, rng = task.world, np.random.default_rng(seed)
+    predictors = {name: load_predictor(name) for name in config.predictors}
+    scores = {name: Scores() for name in rows_of(config)}
+    similar: dict[str, list[float]] = {name: [] for name in (*predictors, BLANK)}
+    taken: dict[str, list[float]] = {name: [] for name in predictors}
+    side = NavigatorConfig(window=config.window, expansion=config.expansion).predicted_side
+    states = driven(task, config.window, 0.0, rng)
+    moments: list[tuple[float, NDArray[np.uint8]]] = []
+    for known, state in seen_again(task, states, config.window, LidarConfig(), rng, config.every):
+        square = known.frame.square(state[0], state[1], side)
+        crop = known.crop(square)
+        ring = rings_of(crop)
+        free, occupied = world.truth(square)
+        # Opened, in the sense of morphology; what lies outside the square counts as free.
+        room = binary_opening(np.pad(free, REACH, constant_values=True), square_of_a_car)
+        room = room[REACH:-REACH, REACH:-REACH]
+        true_image = np.where(free, 1.0, np.where(occupied, 0.0, 0.5))
+        blank = np.full(true_image.shape, 0.5)
+        similar[BLANK].append(structural_similarity(blank, true_image, data_range=1.0))
+        for name, predictor in predictors.items():
+            begin = time.perf_counter()
+            raw = predictor.predict(crop, state[:3])
+            taken[name].append(1e3 * (time.perf_counter() - begin))
+            belief = checked(raw, crop)
+            image = image_of(crop, belief)
+            similar[name].append(structural_similarity(image, true_image, data_range=1.0))
+            trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied
+            scores[name].add(belief.p_free, belief.p_occupied, free, occupied, ring)
+            scores[name + TRUSTED].add(*trusted, free, occupied, ring)
+            scores[name + RELIED].add(trusted[0], 1.0 - trusted[0], room, ~room, ring)
+            if name == config.predictors[-1] and (ring >= 0).any():
+                off = float(((belief.p_free - free)[ring >= 0] ** 2).mean())
+                moments.append((off, _picture(image_of(crop, None), image, true_image)))
+    arrays = {
+        f"{name}/{key}": value for name in scores for key, value in vars(scores[name]).items()
+    }
+    moments.sort(key=lambda entry: entry[0])
+    shown = [moments[0], moments[len(moments) // 2], moments[-1]] if moments else []
+    arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}
+    building = world_hash(world.grid.cells)
+    facts = {
+        "world": world.name, "hash": building,
+        "learned_by": [name for name, p in predictors.items() if building in _learned(p)],
+        "moments": len(similar[BLANK]), "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
+        "ms": {k: float(np.median(v)) for k, v in taken.items()},
+        "errors": [off for off, _ in shown],
+    }  # fmt: skip
+    return facts, arrays
+
+
+def _learned(predictor: Any) -> frozenset[str]:
+    """Hashes of the buildings that a predictor says it was trained or tuned on."""
+    facts = getattr(predictor, "facts", {})
+    return frozenset(facts.get("worlds", ())) | frozenset(facts.get("validation_worlds", ()))
+
+
+def rows_of(config: EvaluateConfig) -> list[str]:
+    """What is scored: each predictor in three ways."""
+    return [name + end for name in config.predictors for end in ("", TRUSTED, RELIED)]
+
+
+def image_of(known: Grid, prediction: Prediction | None) -> NDArray[np.float64]:
+    """A map as a grey image, as in the paper: 1 free, 0 occupied, 0.5 unknown; between: expected.
+
+    Args:
+        known: what was seen.
+        prediction: what is believed of the rest; None: nothing.
+    """
+    image = np.where(known.free, 1.0, np.where(known.occupied, 0.0, 0.5))
+    if prediction is not None:
+        believed = 0.5 + 0.5 * prediction.p_free - 0.5 * prediction.p_occupied
+        image = np.where(known.unknown, believed, image)
+    return np.asarray(image, dtype=np.float64)
+
+
+def _picture(*images: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.rint(255 * np.stack(images)).astype(np.uint8)
