@@ -46,7 +46,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
     columns = max(len(row) for row in rows)
     width = min(4.2, 15.0 / columns)
     heights = [min(1.3 * width, width * (box[3] - box[2]) / (box[1] - box[0])) for box in boxes]
-    figure = new_figure(width * columns + 0.9, sum(heights) + 0.3 * len(rows) + 0.5, maps=True)
+    figure = new_figure(width * columns + 0.9, sum(heights) + 0.8 * len(rows) + 0.5, maps=True)
     axes = figure.subplots(len(rows), columns, squeeze=False, height_ratios=heights)
     v_max = run.setting("v_max", 4.0)
     line: LineCollection | None = None
@@ -61,7 +61,13 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
             ax.set_ylim(box[2], box[3])
             _title(ax, arm, episode)
         scale_bar(across[0], 10.0 if box[1] - box[0] > 25 else 5.0)
-        across[0].set_ylabel(f"episode {index} · {_name(run, index)}", fontsize=9, color=INK)
+        # The layout keeps room for the name's height, not for its length: it may run over the next
+        # panel.
+        for text, counts in ((" ", True), (f"episode {index} · {_name(run, index)}", False)):
+            across[0].annotate(
+                text, (0, 1), (0, 34), xycoords="axes fraction", textcoords="offset points",
+                fontsize=9, color=INK,
+            ).set_in_layout(counts)  # fmt: skip
     if line is not None:
         bar = figure.colorbar(line, ax=axes, shrink=min(1.0, 3.2 / sum(heights)), aspect=22,
                               pad=0.012)  # fmt: skip
@@ -126,10 +132,12 @@ def _drive(
 
 
 def _title(ax: Axes, arm: str, episode: dict[str, Any]) -> None:
-    ax.set_title(arm, loc="left", fontsize=10, color=arm_colour(arm), fontweight="bold", pad=4)
+    # One above the other: side by side they would run into each other where panels are narrow.
+    ax.set_title(arm, loc="left", fontsize=10, color=arm_colour(arm), fontweight="bold", pad=17)
     word = str(episode["outcome"]).replace("_", " ")
     impact = episode.get("impact_speed")
     if episode["outcome"] == "collided" and impact is not None:
         word += f" at {impact:.1f} m/s"
     colour = INK if episode["outcome"] == "reached" else CRASH_COLOUR
-    ax.set_title(f"{word} · {episode['time']:.1f} s", loc="right", fontsize=9, color=colour, pad=4)
+    ax.annotate(f"{word} · {episode['time']:.1f} s", (0, 1), (0, 4), xycoords="axes fraction",
+                textcoords="offset points", fontsize=9, color=colour)  # fmt: skip
