@@ -113,7 +113,7 @@ def _sheet(pictures: list[tuple[float, NDArray[np.uint8]]]) -> Figure:
         "typical": pictures[middle : middle + SHOWN],
         "worst": pictures[-SHOWN:],
     }
-    figure = Figure(figsize=(11.5, 2.05 * SHOWN + 0.7), layout="constrained")
+    figure = Figure(figsize=(11.5, 1.45 * SHOWN + 0.4), layout="constrained")
     axes = figure.subplots(SHOWN, 9, squeeze=False)
     for axis in axes.flat:
         axis.set_axis_off()
