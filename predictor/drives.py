@@ -175,7 +175,7 @@ def make(config: DrivesConfig, jobs: int) -> None:
     """
     from tqdm import tqdm
 
-    from benchmarks.workers import finished  # First: it keeps libraries to one thread a process.
+    from benchmarks.workers import finished
 
     _claim(config)
     items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
