@@ -51,11 +51,11 @@ class DrivesConfig:
     """
 
     out: Path = Path("data/drives")
-    train: int = 3000
+    train: int = 4000
     validation: int = 300
-    longest: float = 15.0
+    longest: float = 8.0
     views: int = 2
-    every: int = 4
+    every: int = 3
 
 
 def record(config: DrivesConfig, item: tuple[str, int]) -> int:
@@ -219,7 +219,7 @@ def main(argv: list[str] | None = None) -> int:
     add = parser.add_argument
     add("--out", type=Path, default=default.out, metavar="DIR", help="default: %(default)s")
     add("--train", type=int, default=default.train, metavar="N", help="drives to learn from "
-        "(default: %(default)s; one gives about 70 samples)")  # fmt: skip
+        "(default: %(default)s; one gives about 50 samples)")  # fmt: skip
     add("--validation", type=int, default=default.validation, metavar="N",
         help="drives to tune on (default: %(default)s)")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
