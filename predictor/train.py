@@ -1,6 +1,6 @@
 """Train the compact network.
 
-    python -m predictor.train                      about an hour and a half on 2 cores, samples included
+    python -m predictor.train                      1.5 hours on 2 cores, samples included
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
 
 A checkpoint holds everything that decides what comes next, and what a step does depends on its
