@@ -35,12 +35,13 @@ class CompactConfig:
     Attributes:
         patch: side of a patch [cells].
         widths: channels of each stage; the resolution halves from one to the next.
-        blocks: residual blocks of each stage on the way down.
+        blocks: residual blocks of each stage on the way down. The finest has its one on the way
+            up: a second costs a sixth of all the time and 1 % of the weights.
     """
 
     patch: int = 5
     widths: tuple[int, ...] = (32, 64, 112, 128)
-    blocks: tuple[int, ...] = (1, 1, 1, 2)
+    blocks: tuple[int, ...] = (0, 1, 1, 2)
 
     @property
     def multiple(self) -> int:

@@ -60,7 +60,7 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
 
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
     """Where there is truly room around a cell, and where that is a question: (B, H, W) bool."""
-    return widened((codes // 3 != FREE).float()) == 0.0, question(codes % 3)[1]
+    return widened((codes // 3 != FREE).byte()) == 0, question(codes % 3)[1]
 
 
 def question(seen: Tensor) -> tuple[Tensor, Tensor]:
@@ -73,8 +73,8 @@ def question(seen: Tensor) -> tuple[Tensor, Tensor]:
         Whether the square around a cell holds something seen occupied, and whether it holds
         nothing such, but something not seen: (B, H, W) bool. Else all of it was seen free.
     """
-    barred = widened((seen == 1).float()) > 0.0
-    return barred, (widened((seen == 2).float()) > 0.0) & ~barred
+    barred = widened((seen == 1).byte()) > 0
+    return barred, (widened((seen == 2).byte()) > 0) & ~barred
 
 
 def widened(values: Tensor) -> Tensor:

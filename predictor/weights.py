@@ -103,8 +103,9 @@ def _config(fields: dict[str, Any]) -> CompactConfig:
         TypeError: if something is of the wrong kind.
     """
     config = CompactConfig(fields["patch"], tuple(fields["widths"]), tuple(fields["blocks"]))
-    numbers = (config.patch, *config.widths, *config.blocks)
-    sane = all(isinstance(n, int) and 0 < n <= 1024 for n in numbers)
+    sizes, blocks = (config.patch, *config.widths), config.blocks
+    sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
+    sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
     if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
         raise ValueError(f"no network is shaped like {config}")
     return config
