@@ -36,27 +36,31 @@ def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-
     from benchmarks.drive import sources
     from benchmarks.figures import draw_all
     from benchmarks.store import Store
-    from benchmarks.summary import table
+    from benchmarks.summary import table, title
     from predictor import PredictorError, load_predictor
+    from predictor.provenance import fingerprint_of
     from sim.map_server import MapError, load_world
 
     try:
-        load_predictor(settings.predictor)
+        weights = fingerprint_of(load_predictor(settings.predictor))
         for place in sources(settings.world):
             if place.endswith((".yaml", ".yml")):
                 load_world(place)
     except (PredictorError, MapError) as error:
         raise UsageError(str(error)) from None
-    store = Store(out, settings)
+    store = Store(out, settings, weights)
     interrupted = _drive_all(store, settings, jobs)
     results = store.pack()
-    print(f"\n{_title(settings)}\n")
+    print(f"\n{title(results['settings'])}\n")
     print(table(results["summary"], results["gap"]))
     for index, why in store.skipped.items():
         print(f"episode {index} left out: {why}")
     commits = {e.get("commit") for e in results["episodes"]}
     if len(commits) > 1:
         print(f"mind: these drives come from {len(commits)} states of the code; see --out")
+    learned = len({e["index"] for e in results["episodes"] if e.get("learned")})
+    if learned:
+        print(f"mind: the predictor has learned from the buildings of {learned} episodes")
     if interrupted:
         print(f"\ninterrupted; what was done is in {out}, the same command goes on from there")
         return 130
@@ -108,15 +112,6 @@ def _drive(settings: Settings, item: tuple[int, str]) -> Any:
         return drive(settings, *item)
     except NoTaskError as error:
         return str(error)
-
-
-def _title(settings: Settings) -> str:
-    worlds = ", ".join(settings.world[:3]) + (" …" if len(settings.world) > 3 else "")
-    return (
-        f"{worlds}, route {settings.route}; window {settings.window:g} m × {settings.expansion:g}, "
-        f"v_max {settings.v_max:g} m/s, predictor {settings.predictor}, risk ε = {settings.risk:g} "
-        f"(0: only what was seen free counts; 1: all not seen occupied)"
-    )
 
 
 if __name__ == "__main__":

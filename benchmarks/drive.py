@@ -14,6 +14,7 @@ from benchmarks.settings import FAMILIES, Settings, UsageError
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
 from predictor import OccupancyGrid, load_predictor
+from predictor.provenance import has_learned
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.families import generate
@@ -101,9 +102,10 @@ def drive(
         car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
                       car.turning_radius, car.body),
     )  # fmt: skip
+    predictor = predictor_for(arm, load_predictor(settings.predictor), task.world)
     navigator = Navigator(
         config,
-        predictor_for(arm, load_predictor(settings.predictor), task.world),
+        predictor,
         np.array(task.start),
         task.goal,
         OccupancyGrid.from_grid(task.world.grid, settings.window)
@@ -125,6 +127,7 @@ def drive(
         "seed": task.seed,
         "start": [float(v) for v in task.start],
         "goal": [float(v) for v in task.goal],
+        "learned": has_learned(predictor, task.world.grid.cells),
         "shortest": float(task.path_length),
         "outcome": str(episode.outcome),
         "time": float(episode.time),

@@ -31,19 +31,20 @@ class Store:
     Args:
         out: the folder; made if need be.
         settings: of the run.
+        weights: fingerprint of the predictor's weights, if it has any.
 
     Raises:
-        UsageError: if the folder holds a run with other settings, or cannot be written.
+        UsageError: if the folder holds a run with other settings or weights, or cannot be written.
     """
 
-    def __init__(self, out: Path, settings: Settings) -> None:
+    def __init__(self, out: Path, settings: Settings, weights: str | None) -> None:
         self.out, self.settings, self.parts = out, settings, out / "parts"
         self.skipped: dict[int, str] = {}
         try:
             self.parts.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"--out {out}: {error.strerror}") from None
-        mine = _plain(settings)
+        self._marked = mine = _plain(settings) | {"weights": weights}
         marker = out / "settings.json"
         if marker.exists():
             try:
@@ -84,7 +85,7 @@ class Store:
         if loose:
             self._pack_traces(loose)
         results = {
-            "settings": _plain(self.settings) | {"dt": 0.1},
+            "settings": self._marked | {"dt": 0.1},
             "machine": machine(),
             "version": version("foresee"),
             "commit": self.commit,

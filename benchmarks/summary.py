@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from benchmarks.statistics import (
     share_of_gap,
     wilson,
 )
+from benchmarks.tables import markdown
 
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
@@ -81,65 +83,86 @@ def gap(episodes: list[Result], arms: tuple[str, ...]) -> dict[str, Any] | None:
     return share_of_gap(by_arm) if next(iter(by_arm.values()), []) else None
 
 
+def title(settings: dict[str, Any]) -> str:
+    """What was compared, in a line."""
+    worlds = settings["world"]
+    named = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
+    return (
+        f"{named}, route {settings['route']}; window {settings['window']:g} m × "
+        f"{settings['expansion']:g}, v_max {settings['v_max']:g} m/s, predictor "
+        f"{settings['predictor']}, risk ε = {settings['risk']:g} (0: only what was seen free "
+        "counts; 1: all not seen occupied)"
+    )
+
+
 def table(summary: dict[str, Any], share: dict[str, Any] | None) -> str:
-    """The summary as lines of text."""
+    """The summary as a Markdown table and what there is to say beside it."""
     if not summary:
         return "no episode has been finished by all arms yet"
-    rows: list[tuple[str, list[str]]] = [("arm", list(summary))]
+    first = next(iter(summary.values()))
+    rows = [[f"{first['episodes']} paired episodes", *(f"`{arm}`" for arm in summary)]]
 
-    def row(title: str, value: Any) -> None:
-        rows.append((title, [value(entry) for entry in summary.values()]))
+    def row(title: str, value: Callable[[dict[str, Any]], str]) -> None:
+        rows.append([title, *(value(entry) for entry in summary.values())])
 
-    row("episodes", lambda e: str(e["episodes"]))
-    for outcome in OUTCOMES:
-        row(outcome.replace("_", " "), lambda e, o=outcome: str(e[o]))
-    row("collisions, 95 %", lambda e: "{:.1%}–{:.1%}".format(*e["collided_interval"]))
-    row("impact speed [m/s]", lambda e: _number(e["impact_speed"], ".2f"))
-    row("speed [m/s]", lambda e: f"{e['mean_speed']:.2f}")
-    row("  95 %", lambda e: "{:.2f}–{:.2f}".format(*e["mean_speed_interval"]))
-    row("faster than known", lambda e: _signed(e.get("faster_than_known")))
-    row("time to goal [s]", lambda e: _number(e["time_to_goal"], ".1f"))
-    row("peak speed [m/s]", lambda e: f"{e['max_speed']:.2f}")
-    row("min. clearance [m]", lambda e: f"{e['min_clearance']:.2f}")
+    row(
+        " / ".join(outcome.replace("_", " ") for outcome in OUTCOMES),
+        lambda e: " / ".join(str(e[outcome]) for outcome in OUTCOMES),
+    )
+    row(
+        "collisions, 95 % interval",
+        lambda e: "{:.1f}–{:.1f} %".format(*(100 * v for v in e["collided_interval"])),
+    )
+    row("impact speed [m/s]", lambda e: _number(e["impact_speed"], ".1f"))
+    row(
+        "speed [m/s] (95 % over worlds)",
+        lambda e: "{:.2f} ({:.2f}–{:.2f})".format(e["mean_speed"], *e["mean_speed_interval"]),
+    )
+    row("faster than `known` [m/s]", lambda e: _signed(e.get("faster_than_known")))
+    row(
+        f"time to goal [s], {first['time_to_goal_episodes']} episodes all reached",
+        lambda e: _number(e["time_to_goal"], ".1f"),
+    )
+    row("top speed [m/s]", lambda e: f"{e['max_speed']:.2f}")
+    row("least clearance [m]", lambda e: f"{e['min_clearance']:.2f}")
     row("stops", lambda e: str(e["stops"]))
-    row("promises broken", lambda e: _number(e["realised_risk"], ".2%"))
-    row("cycle p50 [ms]", lambda e: f"{e['cycle_ms_p50']:.1f}")
-    row("cycle p99 [ms]", lambda e: f"{e['cycle_ms_p99']:.1f}")
+    row("promises broken", lambda e: _percent(e["realised_risk"], ".2f"))
+    row(
+        "control cycle p50 / p99 [ms]",
+        lambda e: f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}",
+    )
     row("faults survived", lambda e: str(sum(e["faults"].values())))
     row("paths by OMPL", lambda e: _share(e["paths"]))
-    first = max(len(title) for title, _ in rows)
-    widths = [max(len(cells[i]) for _, cells in rows) for i in range(len(summary))]
-    lines = [
-        f"{title:<{first}}  " + "  ".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
-        for title, cells in rows
-    ]
-    lines.insert(1, "-" * max(len(line) for line in lines))
-    reached = next(iter(summary.values()))["time_to_goal_episodes"]
-    lines.append(f"time to goal: mean of the {reached} episodes that all arms reached")
+    lines = [markdown(rows), ""]
     for name, entry in summary.items():
         if entry["faults"]:
             kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
-            lines.append(f"faults survived by {name}: {kinds}")
+            lines.append(f"Faults survived by `{name}`: {kinds}.")
     if share is not None:
-        lines.append(
-            f"share of the gap between known and oracle that prediction closes: "
-            f"{share['value']:.0%} (95 %: {share['low']:.0%} to {share['high']:.0%})"
-        )
+        value, low, high = (100 * share[name] for name in ("value", "low", "high"))
+        lines.append("Share of the gap between `known` and `oracle` that prediction closes: "
+                     f"{value:.0f} % ({low:.0f} to {high:.0f} %).")  # fmt: skip
     elif {"known", "predicted", "oracle"} <= summary.keys():
-        lines.append("share of the gap: not given, oracle is not faster than known with certainty")
-    return "\n".join(lines)
+        lines.append(
+            "Share of the gap: not given, `oracle` is not faster than `known` with certainty."
+        )
+    return "\n".join(lines).rstrip()
 
 
 def _number(value: float | None, form: str) -> str:
-    return "–" if value is None else format(value, form)
+    return "" if value is None else format(value, form)
+
+
+def _percent(share: float | None, form: str) -> str:
+    return "" if share is None else f"{format(100 * share, form)} %"
 
 
 def _signed(value: dict[str, float] | None) -> str:
     if value is None:
-        return "–"
-    return f"{value['value']:+.2f} ({value['low']:+.2f}…{value['high']:+.2f})"
+        return ""
+    return f"{value['value']:+.2f} ({value['low']:+.2f} to {value['high']:+.2f})"
 
 
 def _share(paths: dict[str, int]) -> str:
     found = paths.get("ompl", 0) + paths.get("dijkstra", 0)
-    return f"{paths.get('ompl', 0) / found:.1%}" if found else "–"
+    return _percent(paths.get("ompl", 0) / found if found else None, ".1f")

@@ -6,7 +6,7 @@ and a prediction moves that price. What may be relied upon is the risk map's bus
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,15 @@ class CostMap:
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
         return cls(frame, density.astype(np.float32), clearance, half_width + 0.12)
+
+    def favouring(self, points: NDArray[np.float64]) -> CostMap:
+        """The same with the cells around a polyline (n, 2) [m] at the price of free space."""
+        density, near = self.density.copy(), np.arange(-2, 3)
+        cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
+        rows = (cells[:, 1, None, None] + near[:, None]).clip(0, self.frame.shape[0] - 1)
+        cols = (cells[:, 0, None, None] + near).clip(0, self.frame.shape[1] - 1)
+        density[rows, cols] = np.minimum(density[rows, cols], np.float32(1.0))
+        return replace(self, density=density)
 
     def along(self, points: NDArray[np.float64]) -> float:
         """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly."""

@@ -28,6 +28,7 @@ class GuideConfig:
         ahead: how far along the route OMPL's curves reach [m]; where none is found, how far next.
         better: a new path replaces one that still serves if it costs less than this share.
         reserve: a path serves as long as this much of its drivable part is ahead [m].
+        join: how far ahead a given way is joined [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
         search: settings of the search itself.
     """
@@ -37,6 +38,7 @@ class GuideConfig:
     ahead: tuple[float, ...] = (9.0, 5.0, 3.0)
     better: float = 0.9
     reserve: float = 5.0
+    join: float = 12.0
     turning_room: float = 1.2
     search: PathConfig = field(default_factory=PathConfig)
 
@@ -157,7 +159,7 @@ class Guide:
             self._belief = remember(self._belief, known.frame, steering)
         cost = CostMap.build(known, self._belief, self.car.body.half_width)
         position = (float(state[0]), float(state[1]))
-        route = self._remaining(position) if self._given is not None else None
+        route = self._along_given(cost, position) if self._given is not None else None
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
@@ -194,10 +196,18 @@ class Guide:
             return False
         return cost.along(found.points) > self.config.better * cost.along(path.points[here:])
 
-    def _remaining(self, position: tuple[float, float]) -> NDArray[np.float64]:
-        """The rest of the given route, from the point nearest the car on."""
+    def _along_given(
+        self, cost: CostMap, position: tuple[float, float]
+    ) -> NDArray[np.float64] | None:
+        """A route (n, 2) that joins the given way some metres ahead and follows it to its end.
+
+        It is searched for, for the straight line to the way may lead through a wall; None where
+        there is none.
+        """
         assert self._given is not None
-        self._given_at, _, _ = project(
-            self._given, *position, self._given_at - 10, self._given_at + 60
-        )
-        return np.vstack([np.asarray(position)[None], self._given[self._given_at + 1 :]])
+        given, join = self._given, round(self.config.join / SPACING)
+        self._given_at, _, _ = project(given, *position, self._given_at - 10, self._given_at + 60)
+        last = min(self._given_at + join, len(given) - 1)
+        there = (float(given[last, 0]), float(given[last, 1]))
+        route = find_route(cost.favouring(given[self._given_at : last + 1]), position, there)
+        return None if route is None else np.vstack([route, given[last + 1 :]])

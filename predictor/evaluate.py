@@ -49,6 +49,7 @@ class Evaluation:
         from benchmarks.drive import sources
         from benchmarks.store import commit
         from predictor import load_predictor
+        from predictor.provenance import fingerprint_of
         from sim.map_server import load_world
 
         self.config, self.out, self.parts = config, out, out / "parts"
@@ -60,8 +61,7 @@ class Evaluation:
             raise EvaluateError("--world and --predictors want each name once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # Scores of other weights are other scores, whatever the weights' name.
-        prints = {name: getattr(load_predictor(name), "facts", {}).get("fingerprint")
-                  for name in config.predictors}  # fmt: skip
+        prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
         mine = json.loads(json.dumps(asdict(config) | {"weights": prints}))
         self.commit = commit()
         marker = out / "settings.json"
@@ -202,24 +202,26 @@ def _plain(value: Any) -> Any:
 
 
 def table(results: dict[str, Any]) -> str:
-    """The scores as text: one block a group, one line a predictor."""
+    """The scores as Markdown: one table a group, one line a predictor."""
+    from benchmarks.tables import markdown
+
     columns = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier_free",
                "brier_occupied", "nll", "ece_free", "ece_occupied", "ssim", "ms")  # fmt: skip
-    lines = []
+    parts = []
     for group, entry in results["groups"].items():
         skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
         if entry["learned"]:
             skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
-        lines.append(f"\n{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}")
-        lines.append(f"{'':18}" + "".join(f"{c.replace('_', ' '):>16}" for c in columns))
+        head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
+        rows = [["", *(column.replace("_", " ") for column in columns)]]
         for name, row in entry["predictors"].items():
-            cells = [_cell(row.get(column)) for column in columns]
-            lines.append(f"{name:18}" + "".join(cells))
-    return "\n".join(lines)
+            rows.append([name, *(_cell(row.get(column)) for column in columns)])
+        parts.append(f"{head}\n\n{markdown(rows)}")
+    return "\n\n".join(parts)
 
 
 def _cell(value: float | None) -> str:
-    return f"{'–':>16}" if value is None or value != value else f"{value:16.3f}"
+    return "" if value is None or value != value else f"{value:.3f}"
 
 
 def main(argv: list[str] | None = None) -> int:

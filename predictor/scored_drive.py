@@ -13,6 +13,7 @@ from skimage.metrics import structural_similarity
 
 from predictor.grid import Grid
 from predictor.prediction import Prediction, checked
+from predictor.provenance import has_learned
 from predictor.registry import load_predictor
 from predictor.samples import world_hash
 from predictor.scores import Scores, rings_of
@@ -110,21 +111,15 @@ def score_drive(
     moments.sort(key=lambda entry: entry[0])
     shown = [moments[0], moments[len(moments) // 2], moments[-1]] if moments else []
     arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}
-    building = world_hash(world.grid.cells)
+    building = world.grid.cells
     facts = {
-        "world": world.name, "hash": building,
-        "learned_by": [name for name, p in predictors.items() if building in _learned(p)],
+        "world": world.name, "hash": world_hash(building),
+        "learned_by": [name for name, p in predictors.items() if has_learned(p, building)],
         "moments": len(similar[BLANK]), "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
         "ms": {k: float(np.median(v)) for k, v in taken.items()},
         "errors": [off for off, _ in shown],
     }  # fmt: skip
     return facts, arrays
-
-
-def _learned(predictor: Any) -> frozenset[str]:
-    """Hashes of the buildings that a predictor says it was trained or tuned on."""
-    facts = getattr(predictor, "facts", {})
-    return frozenset(facts.get("worlds", ())) | frozenset(facts.get("validation_worlds", ()))
 
 
 def rows_of(config: EvaluateConfig) -> list[str]:

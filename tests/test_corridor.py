@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import corridor
+from benchmarks import corridor, tables
 from benchmarks.corridor import main
 from sim import empty_straight, save_world
 
@@ -215,6 +215,21 @@ def test_an_out_that_is_a_file_is_refused_in_one_line(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
+    out, _ = narrow
+    assert tables.main([str(out / "results.json")]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert "`known`" in lines[0]
+    assert len({line.count("|") for line in lines}) == 1
+    assert len({len(line) for line in lines}) == 1
+    speed = results(out)["summary"]["known"]["mean_speed"]
+    assert any("speed [m/s]" in line and f"{speed:.2f}" in line for line in lines)
+    (tmp_path / "foreign.json").write_text("[1, 2]")
+    for name in ("foreign.json", "missing.json"):
+        assert tables.main([str(tmp_path / name)]) == 2
+        assert name in capsys.readouterr().err
+
+
 PLUG_IN = '''
 import numpy as np
 
@@ -248,6 +263,40 @@ def test_a_plug_in_in_a_file_of_ones_own_runs_from_any_folder(short_map, tmp_pat
     for episode in r["episodes"]:
         assert not any(kind.startswith("predictor") for kind in episode["faults"])
         assert episode["promises"] > 0
+
+
+STUDENT = '''
+from predictor import NoPrediction
+from predictor.samples import world_hash
+from sim.map_server import load_world
+from sim.world import sealed
+
+
+class Student(NoPrediction):
+    """Has learned from the very building that it is asked about."""
+
+    def __init__(self):
+        cells = sealed(load_world({path!r})).grid.cells
+        self.facts = {{"worlds": [world_hash(cells)], "fingerprint": {fingerprint!r}}}
+'''
+
+
+def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_path):
+    def go(fingerprint):
+        text = STUDENT.format(path=str(short_map), fingerprint=fingerprint)
+        (tmp_path / "school.py").write_text(text)
+        return python("-m", "benchmarks.corridor", "--predictor", "school:Student", "--world",
+                      short_map, "--arms", "known,predicted", "--episodes", 1, "--jobs", 1,
+                      "--out", "run", cwd=tmp_path)  # fmt: skip
+
+    first = go("one")
+    assert first.returncode == 0, first.stderr
+    assert "has learned from the buildings of 1 episode" in first.stdout
+    learned = {e["arm"]: e["learned"] for e in results(tmp_path / "run")["episodes"]}
+    assert learned == {"known": False, "predicted": True}
+    second = go("two")
+    assert second.returncode == 2
+    assert "weights one" in second.stderr
 
 
 def test_help_names_the_units(tmp_path):
