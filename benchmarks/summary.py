@@ -16,7 +16,7 @@ from benchmarks.statistics import (
     share_of_gap,
     wilson,
 )
-from benchmarks.tables import markdown
+from benchmarks.tables import interval, markdown
 
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
@@ -118,7 +118,10 @@ def table(summary: dict[str, Any], share: dict[str, Any] | None) -> str:
         "speed [m/s] (95 % over worlds)",
         lambda e: "{:.2f} ({:.2f}–{:.2f})".format(e["mean_speed"], *e["mean_speed_interval"]),
     )
-    row("faster than `known` [m/s]", lambda e: _signed(e.get("faster_than_known")))
+    row(
+        "faster than `known` [m/s]",
+        lambda e: interval(e["faster_than_known"], "+.2f") if "faster_than_known" in e else "",
+    )
     row(
         f"time to goal [s], {first['time_to_goal_episodes']} episodes all reached",
         lambda e: _number(e["time_to_goal"], ".1f"),
@@ -139,9 +142,8 @@ def table(summary: dict[str, Any], share: dict[str, Any] | None) -> str:
             kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
             lines.append(f"Faults survived by `{name}`: {kinds}.")
     if share is not None:
-        value, low, high = (100 * share[name] for name in ("value", "low", "high"))
-        lines.append("Share of the gap between `known` and `oracle` that prediction closes: "
-                     f"{value:.0f} % ({low:.0f} to {high:.0f} %).")  # fmt: skip
+        closed = interval(share, ".0f", 100.0)
+        lines.append(f"Prediction closes {closed} % of the gap between `known` and `oracle`.")
     elif {"known", "predicted", "oracle"} <= summary.keys():
         lines.append(
             "Share of the gap: not given, `oracle` is not faster than `known` with certainty."
@@ -155,12 +157,6 @@ def _number(value: float | None, form: str) -> str:
 
 def _percent(share: float | None, form: str) -> str:
     return "" if share is None else f"{format(100 * share, form)} %"
-
-
-def _signed(value: dict[str, float] | None) -> str:
-    if value is None:
-        return ""
-    return f"{value['value']:+.2f} ({value['low']:+.2f} to {value['high']:+.2f})"
 
 
 def _share(paths: dict[str, int]) -> str:

@@ -36,6 +36,36 @@ def tables_of(results: dict[str, Any]) -> str:
     return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
 
 
+def overview(runs: dict[str, dict[str, Any]]) -> str:
+    """One line for each comparison: what prediction bought there, and at which price.
+
+    Args:
+        runs: name → contents of a results.json of `benchmarks.corridor`.
+    """
+    arms = ("known", "predicted", "oracle")
+    rows = [["`known` / `predicted` / `oracle`", "episodes", "reached", "collided", "speed [m/s]",
+             "`predicted` faster by [m/s]", "of the gap closed"]]  # fmt: skip
+    for name, run in runs.items():
+        of = [run["summary"][arm] for arm in arms]
+        faster, share = of[1]["faster_than_known"], run["gap"]
+        rows.append([
+            name,
+            str(of[0]["episodes"]),
+            " / ".join(str(entry["reached"]) for entry in of),
+            " / ".join(str(entry["collided"]) for entry in of),
+            " / ".join(f"{entry['mean_speed']:.2f}" for entry in of),
+            interval(faster, "+.2f"),
+            "no gap" if share is None else interval(share, ".0f", 100.0) + " %",
+        ])  # fmt: skip
+    return markdown(rows)
+
+
+def interval(value: dict[str, float], form: str, factor: float = 1.0) -> str:
+    """A value and its 95 % interval."""
+    mid, low, high = (format(factor * value[name], form) for name in ("value", "low", "high"))
+    return f"{mid} ({low} to {high})"
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad input."""
     from benchmarks.settings import OneLineParser
@@ -46,13 +76,20 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
         "benchmarks.corridor or of predictor.evaluate")  # fmt: skip
+    runs: dict[str, dict[str, Any]] = {}
+    parts: list[str] = []
     for path in parser.parse_args(argv).files:
         try:
-            text = tables_of(json.loads(path.read_text()))
+            results = json.loads(path.read_text())
+            parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")
+            if {"known", "predicted", "oracle"} <= results.get("summary", {}).keys():
+                runs[path.stem] = results
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             print(f"benchmarks.tables: {path} is no results file: {error!r}", file=sys.stderr)
             return 2
-        print(f"## {path.stem}\n\n{text}\n")
+    if len(runs) > 1:
+        parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
+    print("\n".join(parts), end="")
     return 0
 
 
