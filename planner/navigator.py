@@ -6,6 +6,7 @@ import math
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +143,8 @@ class Navigator:
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
+        self._resort: NDArray[np.float64] | None = None
+        """Controls of a way to stop that was found at the last tick, from the next state on."""
         self._tick = -1
         self._curvature = 0.0
         self._asker = None if predictor is None else Asker(predictor)
@@ -178,7 +181,8 @@ class Navigator:
         risk = RiskMap.from_prediction(self.known.crop(frame), believed, c.risk, c.margin)
         clock.lap("risk")
         self.guide.update(self._tick, state, risk)
-        plan, emergency = self._decide(state, risk, faults)
+        intended, emergency = self._decide(state, risk, faults)
+        plan = self._survivable(state, intended, risk) if not emergency else intended
         control = plan.controls[0].copy()
         clock.lap("mpc")
         clock.total("cycle")
@@ -189,7 +193,9 @@ class Navigator:
         rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
         xs, ys = frame.centres()
         limit = what_limits(plan, risk, self.goal, c.car, emergency)
-        self.plan, self._curvature = plan, float(control[1])
+        if plan is not intended:
+            limit = Limit.UNSEEN
+        self.plan, self._curvature = intended, float(control[1])
         self.faults.update(faults)
         return Decision(
             control=control,
@@ -232,7 +238,8 @@ class Navigator:
         if self.plan is not None:
             kept = mpc.roll(state, shifted(self.plan.controls, car.braking))
         path = self.guide.path
-        safe = [plan for plan in (kept, stop) if mpc.is_safe(plan, risk)]
+        rest = [kept, stop] if self._resort is None else [mpc.roll(state, self._resort), kept, stop]
+        safe = [plan for plan in rest if mpc.is_safe(plan, risk)]
         if path is None:
             if safe:
                 return safe[-1], False
@@ -327,20 +334,51 @@ class Navigator:
             free = max(met[0] - 0.1, 0.0)
         return controls
 
+    def _survivable(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
+        """The plan, or one that begins more slowly and leaves a way to stop if belief is wrong.
+
+        A plan relies on what is believed at the risk ε. After its first step, when the next scan
+        may have proved that wrong, some way to brake and swerve must still lie in the surest cells.
+        """
+        mpc, braking = self.mpc, self.config.car.braking
+        if risk.surest is risk.safe:
+            self._resort = None
+            return plan
+        if mpc.contact(plan, ~risk.surest, risk) is None:
+            self._resort = shifted(plan.controls, braking)
+            return plan
+        ways = self._last_resorts(plan)
+        wanted, curvature = plan.controls[0]
+        for a in np.linspace(wanted, -braking, 4):
+            for way in ways:
+                stop = mpc.roll(state, np.vstack([[[a, curvature]], way[1:]]))
+                if mpc.contact(stop, ~risk.surest, risk) is None:
+                    self._resort = shifted(stop.controls, braking)
+                    return plan if a == wanted else stop
+        return self._brake(state, risk, plan)
+
     def _brake(self, state: NDArray[np.float64], risk: RiskMap, kept: Plan) -> Plan:
         """Brake as hard as the car can, on the arc that meets what was seen most slowly."""
+        stops = [self.mpc.roll(state, way) for way in self._last_resorts(kept)]
+        best = min(stops, key=partial(self._badness, risk))
+        self._resort = shifted(best.controls, self.config.car.braking)
+        return best
+
+    def _last_resorts(self, plan: Plan) -> list[NDArray[np.float64]]:
+        """Ways to stop: as found before; along a plan; on arcs to both sides."""
         mpc, car = self.mpc, self.config.car
-        ways = [stop_controls(mpc.stages, car.braking, 0.0)]
-        ways[0][:, 1] = kept.controls[:, 1]
-        for share in np.linspace(-1.0, 1.0, 9):
-            ways.append(stop_controls(mpc.stages, car.braking, share * car.max_curvature))
+        along = stop_controls(mpc.stages, car.braking, 0.0)
+        along[:, 1] = plan.controls[:, 1]
+        sides = [stop_controls(mpc.stages, car.braking, share * car.max_curvature)
+                 for share in np.linspace(-1.0, 1.0, 9)]  # fmt: skip
+        return [along, *sides] if self._resort is None else [self._resort, along, *sides]
 
-        def badness(plan: Plan) -> tuple[float, float]:
-            hit = mpc.contact(plan, risk.known.occupied, risk)
-            left = mpc.contact(plan, ~risk.safe, risk)
-            return (hit[1] if hit else 0.0, left[1] if left else 0.0)
-
-        return min((mpc.roll(state, way) for way in ways), key=badness)
+    def _badness(self, risk: RiskMap, plan: Plan) -> tuple[float, float, float]:
+        """How fast a plan meets what was seen, leaves the safe set, leaves the surest cells."""
+        met = (self.mpc.contact(plan, blocked, risk)
+               for blocked in (risk.known.occupied, ~risk.safe, ~risk.surest))  # fmt: skip
+        hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
+        return hit, left, unsure
 
 
 class _Clock:

@@ -331,12 +331,28 @@ def test_the_straight_is_driven_to_its_end():
     assert episode.path_length == pytest.approx(task.path_length - 0.5, abs=0.3)
 
 
-def test_a_sure_prediction_of_free_space_makes_the_car_faster():
-    class Sure:
-        def predict(self, known, pose):
-            ones = np.ones(known.frame.shape, np.float32)
-            return Prediction(known.frame, ones, 0 * ones, ones)
+class Sure:
+    """Believes that all there is is free, with one confidence."""
 
+    def __init__(self, confidence=1.0):
+        self.confidence = confidence
+
+    def predict(self, known, pose):
+        ones = np.ones(known.frame.shape, np.float32)
+        return Prediction(known.frame, ones, 0 * ones, self.confidence * ones)
+
+
+@pytest.mark.parametrize(("family", "seed"), [("narrow", 1), ("trap", 1), ("office", 2)])
+def test_a_belief_that_breaks_is_survived_unless_it_was_of_the_surest(family, seed):
+    task = sample_task(generate(family, seed), seed)
+    # At this risk a plan may rely on 0.9 and more, and a last resort on 0.99 and more.
+    driver = navigator(task, Sure(0.95), risk=0.1)
+    episode = drive(task, driver, EpisodeConfig(timeout=0.6))
+    assert episode.outcome is not Outcome.COLLIDED
+    assert (episode.trace["kept"] == 0).any()
+
+
+def test_a_sure_prediction_of_free_space_makes_the_car_faster():
     task = straight()
     config = EpisodeConfig(timeout=0.9)
     plain = drive(task, navigator(task, None), config)

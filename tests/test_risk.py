@@ -106,6 +106,13 @@ def test_at_full_risk_no_prediction_takes_anything_away(known, p_free, confidenc
     assert np.array_equal(safe(known, believed(p_free, confidence), 1.0), ~known.occupied)
 
 
+@given(grids, shares_or_nan, shares_or_nan, risks, st.sampled_from([0.0, 0.15]))
+def test_the_surest_cells_are_the_safe_set_of_the_risk_squared(known, p, c, epsilon, margin):
+    risk = RiskMap.from_prediction(known, believed(p, c), epsilon, margin)
+    assert np.array_equal(risk.surest, safe(known, believed(p, c), epsilon**2, margin))
+    assert (risk.surest <= risk.safe).all()
+
+
 @pytest.mark.parametrize("epsilon", [-0.01, 1.01, float("nan"), float("inf"), -float("inf")])
 def test_a_risk_outside_zero_to_one_is_refused(epsilon):
     with pytest.raises(ValueError, match=r"must lie in \[0, 1\]"):
