@@ -39,8 +39,8 @@ class Settings:
     episodes: int = 12
     seed: int = 0
     arms: tuple[str, ...] = ("known", "predicted", "oracle")
-    predictor: str = "extend"
-    risk: float = 0.1
+    predictor: str = "compact"
+    risk: float = 0.05
     v_max: float = 4.0
     window: float = 5.0
     expansion: float = 2.0

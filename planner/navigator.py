@@ -338,21 +338,21 @@ class Navigator:
         """The plan, or one that begins more slowly and leaves a way to stop if belief is wrong.
 
         A plan relies on what is believed at the risk ε. After its first step, when the next scan
-        may have proved that wrong, some way to brake and swerve must still lie in the surest cells.
+        may have proved that wrong, some way to brake and swerve must still lie in what is certain.
         """
         mpc, braking = self.mpc, self.config.car.braking
-        if risk.surest is risk.safe:
+        if risk.certain is risk.safe:
             self._resort = None
             return plan
-        if mpc.contact(plan, ~risk.surest, risk) is None:
+        if mpc.contact(plan, ~risk.certain, risk) is None:
             self._resort = shifted(plan.controls, braking)
             return plan
         ways = self._last_resorts(plan)
         wanted, curvature = plan.controls[0]
-        for a in np.linspace(wanted, -braking, 4):
+        for a in np.linspace(wanted, -braking, 7):
             for way in ways:
                 stop = mpc.roll(state, np.vstack([[[a, curvature]], way[1:]]))
-                if mpc.contact(stop, ~risk.surest, risk) is None:
+                if mpc.contact(stop, ~risk.certain, risk) is None:
                     self._resort = shifted(stop.controls, braking)
                     return plan if a == wanted else stop
         return self._brake(state, risk, plan)
@@ -370,13 +370,13 @@ class Navigator:
         along = stop_controls(mpc.stages, car.braking, 0.0)
         along[:, 1] = plan.controls[:, 1]
         sides = [stop_controls(mpc.stages, car.braking, share * car.max_curvature)
-                 for share in np.linspace(-1.0, 1.0, 9)]  # fmt: skip
+                 for share in np.linspace(-1.0, 1.0, 13)]  # fmt: skip
         return [along, *sides] if self._resort is None else [self._resort, along, *sides]
 
     def _badness(self, risk: RiskMap, plan: Plan) -> tuple[float, float, float]:
-        """How fast a plan meets what was seen, leaves the safe set, leaves the surest cells."""
+        """How fast a plan meets what was seen, leaves the safe set, leaves what is certain."""
         met = (self.mpc.contact(plan, blocked, risk)
-               for blocked in (risk.known.occupied, ~risk.safe, ~risk.surest))  # fmt: skip
+               for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
         hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
         return hit, left, unsure
 

@@ -22,8 +22,8 @@ class RiskMap:
         trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
             free, 0 where seen occupied, (rows, columns).
         safe: cells that a plan may rely upon, (rows, columns).
-        surest: cells that a last resort may rely upon: the safe set of the risk ε²; the same object
-            as `safe` where the two are one, (rows, columns).
+        certain: cells of the safe set that a last resort may rely upon: seen free, or believed free
+            beyond all doubt; at ε = 0 and ε = 1 it is `safe` itself, (rows, columns).
         barred: cells seen occupied, or believed with confidence not to be free, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside it, (rows,
             columns); what lies outside the frame is not safe.
@@ -33,7 +33,7 @@ class RiskMap:
     known: Grid
     trust: NDArray[np.float32]
     safe: NDArray[np.bool_]
-    surest: NDArray[np.bool_]
+    certain: NDArray[np.bool_]
     barred: NDArray[np.bool_]
     clearance: NDArray[np.float32]
 
@@ -76,17 +76,17 @@ class RiskMap:
                 barred[here] |= unseen & blocked[r0:r1, c0:c1]
 
         def relied(risk: float) -> NDArray[np.bool_]:
-            # 1e-6: a single-precision product of ones must still count at its face value.
-            believed = known.unknown & (trust >= 1.0 - risk - 1e-6)
-            cells = known.free | believed if risk > 0.0 else known.free.copy()
+            # A single-precision product of ones must still count at its face value.
+            cells = known.free | (known.unknown & (trust >= 1.0 - risk - 1e-6))
             if margin > 0.0:
                 cells &= distance_field(~cells) * known.frame.resolution > margin
             return cells
 
-        safe = relied(epsilon)
-        surest = relied(epsilon**2) if 0.0 < epsilon < 1.0 else safe
+        # At ε = 0 no belief counts, not even one beyond all doubt.
+        safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
+        certain = relied(0.0) if 0.0 < epsilon < 1.0 else safe
         clearance = _clearance(safe, known.frame.resolution)
-        return cls(known.frame, known, trust, safe, surest, barred, clearance)
+        return cls(known.frame, known, trust, safe, certain, barred, clearance)
 
     @cached_property
     def obstacle_distance(self) -> NDArray[np.float32]:

@@ -71,7 +71,7 @@ def test_the_results_have_what_the_issue_names(narrow):
     assert episode["outcome"] in OUTCOMES
     assert episode["outcome"] != "collided"
     assert r["settings"]["world"] == ["narrow"]
-    assert r["settings"]["risk"] == 0.1
+    assert r["settings"]["risk"] == 0.05
     json.loads((out / "results.json").read_text(), parse_constant=pytest.fail)
 
 
@@ -195,7 +195,7 @@ def test_a_folder_of_another_run_is_refused_in_one_line_and_left_alone(narrow, c
     assert run(*command, "--risk", 0.5) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "risk 0.1" in error
+    assert "risk 0.05" in error
     assert (out / "results.json").read_bytes() == before
 
 

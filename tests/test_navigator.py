@@ -343,9 +343,8 @@ class Sure:
 
 
 @pytest.mark.parametrize(("family", "seed"), [("narrow", 1), ("trap", 1), ("office", 2)])
-def test_a_belief_that_breaks_is_survived_unless_it_was_of_the_surest(family, seed):
+def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family, seed):
     task = sample_task(generate(family, seed), seed)
-    # At this risk a plan may rely on 0.9 and more, and a last resort on 0.99 and more.
     driver = navigator(task, Sure(0.95), risk=0.1)
     episode = drive(task, driver, EpisodeConfig(timeout=0.6))
     assert episode.outcome is not Outcome.COLLIDED

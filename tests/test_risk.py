@@ -107,10 +107,16 @@ def test_at_full_risk_no_prediction_takes_anything_away(known, p_free, confidenc
 
 
 @given(grids, shares_or_nan, shares_or_nan, risks, st.sampled_from([0.0, 0.15]))
-def test_the_surest_cells_are_the_safe_set_of_the_risk_squared(known, p, c, epsilon, margin):
+def test_what_is_certain_was_seen_free_or_is_believed_so_beyond_doubt(known, p, c, epsilon, margin):
     risk = RiskMap.from_prediction(known, believed(p, c), epsilon, margin)
-    assert np.array_equal(risk.surest, safe(known, believed(p, c), epsilon**2, margin))
-    assert (risk.surest <= risk.safe).all()
+    assert (risk.certain <= risk.safe).all()
+    if epsilon in (0.0, 1.0):
+        assert risk.certain is risk.safe
+    elif margin == 0.0:
+        doubted = known.unknown & ~(np.nan_to_num(p * c) >= 1.0 - 1e-5)
+        assert not risk.certain[doubted].any()
+        assert risk.certain[known.free].all()
+        assert risk.certain[known.unknown & (p * c == 1.0)].all()
 
 
 @pytest.mark.parametrize("epsilon", [-0.01, 1.01, float("nan"), float("inf"), -float("inf")])
