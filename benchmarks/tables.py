@@ -28,9 +28,9 @@ def tables_of(results: dict[str, Any]) -> str:
         KeyError: if it is a file of neither.
     """
     if "groups" in results:
-        from predictor.evaluate import table as scores
+        from predictor.evaluate import table as every_score
 
-        return scores(results)
+        return every_score(results)
     from benchmarks.summary import table, title
 
     return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
@@ -60,6 +60,24 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
     return markdown(rows)
 
 
+def scores(runs: dict[str, dict[str, Any]]) -> str:
+    """One line for each predictor on each group of buildings: how good its probabilities are.
+
+    Args:
+        runs: name → contents of a results.json of `predictor.evaluate`.
+    """
+    columns = ("iou_free", "iou_occupied", "auc_free", "brier_free", "nll", "ece_free", "ssim")
+    rows = [["buildings", "predictor", *(name.replace("_", " ") for name in columns)]]
+    for run in runs.values():
+        for group, entry in run["groups"].items():
+            for name, row in entry["predictors"].items():
+                if "(" not in name:
+                    found = [row.get(column) for column in columns]
+                    cells = ["" if value is None else f"{value:.3f}" for value in found]
+                    rows.append([group, f"`{name}`", *cells])
+    return markdown(rows)
+
+
 def interval(value: dict[str, float], form: str, factor: float = 1.0) -> str:
     """A value and its 95 % interval."""
     mid, low, high = (format(factor * value[name], form) for name in ("value", "low", "high"))
@@ -77,6 +95,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
         "benchmarks.corridor or of predictor.evaluate")  # fmt: skip
     runs: dict[str, dict[str, Any]] = {}
+    scored: dict[str, dict[str, Any]] = {}
     parts: list[str] = []
     for path in parser.parse_args(argv).files:
         try:
@@ -84,9 +103,13 @@ def main(argv: list[str] | None = None) -> int:
             parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")
             if {"known", "predicted", "oracle"} <= results.get("summary", {}).keys():
                 runs[path.stem] = results
+            if "groups" in results:
+                scored[path.stem] = results
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             print(f"benchmarks.tables: {path} is no results file: {error!r}", file=sys.stderr)
             return 2
+    if scored:
+        parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
     if len(runs) > 1:
         parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
     print("\n".join(parts), end="")

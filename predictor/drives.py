@@ -51,8 +51,8 @@ class DrivesConfig:
     """
 
     out: Path = Path("data/drives")
-    train: int = 4000
-    validation: int = 300
+    train: int = 2000
+    validation: int = 160
     longest: float = 8.0
     views: int = 2
     every: int = 3

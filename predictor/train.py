@@ -1,6 +1,6 @@
 """Train the compact network.
 
-    python -m predictor.train                      1.5 hours on 2 cores, samples included
+    python -m predictor.train                      about two hours on 2 cores, samples included
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
 
 A checkpoint holds everything that decides what comes next, and what a step does depends on its
@@ -46,7 +46,7 @@ class TrainConfig:
         seed: of the first weights and of the order of samples.
     """
 
-    steps: int = 12_000
+    steps: int = 8_000
     batch: int = 32
     rate: float = 2e-3
     warmup: int = 300
