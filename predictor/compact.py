@@ -22,7 +22,8 @@ SHIPPED = Path(__file__).with_name("compact.safetensors")
 """The weights that come with the package; their card lies beside them."""
 RESOLUTION = 0.05
 """Of the maps that the network was trained on [m]; others are resampled to it."""
-
+SUREST = 0.9999
+"""Most confidence in a cell not seen: a planner takes 1 for certain, which no network is."""
 
 Index = slice | NDArray[np.intp]
 
@@ -80,7 +81,7 @@ class Compact:
             logits = self.net(known.contiguous(memory_format=torch.channels_last))
             classes = torch.softmax(logits[:, :ROOM], dim=1)[0]
             room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)[0]
-            confidence = (1.0 - classes[FREE] + room).clamp(max=1.0)
+            confidence = (1.0 - classes[FREE] + room).clamp(max=SUREST)
         top, left = padding[0][0], padding[1][0]
         out = torch.stack([classes[FREE], classes[OCCUPIED], confidence]).numpy()
         return np.asarray(out[:, top : top + rows, left : left + cols])

@@ -98,6 +98,13 @@ def test_confidence_leaves_less_than_p_free_beside_walls(compact):
     assert trust[100, 145] > trust[81, 145]
 
 
+def test_of_what_was_not_seen_it_is_never_certain(compact):
+    for grid in (corridor(), random_map((200, 200))):
+        prediction = compact.predict(grid, centre_pose(grid))
+        assert (prediction.confidence[grid.unknown] < 0.99995).all()
+        assert (prediction.confidence[~grid.unknown] == 1.0).all()
+
+
 def test_where_nothing_was_seen_there_is_no_confidence(compact):
     grid = Grid(GridFrame(0.05, (0.0, 0.0), (200, 200)), np.full((200, 200), UNKNOWN, np.int8))
     assert not compact.predict(grid, centre_pose(grid)).confidence.any()
