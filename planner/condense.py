@@ -53,6 +53,37 @@ def clearances(field, resolution, origin, states, offset):  # type: ignore[no-un
     return values, gradients
 
 
+@njit(cache=True, nogil=True)
+def merit(states, controls, last, costs, value, required, comfort, effort, smoothness, closeness,  # type: ignore[no-untyped-def]
+          violation):  # fmt: skip
+    """What a plan costs: what `solve` lowers.
+
+    Args:
+        states: (N+1, 4).
+        controls: (N, 2).
+        last: curvature before the first [1/m].
+        costs: of the states after the first, by their references (N,).
+        value: clearance of their circles (N, 2) [m].
+        required: of the clearance [m]; `comfort` more costs nothing.
+        effort: weights of a², κ².
+        smoothness: weight of a squared change of κ.
+        closeness: weight of a squared metre of comfort lacking.
+        violation: weight of a metre lacking of what is required, and of 0.1 m/s at the end.
+    """
+    total = 10.0 * violation * states[-1, 3]
+    before = last
+    for k in range(controls.shape[0]):
+        a, kappa = controls[k, 0], controls[k, 1]
+        total += costs[k] + effort[0] * a * a + effort[1] * kappa * kappa
+        total += smoothness * (kappa - before) ** 2
+        before = kappa
+        for i in range(2):
+            lacking = max(0.0, required + comfort - value[k, i])
+            total += 0.5 * closeness * lacking * lacking
+            total += violation * max(0.0, required - value[k, i])
+    return total
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
     weight[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
@@ -107,8 +138,80 @@ def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
+def make_positive(matrices, least):  # type: ignore[no-untyped-def]
+    """Raise the eigenvalues of symmetric matrices (n, m, m) to at least `least`, in place.
+
+    Cyclic Jacobi rotations (Golub & Van Loan 2013, §8.5): at this size quicker than LAPACK.
+    """
+    m = matrices.shape[1]
+    vectors, lower = np.empty((m, m)), np.empty((m, m))
+    for k in range(matrices.shape[0]):
+        a = matrices[k]
+        if _is_positive(a, least, lower):
+            continue
+        vectors[:] = 0.0
+        for i in range(m):
+            vectors[i, i] = 1.0
+        for _ in range(30):
+            off, size = 0.0, 0.0
+            for i in range(m):
+                size += a[i, i] * a[i, i]
+                for j in range(i):
+                    off += a[i, j] * a[i, j]
+            if off <= 1e-24 * size:
+                break
+            for p in range(m - 1):
+                for q in range(p + 1, m):
+                    if abs(a[p, q]) <= 1e-300:
+                        continue
+                    theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
+                    t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                    if theta < 0.0:
+                        t = -t
+                    c = 1.0 / math.sqrt(t * t + 1.0)
+                    s = t * c
+                    for i in range(m):
+                        x, y = a[i, p], a[i, q]
+                        a[i, p], a[i, q] = c * x - s * y, s * x + c * y
+                    for i in range(m):
+                        x, y = a[p, i], a[q, i]
+                        a[p, i], a[q, i] = c * x - s * y, s * x + c * y
+                        x, y = vectors[i, p], vectors[i, q]
+                        vectors[i, p], vectors[i, q] = c * x - s * y, s * x + c * y
+        for i in range(m):
+            a[i, i] = max(a[i, i], least)
+        values = np.diag(a).copy()
+        for i in range(m):
+            for j in range(i + 1):
+                total = 0.0
+                for p in range(m):
+                    total += vectors[i, p] * values[p] * vectors[j, p]
+                a[i, j] = a[j, i] = total
+
+
+@njit(cache=True, nogil=True)
+def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
+    """Whether all eigenvalues are above `least`: whether a - least·1 has a Cholesky factor."""
+    m = a.shape[0]
+    for j in range(m):
+        for i in range(j, m):
+            total = a[i, j]
+            if i == j:
+                total -= least
+            for p in range(j):
+                total -= lower[i, p] * lower[j, p]
+            if i > j:
+                lower[i, j] = total / lower[j, j]
+            elif total > 0.0:
+                lower[j, j] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def condense(jacobian, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Eliminate the states.
+    """Eliminate the states, in O(N²) (Andersson 2013, PhD thesis, §4.3).
 
     Args:
         jacobian: (N+1, 6, 4): of stage k, by state and control, transposed; the last is unused.
@@ -121,38 +224,63 @@ def condense(jacobian, gradient, hessian):  # type: ignore[no-untyped-def]
     n = jacobian.shape[0] - 1
     size = 2 * n
     s = np.zeros((n + 1, 4, size))
-    for k in range(n):
+    h = np.zeros((size, size))
+    g = np.empty(size)
+    costate = gradient[n, :4].copy()
+    for k in range(n - 1, -1, -1):
+        before = np.empty(4)
+        for j in range(6):
+            total = gradient[k, j]
+            for i in range(4):
+                total += jacobian[k, j, i] * costate[i]
+            if j < 4:
+                before[j] = total
+            else:
+                g[2 * k + j - 4] = total
+        costate = before
+    here, weighted, above = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
+    for j in range(n):
+        # How all states depend on the controls of stage j, …
         for i in range(4):
-            for j in range(2 * k):
-                total = 0.0
-                for m in range(4):
-                    total += jacobian[k, m, i] * s[k, m, j]
-                s[k + 1, i, j] = total
-            s[k + 1, i, 2 * k] = jacobian[k, 4, i]
-            s[k + 1, i, 2 * k + 1] = jacobian[k, 5, i]
-    flat = s.reshape(4 * (n + 1), size)
-    weighted = np.zeros_like(flat)
-    g = np.zeros(size)
-    for k in range(1, n + 1):
-        for i in range(4):
-            for j in range(2 * k):
-                total = 0.0
-                for m in range(4):
-                    total += hessian[k, i, m] * s[k, m, j]
-                weighted[4 * k + i, j] = total
-                g[j] += gradient[k, i] * s[k, i, j]
-    h = np.dot(flat.T, weighted)
-    for k in range(n):
+            s[j + 1, i, 2 * j] = jacobian[j, 4, i]
+            s[j + 1, i, 2 * j + 1] = jacobian[j, 5, i]
+        for k in range(j + 1, n):
+            for i in range(4):
+                for u in range(2):
+                    total = 0.0
+                    for m in range(4):
+                        total += jacobian[k, m, i] * s[k, m, 2 * j + u]
+                    s[k + 1, i, 2 * j + u] = total
+        # … and, backwards, the gradient's dependence: the Hessian's columns.
+        weighted[:] = 0.0
+        for k in range(n, j, -1):
+            for m in range(4):
+                for u in range(2):
+                    here[m, u] = s[k, m, 2 * j + u]
+            if k < n:
+                for i in range(2):
+                    for u in range(2):
+                        total = 0.0
+                        for m in range(4):
+                            total += jacobian[k, 4 + i, m] * weighted[m, u]
+                            total += hessian[k, 4 + i, m] * here[m, u]
+                        h[2 * k + i, 2 * j + u] = total
+                        h[2 * j + u, 2 * k + i] = total
+            for i in range(4):
+                for u in range(2):
+                    total = 0.0
+                    for m in range(4):
+                        total += hessian[k, i, m] * here[m, u]
+                        if k < n:
+                            total += jacobian[k, i, m] * weighted[m, u]
+                    above[i, u] = total
+            weighted[:] = above
         for i in range(2):
-            g[2 * k + i] += gradient[k, 4 + i]
-            for j in range(2):
-                h[2 * k + i, 2 * k + j] += hessian[k, 4 + i, 4 + j]
-            for j in range(2 * k):
-                total = 0.0
+            for u in range(2):
+                total = hessian[j, 4 + i, 4 + u]
                 for m in range(4):
-                    total += hessian[k, 4 + i, m] * s[k, m, j]
-                h[2 * k + i, j] += total
-                h[j, 2 * k + i] += total
+                    total += jacobian[j, 4 + i, m] * weighted[m, u]
+                h[2 * j + i, 2 * j + u] = total
     return h, g, s
 
 

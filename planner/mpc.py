@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import condense
+from planner.codegen import compiled
 from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions, swept
 from planner.reference import SPACING, Path, references
 from planner.risk import RiskMap
@@ -109,6 +110,19 @@ class _Problem:
 
 
 @dataclass
+class _Duals:
+    """Lagrange multipliers of one QP, where the next one starts from.
+
+    Attributes:
+        limits: of the car's limits in the QP's order, positive at an upper one, (4N,).
+        clearance: of each state's two circles, (N+1, 2); none is negative.
+    """
+
+    limits: NDArray[np.float64]
+    clearance: NDArray[np.float64]
+
+
+@dataclass
 class MPC:
     """The solver; build it once, call `solve` at every tick."""
 
@@ -119,7 +133,7 @@ class MPC:
         c, car = self.config, self.limits
         self.stages = math.ceil(car.v_max / (car.braking * c.dt)) + 5
         n = self.stages + 1
-        self._stage = stage_functions(c.dt, n, np.array(c.effort))
+        self._stage = compiled(stage_functions(c.dt, n, np.array(c.effort)))
         # Two circles cover the body; along a straight they leave no gap up to 5 m/s at 0.1 s.
         self._offset = car.body.length / 4
         self._required = math.hypot(self._offset, car.body.half_width) + c.margin
@@ -196,11 +210,11 @@ class MPC:
         problem = _Problem(state, path, segment, risk, last_curvature)
         states, controls = rollout(state, guess, *self._args)
         merit = self._merit(problem, states, controls)
-        multipliers = np.zeros((self.stages + 1, 2))
+        duals = _Duals(np.zeros(4 * self.stages), np.zeros((self.stages + 1, 2)))
         status = Status.ITERATION_LIMIT
         solved = 0
         while solved < self.config.iterations:
-            step, multipliers = self._direction(problem, states, controls, multipliers)
+            step, duals = self._direction(problem, states, controls, duals)
             if step is None:
                 status = Status.QP_FAILED
                 break
@@ -255,26 +269,19 @@ class MPC:
         c = self.config
         _, costs = self._references(problem, states[1:])
         value, _ = self._clearances(problem, states[1:])
-        kappa = np.concatenate([[problem.last_curvature], controls[:, 1]])
-        lacking = np.maximum(0.0, self._required + c.comfort - value)
-        outside = np.maximum(0.0, self._required - value)
-        return float(
-            costs.sum()
-            + c.effort[0] * (controls[:, 0] ** 2).sum()
-            + c.effort[1] * (controls[:, 1] ** 2).sum()
-            + c.smoothness * (np.diff(kappa) ** 2).sum()
-            + 0.5 * c.closeness * (lacking**2).sum()
-            + c.violation * (outside.sum() + 10.0 * states[-1, 3])
-        )
+        return condense.merit(
+            states, controls, problem.last_curvature, costs, value, self._required, c.comfort,
+            c.effort, c.smoothness, c.closeness, c.violation,
+        )  # fmt: skip
 
     def _direction(
         self,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
-        multipliers: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
-        """One QP: the step of the controls (N, 2), and the clearances' multipliers (N+1, 2)."""
+        duals: _Duals,
+    ) -> tuple[NDArray[np.float64] | None, _Duals]:
+        """One QP: the step of the controls (N, 2), and its multipliers."""
         c, car, io, n = self.config, self.limits, self._io, self.stages
         io["z"][:, :4] = states
         io["z"][:n, 4:] = controls
@@ -286,31 +293,30 @@ class MPC:
         lacking = np.maximum(0.0, self._required + c.comfort - value)
         lacking[0] = 0.0
         condense.add_closeness(io["gradient"], lacking, normal, c.closeness)
-        condense.costates(io["jacobian"], io["gradient"], normal, multipliers, io["multiplier"])
+        condense.costates(io["jacobian"], io["gradient"], normal, duals.clearance, io["multiplier"])
         gradient = io["gradient"].copy()
         self._evaluate()
         hessian = io["hessian"]
         condense.add_curvature(hessian, lacking, normal, c.closeness)
-        values, vectors = np.linalg.eigh(hessian)
-        hessian = np.einsum("kij,kj,klj->kil", vectors, np.maximum(values, 1e-6), vectors)
+        condense.make_positive(hessian, 1e-6)
         h, g, sensitivity = condense.condense(io["jacobian"], gradient, hessian)
         condense.add_smoothness(h, g, controls, problem.last_curvature, c.smoothness)
-
-        h[np.diag_indices_from(h)] += 1e-6
         a, lower, upper, sense, rows = condense.constraints(
             sensitivity, states, controls, value, normal, c.dt, car.v_max, car.acceleration,
             car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self._required,
             c.trust, 1.0,
         )  # fmt: skip
+        warm = np.concatenate([duals.limits, -duals.clearance[rows[:, 0], rows[:, 1]]])
         step, _, flag, info = daqp.solve(
-            h, g, a, upper, lower, sense, rho_soft=1e-4, iter_limit=500, eps_prox=0.0
-        )
+            h, g, a, upper, lower, sense, dual_start=warm, rho_soft=1e-4, iter_limit=500,
+            eps_prox=0.0,
+        )  # fmt: skip
         if flag not in (1, 2) or not np.isfinite(step).all():
-            return None, multipliers
-        lam = np.asarray(info["lam"])[2 * n + 2 * n :]
-        multipliers = np.zeros_like(multipliers)
-        multipliers[rows[:, 0], rows[:, 1]] = np.maximum(0.0, -lam)
-        return np.asarray(step).reshape(n, 2), multipliers
+            return None, duals
+        found = np.asarray(info["lam"])
+        clearance = np.zeros_like(duals.clearance)
+        clearance[rows[:, 0], rows[:, 1]] = np.maximum(0.0, -found[4 * n :])
+        return np.asarray(step).reshape(n, 2), _Duals(found[: 4 * n].copy(), clearance)
 
 
 def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:

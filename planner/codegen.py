@@ -1,0 +1,75 @@
+"""casadi functions as machine code, compiled once and kept between runs."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+import warnings
+from pathlib import Path
+
+import casadi as ca
+
+FLAGS = ("-O2", "-fPIC", "-shared")
+"""For the compiler. Nothing that depends on the processor: a home folder may be shared."""
+
+
+class InterpretedWarning(UserWarning):
+    """A function runs interpreted."""
+
+
+def compiled(function: ca.Function) -> ca.Function:
+    """The same function, compiled by the C compiler (`$CC`, or else `cc`).
+
+    The library is kept in the user's cache under the hash of its source and of the compiler, and
+    is put there whole: processes that start together may each compile it, and all load one.
+
+    Args:
+        function: without external dependencies.
+
+    Returns:
+        The compiled function; the function itself, with an `InterpretedWarning`, where there is
+        no compiler, or where it fails.
+    """
+    generator = ca.CodeGenerator(function.name(), {"casadi_int": "long long int"})
+    generator.add(function)
+    source = generator.dump()
+    compiler = shutil.which(os.environ.get("CC") or "cc")
+    if compiler is None:
+        return _interpreted(function, "no C compiler was found (cc, or what $CC names)")
+    key = hashlib.sha256("\0".join((source, compiler, *FLAGS)).encode()).hexdigest()[:32]
+    library = cache() / f"{function.name()}-{key}.so"
+    try:
+        if not library.exists():
+            _build(compiler, source, library)
+        return ca.external(function.name(), str(library))
+    except subprocess.CalledProcessError as error:
+        return _interpreted(function, f"{compiler} failed: {error.stderr.strip()[-200:]}")
+    except (OSError, RuntimeError) as error:
+        return _interpreted(function, " ".join(str(error).split())[:200])
+
+
+def cache() -> Path:
+    """Where compiled functions are kept."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "foresee"
+
+
+def _build(compiler: str, source: str, library: Path) -> None:
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        code, made = Path(folder) / "function.c", Path(folder) / "function.so"
+        code.write_text(source)
+        command = [compiler, *FLAGS, str(code), "-o", str(made), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        os.replace(made, library)
+
+
+def _interpreted(function: ca.Function, why: str) -> ca.Function:
+    warnings.warn(
+        f"{why}: {function.name()} runs interpreted, which is slower and gives the same results",
+        InterpretedWarning,
+        stacklevel=3,
+    )
+    return function
