@@ -20,6 +20,7 @@ from enum import StrEnum
 
 import daqp
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from planner import condense
@@ -170,18 +171,14 @@ class MPC:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
         spacing = 0.02
-        poses = plan.poses(self.config.dt, spacing)
         # Half the spacing, and what a corner swings out on the tightest arc within it.
         body = self.limits.body.inflated(0.75 * spacing)
         f = risk.frame
-        i = first_contact(blocked, f.resolution, f.origin, poses, body.half_length, body.half_width)
-        if i < 0:
-            return None
-        along = float(np.hypot(*np.diff(poses[: i + 1, :2], axis=0).T).sum()) if i else 0.0
-        travelled = np.concatenate(
-            [[0.0], np.cumsum(np.hypot(*np.diff(plan.states[:, :2], axis=0).T))]
-        )
-        return along, float(np.interp(along, travelled, plan.states[:, 3]))
+        along, speed = first_meeting(
+            plan.states, plan.controls, self.config.dt, spacing, blocked, f.resolution, f.origin,
+            body.half_length, body.half_width,
+        )  # fmt: skip
+        return None if along < 0.0 else (along, speed)
 
     def solve(
         self,
@@ -317,6 +314,30 @@ class MPC:
         clearance = np.zeros_like(duals.clearance)
         clearance[rows[:, 0], rows[:, 1]] = np.maximum(0.0, -found[4 * n :])
         return np.asarray(step).reshape(n, 2), _Duals(found[: 4 * n].copy(), clearance)
+
+
+@njit(cache=True, nogil=True)
+def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, half_length,  # type: ignore[no-untyped-def]
+                  half_width):  # fmt: skip
+    """Distance along a plan [m] and speed there [m/s] where the body first meets a blocked cell.
+
+    Both are -1 if it meets none. The body is tested at poses at most `spacing` [m] apart.
+    """
+    poses = swept(states, controls, dt, spacing)
+    i = first_contact(blocked, resolution, origin, poses, half_length, half_width)
+    if i < 0:
+        return -1.0, -1.0
+    along = 0.0
+    for j in range(i):
+        along += math.hypot(poses[j + 1, 0] - poses[j, 0], poses[j + 1, 1] - poses[j, 1])
+    travelled = 0.0
+    for k in range(controls.shape[0]):
+        step = math.hypot(states[k + 1, 0] - states[k, 0], states[k + 1, 1] - states[k, 1])
+        if step > 0.0 and travelled + step >= along:
+            share = (along - travelled) / step
+            return along, states[k, 3] + share * (states[k + 1, 3] - states[k, 3])
+        travelled += step
+    return along, states[-1, 3]
 
 
 def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:

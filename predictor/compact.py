@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
-from torch import Tensor
+from torch import Tensor, nn
 
-from predictor.compact_net import FREE, OCCUPIED, ROOM
+from predictor.compact_net import FREE, OCCUPIED, ROOM, CompactNet
 from predictor.grid import Grid
 from predictor.prediction import Prediction
+from predictor.runtime import Run, runner
 from predictor.samples import quarters
 from predictor.targets import question, widened
 from predictor.weights import load_weights
@@ -37,14 +40,16 @@ class Compact:
 
     Args:
         weights: a .safetensors file; the shipped one by default.
+        runtime: what runs the network, see `predictor.runtime`; None: the fastest installed.
 
     Raises:
         WeightsError: if the file does not hold weights of this network.
+        ValueError: if the runtime is not installed.
     """
 
-    def __init__(self, weights: Path = SHIPPED) -> None:
-        net, self.facts = load_weights(weights)
-        self.net = net.folded()
+    def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
+        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
+        self._run, self._multiple, self.facts = _loaded(weights, changed, runtime)
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict the rest of a window.
@@ -72,19 +77,39 @@ class Compact:
     def _outputs(self, seen: NDArray[np.int8]) -> NDArray[np.float32]:
         """p_free, p_occupied, confidence (3, rows, columns) of a map that looks along +x."""
         rows, cols = seen.shape
-        multiple = self.net.config.multiple
-        padding = [((-n % multiple) // 2, -n % multiple - (-n % multiple) // 2) for n in seen.shape]
-        padded = np.pad(seen, padding, constant_values=2)
-        with torch.inference_mode():
-            codes = torch.from_numpy(np.ascontiguousarray(padded))[None]
-            known = torch.stack([codes == 0, codes == 1], dim=1).float()
-            logits = self.net(known.contiguous(memory_format=torch.channels_last))
-            classes = torch.softmax(logits[:, :ROOM], dim=1)[0]
-            room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)[0]
-            confidence = (1.0 - classes[FREE] + room).clamp(max=SUREST)
-        top, left = padding[0][0], padding[1][0]
-        out = torch.stack([classes[FREE], classes[OCCUPIED], confidence]).numpy()
-        return np.asarray(out[:, top : top + rows, left : left + cols])
+        over = [-n % self._multiple for n in seen.shape]
+        padded = np.pad(seen, [(n // 2, n - n // 2) for n in over], constant_values=2)
+        top, left = over[0] // 2, over[1] // 2
+        answers = self._run(np.ascontiguousarray(padded)[None])
+        return answers[0, :, top : top + rows, left : left + cols]
+
+
+class _Answers(nn.Module):
+    """From what was seen to the answers, in one piece for a runtime to run."""
+
+    def __init__(self, net: CompactNet) -> None:
+        super().__init__()
+        self.net = net
+
+    def forward(self, codes: Tensor) -> Tensor:
+        """p_free, p_occupied, confidence (B, 3, H, W) of codes 0 free, 1 occupied, 2 not seen."""
+        known = torch.stack([codes == 0, codes == 1], dim=1).float()
+        logits = self.net(known.contiguous(memory_format=torch.channels_last))
+        classes = torch.softmax(logits[:, :ROOM], dim=1)
+        room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)
+        confidence = (1.0 - classes[:, FREE] + room).clamp(max=SUREST)
+        return torch.stack([classes[:, FREE], classes[:, OCCUPIED], confidence], dim=1)
+
+
+@lru_cache(maxsize=4)
+def _loaded(weights: Path, changed: int, runtime: str | None) -> tuple[Run, int, dict[str, Any]]:
+    """What runs the network, what its input's sides are multiples of, and facts of both.
+
+    Kept, for every drive of a sweep makes its own predictor.
+    """
+    net, facts = load_weights(weights)
+    run, runs_on = runner(_Answers(net.folded()), runtime)
+    return run, net.config.multiple, facts | {"runtime": runs_on}
 
 
 def _likeliest(room: Tensor, codes: Tensor) -> Tensor:

@@ -11,9 +11,13 @@ from predictor.samples import world_hash
 
 
 def fingerprint_of(predictor: Any) -> str | None:
-    """Of a predictor's weights; None if it says nothing of any."""
-    found = _facts(predictor).get("fingerprint")
-    return None if found is None else str(found)
+    """Of a predictor's weights, and what runs them; None if it says nothing of any.
+
+    The runtime belongs to it: its last digits are its own, and a drive may turn upon them.
+    """
+    facts = _facts(predictor)
+    found = [facts[name] for name in ("fingerprint", "runtime") if name in facts]
+    return " on ".join(map(str, found)) or None
 
 
 def has_learned(predictor: Any, cells: NDArray[np.int8]) -> bool:

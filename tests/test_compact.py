@@ -7,6 +7,8 @@ import torch
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.compact import SHIPPED, Compact, _resampled
 from predictor.compact_net import CompactNet
+from predictor.provenance import fingerprint_of
+from predictor.runtime import RUNTIMES
 from predictor.targets import known_of, losses, question, room_of
 
 
@@ -53,6 +55,27 @@ def test_folding_the_normalisation_changes_no_output():
     net.train()(known)
     before = net.eval()(known)
     assert torch.allclose(net.folded()(known), before, atol=1e-4)
+
+
+@pytest.mark.parametrize("shape", [(200, 200), (273, 150)])
+def test_openvino_gives_the_answers_of_torch(shape):
+    pytest.importorskip("openvino")
+    grid = random_map(shape)
+    fast, plain = (Compact(runtime=name).predict(grid, centre_pose(grid)) for name in RUNTIMES)
+    for name in ("p_free", "p_occupied", "confidence"):
+        assert np.allclose(getattr(fast, name), getattr(plain, name), atol=1e-4)
+
+
+def test_a_runtime_that_does_not_exist_is_named():
+    with pytest.raises(ValueError, match=r"'onnx'.*openvino, torch"):
+        Compact(runtime="onnx")
+
+
+def test_results_can_tell_the_runtime(compact):
+    assert (
+        fingerprint_of(compact) == f"{compact.facts['fingerprint']} on {compact.facts['runtime']}"
+    )
+    assert compact.facts["runtime"].split()[0] in RUNTIMES
 
 
 @pytest.mark.parametrize("shape", [(200, 200), (110, 150), (273, 273), (7, 3)])

@@ -1,0 +1,80 @@
+"""What runs a network on a CPU: OpenVINO where it is installed, PyTorch otherwise."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from importlib.metadata import version
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+Run = Callable[[NDArray[np.int8]], NDArray[np.float32]]
+RUNTIMES = ("openvino", "torch")
+"""The fastest first."""
+
+
+def runner(module: nn.Module, runtime: str | None = None) -> tuple[Run, str]:
+    """A function that runs a network on one core, and the name and version of what runs it.
+
+    Args:
+        module: one int8 array (1, rows, columns) in, one float array out.
+        runtime: one of `RUNTIMES`; None: the first that is installed.
+
+    Raises:
+        ValueError: if the runtime is unknown or not installed.
+    """
+    if runtime is None:
+        runtime = "openvino" if find_spec("openvino") else "torch"
+    if runtime not in RUNTIMES:
+        raise ValueError(f"runtime is {runtime!r}, it must be one of {', '.join(RUNTIMES)}")
+    if not find_spec(runtime):
+        raise ValueError(f"{runtime} is not installed: pip install 'foresee[openvino]'")
+    run = _openvino(module) if runtime == "openvino" else _torch(module)
+    return run, f"{runtime} {version(runtime)}"
+
+
+def _torch(module: nn.Module) -> Run:
+    module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+    def run(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+        with torch.inference_mode():
+            return np.asarray(module(torch.from_numpy(codes)).numpy())
+
+    return run
+
+
+def _openvino(module: nn.Module) -> Run:
+    import openvino as ov
+
+    # The frontend itself, not `convert_model`: that takes seconds, and reports home.
+    from openvino.frontend import FrontEndManager
+    from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
+
+    example = torch.zeros(1, 80, 120, dtype=torch.int8)
+    with warnings.catch_warnings():
+        # Deprecated, but what OpenVINO reads for maps of any size.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        traced = torch.jit.trace(module.eval(), example, check_trace=False)
+    frontend = FrontEndManager().load_by_framework("pytorch")
+    decoder = TorchScriptPythonDecoder(traced, example_input=(example,))
+    model = frontend.convert(frontend.load(decoder))
+    core = ov.Core()
+    requests: dict[tuple[int, ...], Any] = {}
+
+    def run(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+        # Compiled for the size of the window: a tenth faster than for any size.
+        if codes.shape not in requests:
+            sized = model.clone()
+            sized.reshape(codes.shape)
+            settings = {"INFERENCE_NUM_THREADS": 1, "INFERENCE_PRECISION_HINT": "f32"}
+            requests[codes.shape] = core.compile_model(
+                sized, "CPU", settings
+            ).create_infer_request()
+        return np.asarray(requests[codes.shape].infer({0: codes})[0])
+
+    return run
