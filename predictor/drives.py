@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from sim.lidar import LidarConfig
     from sim.task import Task
 
-SPLITS = {"train": 1_000_000, "validation": 500_000}
-"""First seed of each split. What is measured and published uses seeds far below both."""
+SPLITS = {"train": 1_100_000, "validation": 510_000}
+"""First seed of each split. What is measured and published uses seeds far below both, and the
+100,000 before the first and 10,000 before the second went into earlier weights."""
 FAMILIES = ("corridor", "narrow", "office")
 """Learned from. `trap` is not, so that there is a kind of building that the network never saw."""
-WINDOWS = (5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
+WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 """Sides of the square that the LIDAR writes into [m], drawn from."""
 
 
@@ -53,9 +54,9 @@ class DrivesConfig:
     out: Path = Path("data/drives")
     train: int = 2000
     validation: int = 160
-    longest: float = 8.0
+    longest: float = 16.0
     views: int = 2
-    every: int = 3
+    every: int = 6
 
 
 def record(config: DrivesConfig, item: tuple[str, int]) -> int:
@@ -78,7 +79,8 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     rng = np.random.default_rng(seed)
     family = FAMILIES[number % len(FAMILIES)]
     drawn = generate(family, seed)
-    world = varied(drawn, rng)
+    # Half as they are: where they differ from what it learned, the network is ill calibrated.
+    world = varied(drawn, rng) if rng.random() < 0.5 else drawn
     samples: list[bytes] = []
     try:
         task = sample_task(world, seed)

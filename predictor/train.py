@@ -2,6 +2,7 @@
 
     python -m predictor.train                      about two hours on 2 cores, samples included
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
+    python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      from weights on
 
 A checkpoint holds everything that decides what comes next, and what a step does depends on its
 number and the seed alone: a training that was killed and started again by the same command ends
@@ -44,6 +45,7 @@ class TrainConfig:
         decay: of weights, by AdamW.
         average: of weights from step to step: how much of the old average stays.
         seed: of the first weights and of the order of samples.
+        start: fingerprint of the weights that it starts from; None: random ones.
     """
 
     steps: int = 8_000
@@ -53,6 +55,7 @@ class TrainConfig:
     decay: float = 0.02
     average: float = 0.998
     seed: int = 0
+    start: str | None = None
 
 
 SIDES = (200, 200, 200, 120, 160, 240, 280)
@@ -69,12 +72,20 @@ class Trainer:
         train: samples to learn from.
         validation: samples to measure on.
         out: folder of checkpoint, log and weights.
+        start: weights to start from, and the facts of their training; None: random ones.
 
     Raises:
         TrainError: if the folder holds another training.
     """
 
-    def __init__(self, config: TrainConfig, train: Samples, validation: Samples, out: Path) -> None:
+    def __init__(
+        self,
+        config: TrainConfig,
+        train: Samples,
+        validation: Samples,
+        out: Path,
+        start: tuple[CompactNet, dict[str, Any]] | None = None,
+    ) -> None:
         import torch
 
         from predictor.compact_net import CompactNet
@@ -85,7 +96,8 @@ class Trainer:
             torch.cpu.get_capabilities().get("avx512_bf16")
         )
         torch.manual_seed(config.seed)
-        self.net = CompactNet().to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        net, before = (CompactNet(), {}) if start is None else start
+        self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
         self.optimizer = torch.optim.AdamW(self.net.parameters(), config.rate, (0.9, 0.98),
                                            weight_decay=config.decay)  # fmt: skip
@@ -101,8 +113,10 @@ class Trainer:
             "arithmetic": [self.device.type, torch.get_num_threads(), self.brief],
             "drives": len(train.about),
             "samples": len(train),
-            "worlds": sorted(train.worlds),
-            "validation_worlds": sorted(validation.worlds),
+            "worlds": sorted(train.worlds | set(before.get("worlds", ()))),
+            "validation_worlds": sorted(
+                validation.worlds | set(before.get("validation_worlds", ()))
+            ),
         }
         self._resume()
 
@@ -267,6 +281,7 @@ def main(argv: list[str] | None = None) -> int:
     from benchmarks.settings import OneLineParser
     from predictor.drives import DrivesConfig, DrivesError
     from predictor.samples import SamplesError
+    from predictor.weights import WeightsError
 
     default, drives = TrainConfig(), DrivesConfig()
     parser = OneLineParser(
@@ -284,9 +299,16 @@ def main(argv: list[str] | None = None) -> int:
         "on (default: %(default)s)")  # fmt: skip
     add("--steps", type=int, default=default.steps, metavar="N", help="default: %(default)s")
     add("--batch", type=int, default=default.batch, metavar="N", help="default: %(default)s")
+    add("--rate", type=float, default=default.rate, metavar="R", help="highest learning rate "
+        "(default: %(default)s)")  # fmt: skip
+    add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
+        "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
     add("--seed", type=int, default=default.seed, metavar="N", help="default: %(default)s")
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes, threads")
     args = parser.parse_args(argv)
+    if not 0.0 < args.rate <= 1.0:
+        print(f"predictor.train: --rate is {args.rate}, it must lie in (0, 1]", file=sys.stderr)
+        return 2
     for name in ("train", "validation", "steps", "batch", "jobs"):
         if getattr(args, name) < 1:
             print(f"predictor.train: --{name} must be at least 1", file=sys.stderr)
@@ -296,7 +318,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (TrainError, DrivesError, SamplesError, OSError, BrokenExecutor) as error:
+    except (TrainError, DrivesError, SamplesError, WeightsError, OSError, BrokenExecutor) as error:
         print(f"predictor.train: {error}", file=sys.stderr)
         return 2
     return 0
@@ -305,6 +327,11 @@ def main(argv: list[str] | None = None) -> int:
 def _run(args: Any) -> Path:
     from predictor.drives import DrivesConfig, make
 
+    start = None
+    if args.start is not None:
+        from predictor.weights import load_weights
+
+        start = load_weights(args.start)
     make(DrivesConfig(args.data, args.train, args.validation), args.jobs)
     # After the drives, whose processes must not wait for it.
     import torch
@@ -315,8 +342,9 @@ def _run(args: Any) -> Path:
     train = Samples.load(args.data / "train", args.train)
     validation = Samples.load(args.data / "validation", args.validation)
     check_apart({"train": train, "validation": validation})
-    config = TrainConfig(steps=args.steps, batch=args.batch, seed=args.seed)
-    trainer = Trainer(config, train, validation, args.out)
+    config = TrainConfig(args.steps, args.batch, args.rate, seed=args.seed,
+                         start=start and start[1]["fingerprint"])  # fmt: skip
+    trainer = Trainer(config, train, validation, args.out, start)
     return trainer.run(validate_every=max(1, min(500, args.steps // 10)), save_every=60.0)
 
 

@@ -102,6 +102,21 @@ def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, smal
     assert facts["config"]["steps"] == 12
 
 
+def test_it_goes_on_from_weights_and_remembers_their_buildings(data, tmp_path, small):
+    trainer(data, tmp_path / "one").run(validate_every=12, save_every=60.0)
+    start = load_weights(tmp_path / "one" / "compact.safetensors")
+    some_drive(data / "more", 5)
+    more, validation = (Samples.load(data / name) for name in ("more", "validation"))
+    config = TrainConfig(steps=1, batch=2, rate=1e-9, start=start[1]["fingerprint"])
+    Trainer(config, more, validation, tmp_path / "two", start).run(1, 60.0)
+    net, facts = load_weights(tmp_path / "two" / "compact.safetensors")
+    before, _ = load_weights(tmp_path / "one" / "compact.safetensors")
+    assert facts["worlds"] == sorted(more.worlds | set(start[1]["worlds"]))
+    assert facts["config"]["start"] == start[1]["fingerprint"]
+    for name, values in before.named_parameters():
+        assert torch.allclose(net.state_dict()[name], values, atol=1e-6)
+
+
 def test_another_training_in_the_folder_is_not_overwritten(data, tmp_path, small):
     trainer(data, tmp_path).save()
     with pytest.raises(TrainError, match="another config"):
@@ -142,7 +157,15 @@ def test_one_command_makes_samples_trains_and_writes_weights(tmp_path):
     }
 
 
-@pytest.mark.parametrize("wrong", [["--steps", "0"], ["--train", "-1"], ["--jobs", "0"]])
+@pytest.mark.parametrize(
+    "wrong", [["--steps", "0"], ["--train", "-1"], ["--jobs", "0"], ["--rate", "0"]]
+)
 def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
     assert main(wrong) == 2
     assert wrong[0] in capsys.readouterr().err
+
+
+def test_weights_to_start_from_that_do_not_exist_are_named_before_any_drive(tmp_path, capsys):
+    assert main(["--start", "no.safetensors", "--data", str(tmp_path / "data")]) == 2
+    assert "no.safetensors does not exist" in capsys.readouterr().err
+    assert not (tmp_path / "data").exists()
