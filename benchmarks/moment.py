@@ -79,7 +79,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     colour = arm_colour(arm)
     _seen(axes[0, 0], now, run.setting("window", 5.0))
     _believed(axes[0, 1], now)
-    _confidence(figure, axes[0, 2], now)
+    _trust(figure, axes[0, 2], now)
     _safe(axes[1, 0], now)
     _planned(axes[1, 1], now, v_max)
     _stop(axes[1, 2], now, v_max)
@@ -214,18 +214,21 @@ def _believed(ax: Axes, now: _Moment) -> None:
     draw_image(ax, image, now.frame)
 
 
-def _confidence(figure: Figure, ax: Axes, now: _Moment) -> None:
-    _name(ax, "How far the belief is trusted", [_truth_line()])
+def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
+    _name(ax, "How far it is trusted to be free", [_truth_line()])
     if now.prediction is None:
         return _missing(ax, now)
     ax.get_legend().set_bbox_to_anchor((0.12, -0.005))  # type: ignore[union-attr]
-    image = ax.imshow(now.prediction["confidence"], origin="lower", extent=extent(now.frame),
-                      interpolation="nearest", cmap="cividis", vmin=0, vmax=1)  # fmt: skip
+    trust = now.prediction["confidence"] * now.prediction["p_free"]
+    image = ax.imshow(trust, origin="lower", extent=extent(now.frame), interpolation="nearest",
+                      cmap="cividis", vmin=0, vmax=1)  # fmt: skip
     # Where the other panels have their legends, so that all panels stay of one size.
-    bar = figure.colorbar(image, cax=ax.inset_axes((0.3, -0.05, 0.5, 0.025)), ticks=[0, 0.5, 1],
+    bar = figure.colorbar(image, cax=ax.inset_axes((0.28, -0.05, 0.42, 0.025)), ticks=[0, 0.5, 1],
                           orientation="horizontal")  # fmt: skip
     bar.ax.tick_params(labelsize=8, length=2, pad=1)
-    bar.ax.annotate("confidence", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8)
+    bar.ax.annotate(
+        "confidence · p_free", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8
+    )
     bar.outline.set_visible(False)
 
 

@@ -20,15 +20,17 @@ from enum import StrEnum
 
 import daqp
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from planner import condense
 from planner.codegen import compiled
+from planner.contact import first_meeting
 from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions, swept
 from planner.reference import SPACING, Path, references
 from planner.risk import RiskMap
-from predictor.body import first_contact
+
+CONTACT_SPACING = 0.02
+"""Between the poses at which a plan's body is tested [m]."""
 
 
 class Status(StrEnum):
@@ -138,7 +140,8 @@ class MPC:
         # Two circles cover the body; along a straight they leave no gap up to 5 m/s at 0.1 s.
         self._offset = car.body.length / 4
         self._required = math.hypot(self._offset, car.body.half_width) + c.margin
-        self._args = (c.dt, car.v_max, car.acceleration, car.braking,
+        # What `rollout` is told of the car.
+        self.driving = (c.dt, car.v_max, car.acceleration, car.braking,
                       0.99 * car.lateral_acceleration, car.max_curvature)  # fmt: skip
         self._io = {
             "z": np.zeros((n, 6)), "multiplier": np.zeros((n, NX)),
@@ -153,7 +156,7 @@ class MPC:
 
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
         """The plan that controls (N, 2) give from a state, clipped to the car's limits."""
-        states, applied = rollout(state, controls, *self._args)
+        states, applied = rollout(state, controls, *self.driving)
         return Plan(states, applied, math.inf, Status.ITERATION_LIMIT, 0)
 
     def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
@@ -170,15 +173,23 @@ class MPC:
         Returns:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
-        spacing = 0.02
-        # Half the spacing, and what a corner swings out on the tightest arc within it.
-        body = self.limits.body.inflated(0.75 * spacing)
-        f = risk.frame
         along, speed = first_meeting(
-            plan.states, plan.controls, self.config.dt, spacing, blocked, f.resolution, f.origin,
-            body.half_length, body.half_width,
-        )  # fmt: skip
+            plan.states,
+            plan.controls,
+            self.config.dt,
+            CONTACT_SPACING,
+            *self.body_in(blocked, risk),
+        )
         return None if along < 0.0 else (along, speed)
+
+    def body_in(
+        self, blocked: NDArray[np.bool_], risk: RiskMap
+    ) -> tuple[NDArray[np.bool_], float, tuple[float, float], float, float]:
+        """What `planner.contact` is told of the cells and of the body that must not meet them."""
+        # Half the spacing, and what a corner swings out on the tightest arc within it.
+        body = self.limits.body.inflated(0.75 * CONTACT_SPACING)
+        f = risk.frame
+        return blocked, f.resolution, f.origin, body.half_length, body.half_width
 
     def solve(
         self,
@@ -205,7 +216,7 @@ class MPC:
         if not (np.isfinite(state).all() and np.isfinite(guess).all()):
             raise ValueError("state and guess must be finite")
         problem = _Problem(state, path, segment, risk, last_curvature)
-        states, controls = rollout(state, guess, *self._args)
+        states, controls = rollout(state, guess, *self.driving)
         merit = self._merit(problem, states, controls)
         duals = _Duals(np.zeros(4 * self.stages), np.zeros((self.stages + 1, 2)))
         status = Status.ITERATION_LIMIT
@@ -218,7 +229,7 @@ class MPC:
             solved += 1
             before = merit
             for length in (1.0, 0.5, 0.2, 0.05):
-                trial = rollout(state, controls + length * step, *self._args)
+                trial = rollout(state, controls + length * step, *self.driving)
                 value = self._merit(problem, *trial)
                 if value < merit:
                     states, controls, merit = trial[0], trial[1], value
@@ -314,30 +325,6 @@ class MPC:
         clearance = np.zeros_like(duals.clearance)
         clearance[rows[:, 0], rows[:, 1]] = np.maximum(0.0, -found[4 * n :])
         return np.asarray(step).reshape(n, 2), _Duals(found[: 4 * n].copy(), clearance)
-
-
-@njit(cache=True, nogil=True)
-def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, half_length,  # type: ignore[no-untyped-def]
-                  half_width):  # fmt: skip
-    """Distance along a plan [m] and speed there [m/s] where the body first meets a blocked cell.
-
-    Both are -1 if it meets none. The body is tested at poses at most `spacing` [m] apart.
-    """
-    poses = swept(states, controls, dt, spacing)
-    i = first_contact(blocked, resolution, origin, poses, half_length, half_width)
-    if i < 0:
-        return -1.0, -1.0
-    along = 0.0
-    for j in range(i):
-        along += math.hypot(poses[j + 1, 0] - poses[j, 0], poses[j + 1, 1] - poses[j, 1])
-    travelled = 0.0
-    for k in range(controls.shape[0]):
-        step = math.hypot(states[k + 1, 0] - states[k, 0], states[k + 1, 1] - states[k, 1])
-        if step > 0.0 and travelled + step >= along:
-            share = (along - travelled) / step
-            return along, states[k, 3] + share * (states[k + 1, 3] - states[k, 3])
-        travelled += step
-    return along, states[-1, 3]
 
 
 def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:

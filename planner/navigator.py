@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.asking import Asker, LateError, RaisedError
+from planner.contact import first_free, swerves
 from planner.dynamics import CarLimits
 from planner.guess import arcs, pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
-from planner.mpc import MPC, MPCConfig, Plan, Status, stop_controls
+from planner.mpc import CONTACT_SPACING, MPC, MPCConfig, Plan, Status, stop_controls
 from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
 from planner.sweep import swept_cells
@@ -145,6 +146,7 @@ class Navigator:
         self.plan: Plan | None = None
         self._resort: NDArray[np.float64] | None = None
         """Controls of a way to stop that was found at the last tick, from the next state on."""
+        self._swerves = swerves(self.mpc.stages, config.car.braking, config.car.max_curvature)
         self._tick = -1
         self._curvature = 0.0
         self._asker = None if predictor is None else Asker(predictor)
@@ -348,30 +350,44 @@ class Navigator:
             self._resort = shifted(plan.controls, braking)
             return plan
         ways = self._last_resorts(plan)
+        place = mpc.body_in(~risk.certain, risk)
         wanted, curvature = plan.controls[0]
-        for a in np.linspace(wanted, -braking, 7):
-            for way in ways:
-                stop = mpc.roll(state, np.vstack([[[a, curvature]], way[1:]]))
-                if mpc.contact(stop, ~risk.certain, risk) is None:
-                    self._resort = shifted(stop.controls, braking)
-                    return plan if a == wanted else stop
-        return self._brake(state, risk, plan)
+        levels = np.linspace(wanted, -braking, 16)
+
+        def way_after(level: int) -> int:
+            first = np.array([levels[level], curvature])
+            return int(first_free(state, first, ways, mpc.driving, CONTACT_SPACING, place))
+
+        # The fastest beginning that leaves a way, by bisection.
+        fastest, way = 0, way_after(0)
+        if way < 0:
+            too_fast, fastest = 0, len(levels) - 1
+            way = way_after(fastest)
+            if way < 0:
+                return self._brake(state, risk, plan)
+            while fastest - too_fast > 1:
+                middle = (fastest + too_fast) // 2
+                found = way_after(middle)
+                if found < 0:
+                    too_fast = middle
+                else:
+                    fastest, way = middle, found
+        stop = mpc.roll(state, np.vstack([[[levels[fastest], curvature]], ways[way, 1:]]))
+        self._resort = shifted(stop.controls, braking)
+        return plan if fastest == 0 else stop
 
     def _brake(self, state: NDArray[np.float64], risk: RiskMap, kept: Plan) -> Plan:
-        """Brake as hard as the car can, on the arc that meets what was seen most slowly."""
+        """Brake as hard as the car can, on the way that meets what was seen most slowly."""
         stops = [self.mpc.roll(state, way) for way in self._last_resorts(kept)]
         best = min(stops, key=partial(self._badness, risk))
         self._resort = shifted(best.controls, self.config.car.braking)
         return best
 
-    def _last_resorts(self, plan: Plan) -> list[NDArray[np.float64]]:
-        """Ways to stop: as found before; along a plan; on arcs to both sides."""
-        mpc, car = self.mpc, self.config.car
-        along = stop_controls(mpc.stages, car.braking, 0.0)
-        along[:, 1] = plan.controls[:, 1]
-        sides = [stop_controls(mpc.stages, car.braking, share * car.max_curvature)
-                 for share in np.linspace(-1.0, 1.0, 13)]  # fmt: skip
-        return [along, *sides] if self._resort is None else [self._resort, along, *sides]
+    def _last_resorts(self, plan: Plan) -> NDArray[np.float64]:
+        """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
+        ways = self._swerves.copy()
+        np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
+        return ways if self._resort is None else np.concatenate([self._resort[None], ways])
 
     def _badness(self, risk: RiskMap, plan: Plan) -> tuple[float, float, float]:
         """How fast a plan meets what was seen, leaves the safe set, leaves what is certain."""

@@ -91,23 +91,31 @@ def first_contact(blocked, resolution, origin, poses, half_length, half_width): 
         half_length: half the rectangle's extent along its yaw [m].
         half_width: half its extent across [m].
     """
-    rows, cols = blocked.shape
     for i in range(poses.shape[0]):
-        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        ex = half_length * abs(cos) + half_width * abs(sin)
-        ey = half_length * abs(sin) + half_width * abs(cos)
-        r0 = math.floor((y - ey - origin[1]) / resolution)
-        r1 = math.floor((y + ey - origin[1]) / resolution)
-        c0 = math.floor((x - ex - origin[0]) / resolution)
-        c1 = math.floor((x + ex - origin[0]) / resolution)
-        if r0 < 0 or c0 < 0 or r1 >= rows or c1 >= cols:
+        if meets(blocked, resolution, origin, poses[i, 0], poses[i, 1], poses[i, 2], half_length,
+                 half_width):  # fmt: skip
             return i
-        for row in range(r0, r1 + 1):
-            for col in range(c0, c1 + 1):
-                if blocked[row, col]:
-                    dx = origin[0] + (col + 0.5) * resolution - x
-                    dy = origin[1] + (row + 0.5) * resolution - y
-                    if _overlaps(dx, dy, cos, sin, half_length, half_width, 0.5 * resolution):
-                        return i
     return -1
+
+
+@njit(cache=True, nogil=True)
+def meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):  # type: ignore[no-untyped-def]
+    """Whether a rectangle at one pose meets a blocked cell, or leaves the grid."""
+    rows, cols = blocked.shape
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    ex = half_length * abs(cos) + half_width * abs(sin)
+    ey = half_length * abs(sin) + half_width * abs(cos)
+    r0 = math.floor((y - ey - origin[1]) / resolution)
+    r1 = math.floor((y + ey - origin[1]) / resolution)
+    c0 = math.floor((x - ex - origin[0]) / resolution)
+    c1 = math.floor((x + ex - origin[0]) / resolution)
+    if r0 < 0 or c0 < 0 or r1 >= rows or c1 >= cols:
+        return True
+    for row in range(r0, r1 + 1):
+        for col in range(c0, c1 + 1):
+            if blocked[row, col]:
+                dx = origin[0] + (col + 0.5) * resolution - x
+                dy = origin[1] + (row + 0.5) * resolution - y
+                if _overlaps(dx, dy, cos, sin, half_length, half_width, 0.5 * resolution):
+                    return True
+    return False
