@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import sys
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from benchmarks.settings import Settings, UsageError, parse
+from benchmarks.settings import Place, Settings, UsageError, parse
 
 if TYPE_CHECKING:
     from benchmarks.store import Store
@@ -22,14 +22,13 @@ def main(argv: list[str] | None = None) -> int:
         0 when it ran, whatever the outcome; 2 for bad arguments or input; 130 if interrupted.
     """
     try:
-        settings, out, jobs = parse(argv)
-        return _run(settings, out, jobs)
+        return _run(*parse(argv))
     except UsageError as error:
         print(f"benchmarks.corridor: {error}", file=sys.stderr)
         return 2
 
 
-def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-def]
+def _run(settings: Settings, place: Place) -> int:
     # Here and not above, so that --help and bad arguments answer at once; the workers' first, for
     # it keeps libraries to one thread a process, whatever --jobs is.
     import benchmarks.workers  # noqa: F401
@@ -43,13 +42,14 @@ def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-
 
     try:
         weights = fingerprint_of(load_predictor(settings.predictor))
-        for place in sources(settings.world):
-            if place.endswith((".yaml", ".yml")):
-                load_world(place)
+        for name in sources(settings.world):
+            if name.endswith((".yaml", ".yml")):
+                load_world(name)
     except (PredictorError, MapError) as error:
         raise UsageError(str(error)) from None
+    out = place.out
     store = Store(out, settings, weights)
-    interrupted = _drive_all(store, settings, jobs)
+    interrupted = _drive_all(store, settings, place)
     results = store.pack()
     print(f"\n{title(results['settings'])}\n")
     print(table(results["summary"], results["gap"]))
@@ -71,13 +71,12 @@ def _run(settings: Settings, out, jobs: int) -> int:  # type: ignore[no-untyped-
     return 0
 
 
-def _drive_all(store: Store, settings: Settings, jobs: int) -> bool:
+def _drive_all(store: Store, settings: Settings, place: Place) -> bool:
     """Drive what is missing; whether it was interrupted."""
-    from concurrent.futures.process import BrokenProcessPool
-
     from tqdm import tqdm
 
-    from benchmarks.workers import finished
+    from benchmarks.drive import attempt
+    from benchmarks.workers import WorkersError, finished
 
     todo = [
         (index, arm)
@@ -88,7 +87,8 @@ def _drive_all(store: Store, settings: Settings, jobs: int) -> bool:
     total = settings.episodes * len(settings.arms)
     with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
-            for (index, arm), driven in finished(partial(_drive, settings), todo, jobs):
+            done = finished(partial(attempt, settings), todo, place.jobs, place.dask)
+            for (index, arm), driven in done:
                 if isinstance(driven, str):
                     store.skipped[index] = driven
                 else:
@@ -98,20 +98,9 @@ def _drive_all(store: Store, settings: Settings, jobs: int) -> bool:
                 bar.update()
         except KeyboardInterrupt:
             return True
-        except BrokenProcessPool:
-            raise UsageError("a worker process died again and again; try --jobs 1") from None
+        except WorkersError as error:
+            raise UsageError(f"{error}; what was done is kept") from None
     return False
-
-
-def _drive(settings: Settings, item: tuple[int, str]) -> Any:
-    """One drive's result and arrays, or a line why it could not be driven."""
-    from benchmarks.drive import drive
-    from sim.task import NoTaskError
-
-    try:
-        return drive(settings, *item)
-    except NoTaskError as error:
-        return str(error)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS, predictor_for
 from benchmarks.settings import FAMILIES, Settings, UsageError
+from benchmarks.store import commit
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
 from predictor import OccupancyGrid, load_predictor
@@ -74,6 +75,21 @@ def task_in(place: str, seed: int, car: CarConfig) -> Task:
     except NoTaskError:
         # Small buildings: half of the usual shortest way, rather than leaving them out.
         return sample_task(world, seed, car, min_length=10.0)
+
+
+def attempt(
+    settings: Settings, item: tuple[int, str]
+) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
+    """As `drive`, or a line why the episode cannot be driven.
+
+    Args:
+        settings: of the run.
+        item: number of the episode, and the arm.
+    """
+    try:
+        return drive(settings, *item)
+    except NoTaskError as error:
+        return str(error)
 
 
 def drive(
@@ -142,6 +158,8 @@ def drive(
         "ticks": len(trace["kept"]),
         "faults": {str(k): int(v) for k, v in episode.faults.items()},
         "paths": {str(k): int(v) for k, v in episode.paths.items()},
+        # Of the code that drove, which may be another machine's.
+        "commit": commit(),
         "cycle_ms": [float(np.percentile(times, q)) for q in (50, 99)],
     }
     frame = task.world.grid.frame

@@ -72,8 +72,23 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}\n")
 
 
-def parse(argv: list[str] | None) -> tuple[Settings, Path, int]:
-    """Settings, output folder and number of processes from a command line.
+@dataclass(frozen=True)
+class Place:
+    """Where a run is worked on and kept; none of it decides a number.
+
+    Attributes:
+        out: folder of results and figures.
+        jobs: processes.
+        dask: address of a Dask scheduler whose workers drive in their place, or None.
+    """
+
+    out: Path
+    jobs: int
+    dask: str | None
+
+
+def parse(argv: list[str] | None) -> tuple[Settings, Place]:
+    """What to drive, and where, from a command line.
 
     Raises:
         UsageError: if a value cannot be used.
@@ -110,6 +125,8 @@ def parse(argv: list[str] | None) -> tuple[Settings, Path, int]:
     add("--dropout", type=float, default=default.dropout, metavar="P",
         help="share of the LIDAR's beams that say nothing")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    add("--dask", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786: its "
+        "workers drive, in place of processes here")  # fmt: skip
     add("--out", type=Path, default=Path("results/corridor"), metavar="DIR",
         help="results.json, traces.npz and the figures go here")  # fmt: skip
     args = parser.parse_args(argv)
@@ -120,4 +137,4 @@ def parse(argv: list[str] | None) -> tuple[Settings, Path, int]:
         tuple(args.world), args.route, args.episodes, args.seed, arms, args.predictor, args.risk,
         args.v_max, args.window, args.expansion, args.noise, args.dropout,
     )  # fmt: skip
-    return settings, args.out, args.jobs
+    return settings, Place(args.out, args.jobs, args.dask)

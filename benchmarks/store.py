@@ -9,6 +9,7 @@ import os
 import platform
 import subprocess
 import zipfile
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -66,7 +67,6 @@ class Store:
 
     def add(self, result: dict[str, Any], arrays: dict[str, NDArray]) -> None:
         """Keep a finished drive; after this a kill cannot lose it."""
-        result = result | {"commit": self.commit}
         buffer = io.BytesIO()
         text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
         np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
@@ -164,6 +164,7 @@ def machine() -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=1)
 def commit() -> str | None:
     """The commit of this code, with "+" if it was changed since; None outside a checkout."""
     here = Path(__file__).resolve().parent

@@ -1,26 +1,34 @@
-"""Work spread over processes; the same results as one after the other."""
+"""Work spread over processes by joblib, or over the machines of a Dask cluster.
+
+The results are those of one thing after the other, whoever did them.
+"""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from typing import TypeVar
+from typing import Any, TypeVar
+
+# Before a worker imports numpy: threads of its libraries would fight over the cores.
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 TRIES = 3
-"""How often a pool that lost a process is started anew without an item getting finished."""
+"""How often processes may die without an item getting finished, before that is given up."""
+
+
+class WorkersError(RuntimeError):
+    """Nobody is there to do the work, or they keep dying; the message is one line."""
 
 
 def finished(
-    work: Callable[[Item], Result], todo: list[Item], jobs: int
+    work: Callable[[Item], Result], todo: list[Item], jobs: int, dask: str | None = None
 ) -> Iterator[tuple[Item, Result]]:
     """Do a list of things, and yield each with its result as it ends.
 
@@ -28,41 +36,85 @@ def finished(
         work: does one; it must be picklable, and bring heavy imports with it only when called.
         todo: the things.
         jobs: processes; 1: this one.
+        dask: address of a Dask scheduler, whose workers do it in place of processes here.
 
     Raises:
-        BrokenProcessPool: if processes keep dying.
+        WorkersError: if there are no workers, or they keep dying.
     """
-    if jobs == 1:
+    if dask is not None:
+        yield from _on_cluster(work, todo, dask)
+    elif jobs == 1:
         for item in todo:
             yield item, work(item)
-        return
+    else:
+        yield from _in_processes(work, todo, jobs)
+
+
+def _in_processes(
+    work: Callable[[Item], Result], todo: list[Item], jobs: int
+) -> Iterator[tuple[Item, Result]]:
+    from concurrent.futures.process import BrokenProcessPool
+
+    from joblib import Parallel, delayed
+
     left = list(todo)
     failures = 0
     while left:
-        pool = ProcessPoolExecutor(
-            min(jobs, len(left)), multiprocessing.get_context("spawn"), initializer=_prepare
-        )
+        pool = Parallel(min(jobs, len(left)), "loky", return_as="generator_unordered",
+                        batch_size=1, initializer=_prepare)  # fmt: skip
         try:
-            pending = {pool.submit(work, item): item for item in left}
-            # Futures are let go of as they end: each holds its drive's whole trace.
-            while pending:
-                ended, _ = wait(pending, return_when=FIRST_COMPLETED)
-                while ended:
-                    future = ended.pop()
-                    item = pending.pop(future)
-                    result = future.result()
-                    left.remove(item)
-                    failures = 0
-                    yield item, result
-        except BrokenProcessPool:
+            for item, result in pool([delayed(_with_item)(work, item) for item in left]):
+                left.remove(item)
+                failures = 0
+                yield item, result
+        except BrokenProcessPool as error:
             # A native library crashed one process, and the pool with it. Go on with a new one.
             failures += 1
             if failures == TRIES:
-                raise
-        finally:
-            for process in list((pool._processes or {}).values()):
-                process.terminate()
-            pool.shutdown(wait=False, cancel_futures=True)
+                raise WorkersError("worker processes died again and again; try --jobs 1") from error
+
+
+def _on_cluster(
+    work: Callable[[Item], Result], todo: list[Item], address: str
+) -> Iterator[tuple[Item, Result]]:
+    # Dask's own interface, not joblib's: that waits for ever for a thing that killed its workers.
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError:
+        raise WorkersError("--dask needs Dask: pip install 'foresee[dask]'") from None
+
+    try:
+        client = Client(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise WorkersError(f"no Dask scheduler answers at {address}: {error}") from None
+    with client:
+        threads = client.nthreads()
+        if not threads:
+            raise WorkersError(f"the Dask scheduler at {address} has no workers")
+        if set(threads.values()) != {1}:
+            # OMPL has one random generator a process: two drives in one would disturb each other.
+            raise WorkersError("a drive needs a process of its own: dask worker --nthreads 1")
+        waiting = list(reversed(todo))
+        items: dict[Any, Item] = {}
+        running = as_completed(loop=client.loop)
+        while waiting or items:
+            # No more than keeps all busy: a study may be a million drives long.
+            while waiting and len(items) < 3 * max(1, len(client.nthreads())):
+                item = waiting.pop()
+                future = client.submit(work, item, pure=False)
+                items[future.key] = item
+                running.add(future)
+            future = next(running)
+            try:
+                yield items.pop(future.key), future.result()
+            except KilledWorker as error:
+                raise WorkersError(f"Dask workers died again and again: {error}") from error
+            future.release()
+
+
+def _with_item(work: Callable[[Item], Result], item: Item) -> tuple[Item, Result]:
+    return item, work(item)
 
 
 def _prepare() -> None:
@@ -76,8 +128,3 @@ def _prepare() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-# Before a worker imports numpy: threads of its libraries would fight over the cores.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -211,6 +210,7 @@ def main(argv: list[str] | None = None) -> int:
     import os
 
     from benchmarks.settings import OneLineParser
+    from benchmarks.workers import WorkersError
 
     default = DrivesConfig()
     parser = OneLineParser(
@@ -235,7 +235,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (DrivesError, OSError, BrokenExecutor) as error:
+    except (DrivesError, OSError, WorkersError) as error:
         print(f"predictor.drives: {error}", file=sys.stderr)
         return 2
     return 0

@@ -9,7 +9,6 @@ import argparse
 import json
 import os
 import sys
-from concurrent.futures import BrokenExecutor
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -227,6 +226,7 @@ def _cell(value: float | None) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     from benchmarks.settings import OneLineParser, UsageError
+    from benchmarks.workers import WorkersError
     from predictor.registry import PredictorError
     from predictor.scored_drive import EvaluateConfig
     from sim.map_server import MapError
@@ -262,7 +262,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (EvaluateError, UsageError, PredictorError, MapError, OSError, BrokenExecutor) as error:
+    except (EvaluateError, UsageError, PredictorError, MapError, OSError, WorkersError) as error:
         print(f"predictor.evaluate: {error}", file=sys.stderr)
         return 2
     return 0

@@ -19,7 +19,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -279,6 +279,7 @@ class TrainError(ValueError):
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     from benchmarks.settings import OneLineParser
+    from benchmarks.workers import WorkersError
     from predictor.drives import DrivesConfig, DrivesError
     from predictor.samples import SamplesError
     from predictor.weights import WeightsError
@@ -318,7 +319,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (TrainError, DrivesError, SamplesError, WeightsError, OSError, BrokenExecutor) as error:
+    except (TrainError, DrivesError, SamplesError, WeightsError, OSError, WorkersError) as error:
         print(f"predictor.train: {error}", file=sys.stderr)
         return 2
     return 0

@@ -7,8 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import corridor, tables
+from benchmarks import tables
 from benchmarks.corridor import main
+from benchmarks.drive import attempt
 from sim import empty_straight, save_world
 
 SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
@@ -105,7 +106,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr(corridor, "_drive", refuse)
+    monkeypatch.setattr("benchmarks.drive.attempt", refuse)
     assert run(*command) == 0
     assert results(out)["episodes"] == before
 
@@ -113,7 +114,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
 def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monkeypatch, capsys):
     command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
                "--out", tmp_path / "run")  # fmt: skip
-    plain, driven = corridor._drive, []
+    plain, driven = attempt, []
 
     def interrupted(settings, item):
         if item[0] == 1:
@@ -124,28 +125,34 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
         driven.append(item[0])
         return plain(settings, item)
 
-    monkeypatch.setattr(corridor, "_drive", interrupted)
+    monkeypatch.setattr("benchmarks.drive.attempt", interrupted)
     assert run(*command) != 0
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0]
     assert "interrupted" in capsys.readouterr().out
-    monkeypatch.setattr(corridor, "_drive", counted)
+    monkeypatch.setattr("benchmarks.drive.attempt", counted)
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
 
 
-def test_one_job_and_two_give_the_same_numbers(short_map, tmp_path):
+def test_one_job_two_and_a_cluster_give_the_same_numbers(short_map, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    command = ("--world", short_map, "--episodes", 1, "--arms", "known,predicted")
     for jobs in (1, 2):
-        assert run("--world", short_map, "--episodes", 1, "--arms", "known,predicted",
-                   "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0  # fmt: skip
-    one, two = (results(tmp_path / str(jobs)) for jobs in (1, 2))
-    assert untimed(one["episodes"]) == untimed(two["episodes"])
+        assert run(*command, "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
+                                  local_directory=tmp_path / "workers") as cluster:  # fmt: skip
+        address = cluster.scheduler_address
+        assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
+    one = results(tmp_path / "1")
     assert [e["arm"] for e in one["episodes"]] == ["known", "predicted"]
-    with np.load(tmp_path / "1/traces.npz") as a, np.load(tmp_path / "2/traces.npz") as b:
-        assert set(a.files) == set(b.files)
-        for name in a.files:
-            if not name.endswith("/times"):
-                assert np.array_equal(a[name], b[name]), name
+    for other in ("2", "dask"):
+        assert untimed(results(tmp_path / other)["episodes"]) == untimed(one["episodes"])
+        with np.load(tmp_path / "1/traces.npz") as a, np.load(tmp_path / other / "traces.npz") as b:
+            assert set(a.files) == set(b.files)
+            for name in a.files:
+                if not name.endswith("/times"):
+                    assert np.array_equal(a[name], b[name]), name
 
 
 @pytest.mark.parametrize(

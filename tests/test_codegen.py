@@ -1,0 +1,93 @@
+"""Compiled functions are those that casadi would interpret, and their cache can be trusted."""
+
+import subprocess
+import sys
+import warnings
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from planner import codegen
+from planner.codegen import InterpretedWarning, cache, compiled
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+
+
+def function():
+    x = ca.SX.sym("x", 3)
+    return ca.Function("waves", [x], [ca.gradient(ca.sin(x[0]) * x[1] ** 2 + x[2], x)])
+
+
+def value(made):
+    return np.asarray(made(np.array([0.3, -2.0, 5.0]))).ravel()
+
+
+def test_it_gives_the_numbers_of_the_interpreter_and_is_kept():
+    made = compiled(function())
+    assert np.array_equal(value(made), value(function()))
+    (library,) = cache().glob("waves-*.so")
+    before = library.stat().st_mtime_ns
+    assert np.array_equal(value(compiled(function())), value(function()))
+    assert library.stat().st_mtime_ns == before
+    assert [path.name for path in cache().iterdir()] == [library.name]
+
+
+def test_another_function_of_the_same_name_is_another_library():
+    compiled(function())
+    x = ca.SX.sym("x")
+    assert float(compiled(ca.Function("waves", [x], [2 * x]))(3)) == 6
+    assert len(list(cache().glob("waves-*.so"))) == 2
+
+
+def test_without_a_compiler_it_is_interpreted_and_says_so(monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.warns(InterpretedWarning, match="no C compiler was found"):
+        made = compiled(function())
+    assert np.array_equal(value(made), value(function()))
+
+
+def test_a_compiler_that_fails_is_quoted(monkeypatch):
+    monkeypatch.setattr(codegen, "FLAGS", ("--no-such-flag",))
+    with pytest.warns(InterpretedWarning, match="no-such-flag"):
+        compiled(function())
+    assert not list(cache().glob("*"))
+
+
+def test_a_cache_that_cannot_be_written_costs_speed_alone(monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.warns(InterpretedWarning):
+        made = compiled(function())
+    assert np.array_equal(value(made), value(function()))
+
+
+def test_a_damaged_library_is_not_run():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        compiled(function())
+    (library,) = cache().glob("waves-*.so")
+    library.write_bytes(library.read_bytes()[:100])
+    code = (
+        "import casadi as ca; from planner.codegen import compiled; x = ca.SX.sym('x', 3);"
+        "f = ca.Function('waves', [x], [ca.gradient(ca.sin(x[0]) * x[1] ** 2 + x[2], x)]);"
+        "print(compiled(f)([0.3, -2.0, 5.0]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "InterpretedWarning" in done.stderr
+
+
+def test_processes_that_start_together_share_the_cache():
+    code = (
+        "from planner.mpc import MPC; import warnings; warnings.simplefilter('error'); MPC();"
+        "print('ready')"
+    )
+    both = [subprocess.Popen([sys.executable, "-W", "error::UserWarning", "-c", code],
+                             stdout=subprocess.PIPE, text=True) for _ in range(2)]  # fmt: skip
+    assert [process.communicate()[0].strip() for process in both] == ["ready", "ready"]
+    assert len(list(cache().glob("*stage*.so"))) == 1
