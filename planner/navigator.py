@@ -23,6 +23,7 @@ from planner.risk import RiskMap
 from planner.sweep import swept_cells
 from predictor import (
     BadPredictionError,
+    Grid,
     OccupancyGrid,
     Prediction,
     Predictor,
@@ -174,9 +175,14 @@ class Navigator:
             # A driver may hand over anything; none of it may reach the wheels.
             faults.append("bad_scan")
         clock.lap("integrate")
-        prediction = self._predict(state, faults)
-        clock.lap("predict")
         c = self.config
+        prediction = None
+        if self._asker is not None and (c.risk > 0 or c.steer):
+            square = self.known.frame.square(float(state[0]), float(state[1]), c.predicted_side)
+            crop = self.known.crop(square)
+            clock.lap("crop")
+            prediction = self._predict(self._asker, crop, state, faults)
+            clock.lap("predict")
         centre = state[:2] + c.ahead * np.array([math.cos(state[2]), math.sin(state[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         believed = prediction if c.risk > 0 else None
@@ -213,15 +219,15 @@ class Navigator:
             path=self.guide.path,
         )
 
-    def _predict(self, state: NDArray[np.float64], faults: list[str]) -> Prediction | None:
+    def _predict(
+        self, asker: Asker, crop: Grid, state: NDArray[np.float64], faults: list[str]
+    ) -> Prediction | None:
         """Ask the predictor; whatever it does wrong leaves the car with what it knows."""
-        c = self.config
-        if self._asker is None or (c.risk == 0 and not c.steer):
-            return None
-        frame = self.known.frame.square(float(state[0]), float(state[1]), c.predicted_side)
-        patience = max(FIRST_DEADLINE, c.deadline) if self._tick == 0 else c.deadline
+        patience = self.config.deadline
+        if self._tick == 0:
+            patience = max(FIRST_DEADLINE, patience)
         try:
-            return self._asker.ask(self.known.crop(frame), state[:3].copy(), patience)
+            return asker.ask(crop, state[:3].copy(), patience)
         except LateError:
             faults.append("predictor_late")
         except BadPredictionError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -129,8 +130,11 @@ def run_episode(
     for tick in range(math.ceil(limit_time / config.dt)):
         if on_tick is not None:
             on_tick(tick)
-        decision = driver.step(state, lidar.scan(world, state, rng))
-        log.record(tick, decision, driver.known, task)
+        started = time.perf_counter()
+        scan = lidar.scan(world, state, rng)
+        scan_ms = 1e3 * (time.perf_counter() - started)
+        decision = driver.step(state, scan)
+        log.record(tick, decision, driver.known, task, scan_ms)
         collided = car.collides(world, state, decision.control, config.dt)
         before = float(state[3])
         state = car.step(state, decision.control, config.dt)
@@ -148,13 +152,13 @@ def run_episode(
                 break
     drive = np.array(states)
     length = float(np.hypot(*np.diff(drive[:, :2], axis=0).T).sum())
-    time = (len(drive) - 1) * config.dt
+    duration = (len(drive) - 1) * config.dt
     speed = drive[:, 3]
     return Episode(
         outcome=outcome,
-        time=time,
+        time=duration,
         path_length=length,
-        mean_speed=length / time,
+        mean_speed=length / duration,
         max_speed=float(speed.max()),
         min_clearance=_clearance(task, drive, car),
         stops=int(((speed[1:] < 0.02) & (speed[:-1] >= 0.02)).sum()),
@@ -199,7 +203,9 @@ class _Log:
         self._time_names: list[str] = []
         self._moment: tuple[int, int, Any] | None = None
 
-    def record(self, tick: int, decision: Any, known: OccupancyGrid, task: Task) -> None:
+    def record(
+        self, tick: int, decision: Any, known: OccupancyGrid, task: Task, scan_ms: float
+    ) -> None:
         rows = self._rows
         frame, solid = task.world.grid.frame, task.world.solid
         rows["controls"].append(decision.control)
@@ -216,8 +222,9 @@ class _Log:
         rows["relied_cells"].append(cells)
         rows["relied_trust"].append(np.rint(255 * decision.relied_trust).astype(np.uint8))
         rows["kept"].append(-1 if len(cells) == 0 else int(not broken))
-        self._time_names = list(decision.times)
-        rows["times"].append(list(decision.times.values()))
+        times = {"scan": scan_ms} | decision.times
+        self._time_names = list(times)
+        rows["times"].append(list(times.values()))
         self._see(tick, decision.plan.states[0], known, frame)
         # A moment worth a picture: the most relied upon; the middle of the drive's start if none.
         if self._moment is None or len(cells) > self._moment[0] or tick == 40 > self._moment[0]:
