@@ -29,6 +29,8 @@ EXPANSIONS = (1.0, 1.25, 1.5, 1.75, 2.0)
 HORIZONS = (20, 30, 40, 60)
 REPEATS = 40
 """Of everything that is measured apart from a drive."""
+HALLS, HALL_TICKS = 20, 60
+"""Drives of each solver of the MPC's problem, and how long they are."""
 
 
 def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[str, list[float]]:
@@ -195,6 +197,39 @@ def _believing(task: Task, window: float, expansion: float) -> dict[str, dict[st
     }
 
 
+def peers(seed: int, report: Callable[[str], None]) -> dict[str, dict[str, dict[str, float]]]:
+    """The programs that a user would pick instead: stage → name → its time and ratio to ours.
+
+    Args:
+        seed: of the building.
+        report: told what is being measured.
+    """
+    import numpy as np
+
+    from benchmarks import peers as others
+    from benchmarks import peers_mpc
+    from benchmarks.drive import task_in
+    from predictor.drives import seen_again
+    from sim import CarConfig, LidarConfig
+
+    task = task_in("corridor", seed, CarConfig())
+    poses = _poses(task, REPEATS)
+    states = np.column_stack([poses, np.zeros(REPEATS)])
+    seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
+    crops = [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
+    found = {}
+    for name, calls in {
+        "rays": lambda: others.rays(task.world, poses),
+        "mapping": lambda: others.mapping(task, poses),
+        "distance transform": lambda: others.distances([crop.free for crop in crops]),
+        "prediction": lambda: others.predictions(crops, poses),
+    }.items():
+        report(name)
+        found[name] = others.compare(calls(), REPEATS)
+    found["mpc"] = peers_mpc.compare(HALLS, HALL_TICKS, report)
+    return found
+
+
 def draw(measured: dict[str, list[dict[str, Any]]]) -> Figure:
     """A panel for each axis: medians as lines, up to the 99th percentile shaded."""
     from benchmarks.palette import new_figure
@@ -229,6 +264,21 @@ def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     return "\n".join(lines)
 
 
+def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
+    """The peers of each stage, in Markdown; nothing where there are none."""
+    if not found:
+        return ""
+    lines = ["| stage | program | median [ms] | p99 [ms] | times ours | cost above ours | hits |",
+             "|---|---|---|---|---|---|---|"]  # fmt: skip
+    for stage, of_stage in found.items():
+        for name, s in of_stage.items():
+            cost = f"{s['dearer_percent']:+.3f} %" if "dearer_percent" in s else ""
+            hits = f"{s['hits']:.0f}" if "hits" in s else ""
+            lines.append(f"| {stage} | {name} | {s['median_ms']:.3f} | {s['p99_ms']:.3f} | "
+                         f"{s['ratio']:.2f} | {cost} | {hits} |")  # fmt: skip
+    return "\n".join(lines)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments."""
     from benchmarks.settings import OneLineParser
@@ -244,11 +294,18 @@ def main(argv: list[str] | None = None) -> int:
         help="results.json and growth.png (default: %(default)s)")  # fmt: skip
     add("--drives", type=int, default=4, metavar="N", help="of each arm (default: %(default)s)")
     add("--seed", type=int, default=0, metavar="N", help="of the first (default: %(default)s)")
+    add("--peers", action="store_true", help="beside the programs that one would pick instead: "
+        "pip install 'foresee[peers]'; takes some minutes, most of them for compiling")  # fmt: skip
     args = parser.parse_args(argv)
     if args.drives < 1:
         print("benchmarks.stages: --drives must be at least 1", file=sys.stderr)
         return 2
-    print(_run(args))
+    try:
+        print(_run(args))
+    except ImportError as error:
+        print(f"benchmarks.stages: --peers needs {error.name}: pip install 'foresee[peers]'",
+              file=sys.stderr)  # fmt: skip
+        return 2
     return 0
 
 
@@ -270,16 +327,23 @@ def _run(args: Any) -> str:
             times = closed_loop(arm, args.drives, args.seed)
             stages[arm] = {name: spread(taken) for name, taken in times.items() if taken}
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        grown = growth(args.seed, lambda what: bar.set_description_str(f"measuring: {what}"))
+
+        def report(what: str) -> None:
+            bar.set_description_str(f"measuring: {what}")
+
+        grown = growth(args.seed, report)
+        beside = peers(args.seed, report) if args.peers else {}
     results = {
         "machine": machine(), "commit": commit(), "threads": 1, "drives": args.drives,
         "seed": args.seed, "stages": stages["predicted"], "arms": stages,
-        "peak_memory_mib": peak, "growth": grown, "peers": {},
+        "peak_memory_mib": peak, "growth": grown, "peers": beside,
     }  # fmt: skip
     args.out.mkdir(parents=True, exist_ok=True)
     write_whole(args.out / "results.json", json.dumps(results, indent=1).encode())
     draw(grown).savefig(args.out / "growth.png")
-    return f"{table(stages)}\n\npeak memory {peak:.0f} MiB\n{args.out / 'results.json'}"
+    shown = [table(stages), f"peak memory {peak:.0f} MiB", peers_table(beside),
+             str(args.out / "results.json")]  # fmt: skip
+    return "\n\n".join(part for part in shown if part)
 
 
 if __name__ == "__main__":

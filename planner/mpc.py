@@ -139,7 +139,7 @@ class MPC:
         self._stage = compiled(stage_functions(c.dt, n, np.array(c.effort)))
         # Two circles cover the body; along a straight they leave no gap up to 5 m/s at 0.1 s.
         self._offset = car.body.length / 4
-        self._required = math.hypot(self._offset, car.body.half_width) + c.margin
+        self.required = math.hypot(self._offset, car.body.half_width) + c.margin
         # What `rollout` is told of the car.
         self.driving = (c.dt, car.v_max, car.acceleration, car.braking,
                       0.99 * car.lateral_acceleration, car.max_curvature)  # fmt: skip
@@ -278,7 +278,7 @@ class MPC:
         _, costs = self._references(problem, states[1:])
         value, _ = self._clearances(problem, states[1:])
         return condense.merit(
-            states, controls, problem.last_curvature, costs, value, self._required, c.comfort,
+            states, controls, problem.last_curvature, costs, value, self.required, c.comfort,
             c.effort, c.smoothness, c.closeness, c.violation,
         )  # fmt: skip
 
@@ -298,7 +298,7 @@ class MPC:
         io["multiplier"][:] = 0.0
         self._evaluate()
         value, normal = self._clearances(problem, states)
-        lacking = np.maximum(0.0, self._required + c.comfort - value)
+        lacking = np.maximum(0.0, self.required + c.comfort - value)
         lacking[0] = 0.0
         condense.add_closeness(io["gradient"], lacking, normal, c.closeness)
         condense.costates(io["jacobian"], io["gradient"], normal, duals.clearance, io["multiplier"])
@@ -311,7 +311,7 @@ class MPC:
         condense.add_smoothness(h, g, controls, problem.last_curvature, c.smoothness)
         a, lower, upper, sense, rows = condense.constraints(
             sensitivity, states, controls, value, normal, c.dt, car.v_max, car.acceleration,
-            car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self._required,
+            car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self.required,
             c.trust, 1.0,
         )  # fmt: skip
         warm = np.concatenate([duals.limits, -duals.clearance[rows[:, 0], rows[:, 1]]])
