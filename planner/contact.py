@@ -58,6 +58,9 @@ def first_free(state, first, ways, driving, spacing, place):  # type: ignore[no-
         controls = ways[i].copy()
         controls[0] = first
         states, applied = rollout(state, controls, *driving)
+        # Most ways fail, and few poses tell.
+        if first_meeting(states, applied, driving[0], 5.0 * spacing, *place)[0] >= 0.0:
+            continue
         if first_meeting(states, applied, driving[0], spacing, *place)[0] < 0.0:
             return i
     return -1
