@@ -6,9 +6,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from benchmarks.run_dir import Run, RunError
+from benchmarks.settings import OneLineParser
 from benchmarks.video import VideoError, kind_for, write_video
 
 DESCRIPTION = """\
@@ -23,13 +23,6 @@ Without --out each DIR gets its own figures, and speed_profiles.png lies in the 
 figures of one DIR lie in OUT, those of several in OUT/NAME, speed_profiles.png in OUT.
 Exit status: 0, or 2 with one line where an argument or a run is bad.
 """
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OneLineParser(
         prog="python -m benchmarks.plot", description=DESCRIPTION, epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip

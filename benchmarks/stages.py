@@ -279,6 +279,13 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     return "\n".join(lines)
 
 
+def tables(results: dict[str, Any]) -> str:
+    """All of a results.json that is told in tables, in Markdown."""
+    parts = [table(results["arms"]), f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
+             peers_table(results["peers"])]  # fmt: skip
+    return "\n\n".join(part for part in parts if part)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments."""
     from benchmarks.settings import OneLineParser
@@ -341,9 +348,7 @@ def _run(args: Any) -> str:
     args.out.mkdir(parents=True, exist_ok=True)
     write_whole(args.out / "results.json", json.dumps(results, indent=1).encode())
     draw(grown).savefig(args.out / "growth.png")
-    shown = [table(stages), f"peak memory {peak:.0f} MiB", peers_table(beside),
-             str(args.out / "results.json")]  # fmt: skip
-    return "\n\n".join(part for part in shown if part)
+    return f"{tables(results)}\n\n{args.out / 'results.json'}"
 
 
 if __name__ == "__main__":

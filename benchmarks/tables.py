@@ -22,11 +22,15 @@ def markdown(rows: list[list[str]]) -> str:
 
 
 def tables_of(results: dict[str, Any]) -> str:
-    """The tables of one file, of `benchmarks.corridor` or of `predictor.evaluate`.
+    """The tables of one file, of a benchmark or of `predictor.evaluate`.
 
     Raises:
-        KeyError: if it is a file of neither.
+        KeyError: if it is a file of none.
     """
+    if "stages" in results:
+        from benchmarks.stages import tables
+
+        return tables(results)
     if "groups" in results:
         from predictor.evaluate import table as every_score
 
@@ -93,7 +97,7 @@ def main(argv: list[str] | None = None) -> int:
         description="Print the tables of results.json files as Markdown.",
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
-        "benchmarks.corridor or of predictor.evaluate")  # fmt: skip
+        "benchmarks.corridor, benchmarks.stages or predictor.evaluate")  # fmt: skip
     runs: dict[str, dict[str, Any]] = {}
     scored: dict[str, dict[str, Any]] = {}
     parts: list[str] = []

@@ -282,7 +282,6 @@ def main(argv: list[str] | None = None) -> int:
     from benchmarks.workers import WorkersError
     from predictor.drives import DrivesConfig, DrivesError
     from predictor.samples import SamplesError
-    from predictor.weights import WeightsError
 
     default, drives = TrainConfig(), DrivesConfig()
     parser = OneLineParser(
@@ -319,7 +318,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (TrainError, DrivesError, SamplesError, WeightsError, OSError, WorkersError) as error:
+    except (TrainError, DrivesError, SamplesError, OSError, WorkersError) as error:
         print(f"predictor.train: {error}", file=sys.stderr)
         return 2
     return 0
@@ -330,9 +329,12 @@ def _run(args: Any) -> Path:
 
     start = None
     if args.start is not None:
-        from predictor.weights import load_weights
+        from predictor.weights import WeightsError, load_weights
 
-        start = load_weights(args.start)
+        try:
+            start = load_weights(args.start)
+        except WeightsError as error:
+            raise TrainError(f"--start: {error}") from None
     make(DrivesConfig(args.data, args.train, args.validation), args.jobs)
     # After the drives, whose processes must not wait for it.
     import torch

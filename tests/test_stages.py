@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import stages
 from benchmarks.stages import main, spread, timed
+from benchmarks.tables import main as show
 
 
 def test_spread_is_of_the_times():
@@ -59,6 +60,8 @@ def test_one_command_writes_stages_and_their_growth(tmp_path, monkeypatch, capsy
     assert [entry["value"] for entry in results["growth"]["beams"]] == [90, 180]
     assert (tmp_path / "growth.png").stat().st_size > 5000
     assert "| `predicted` | predict |" in capsys.readouterr().out
+    assert show([str(tmp_path / "results.json")]) == 0
+    assert "| `predicted` | cycle |" in capsys.readouterr().out
 
 
 def test_it_wants_a_drive(capsys):
