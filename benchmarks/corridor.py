@@ -49,7 +49,7 @@ def _run(settings: Settings, place: Place) -> int:
         raise UsageError(str(error)) from None
     out = place.out
     store = Store(out, settings, weights)
-    interrupted = _drive_all(store, settings, place)
+    interrupted = _drive_all(store, settings, weights, place)
     results = store.pack()
     print(f"\n{title(results['settings'])}\n")
     print(table(results["summary"], results["gap"]))
@@ -71,7 +71,7 @@ def _run(settings: Settings, place: Place) -> int:
     return 0
 
 
-def _drive_all(store: Store, settings: Settings, place: Place) -> bool:
+def _drive_all(store: Store, settings: Settings, weights: str | None, place: Place) -> bool:
     """Drive what is missing; whether it was interrupted."""
     from tqdm import tqdm
 
@@ -87,7 +87,7 @@ def _drive_all(store: Store, settings: Settings, place: Place) -> bool:
     total = settings.episodes * len(settings.arms)
     with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
-            done = finished(partial(attempt, settings), todo, place.jobs, place.dask)
+            done = finished(partial(attempt, settings, weights), todo, place.jobs, place.dask)
             for (index, arm), driven in done:
                 if isinstance(driven, str):
                     store.skipped[index] = driven

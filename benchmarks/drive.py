@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from benchmarks.arms import ARMS, predictor_for
 from benchmarks.settings import FAMILIES, Settings, UsageError
 from benchmarks.store import commit
+from benchmarks.workers import WorkersError
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
 from predictor import OccupancyGrid, load_predictor
-from predictor.provenance import has_learned
+from predictor.provenance import fingerprint_of, has_learned
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.families import generate
@@ -78,14 +79,21 @@ def task_in(place: str, seed: int, car: CarConfig) -> Task:
 
 
 def attempt(
-    settings: Settings, item: tuple[int, str]
+    settings: Settings, weights: str | None, item: tuple[int, str]
 ) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
     """As `drive`, or a line why the episode cannot be driven.
 
     Args:
         settings: of the run.
+        weights: fingerprint that the predictor must have here too, where another machine drives.
         item: number of the episode, and the arm.
+
+    Raises:
+        WorkersError: if it has another.
     """
+    mine = fingerprint_of(load_predictor(settings.predictor))
+    if mine != weights:
+        raise WorkersError(f"a worker has the predictor {mine}, this run is of {weights}")
     try:
         return drive(settings, *item)
     except NoTaskError as error:

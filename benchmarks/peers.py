@@ -71,14 +71,20 @@ def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
     tree.updateInnerOccupancy()
     end = np.zeros(3)
 
-    def by_octomap(i: int) -> None:
+    def by_octomap(i: int) -> NDArray[np.float64]:
         x, y, yaw = poses[i]
+        ends = np.empty((len(angles), 2))
         origin = np.array([x, y, 0.5 * frame.resolution])
-        for cos, sin in zip(np.cos(yaw + angles), np.sin(yaw + angles), strict=True):
-            tree.castRay(origin, np.array([cos, sin, 0.0]), end, True, lidar.config.range_max)
+        rays = np.column_stack([np.cos(yaw + angles), np.sin(yaw + angles), np.zeros(len(angles))])
+        for beam, ray in enumerate(rays):
+            tree.castRay(origin, ray, end, True, lidar.config.range_max)
+            ends[beam] = end[:2]
+        return ends
 
-    def by_raycast2d(i: int) -> None:
-        other.scan((*pixels[i], float(poses[i, 2])), only_true_collisions=False)
+    def by_raycast2d(i: int) -> NDArray[Any]:
+        # A heading of 0 is along its -y.
+        heading = float(poses[i, 2]) + np.pi / 2
+        return np.asarray(other.scan((*pixels[i], heading), only_true_collisions=False))
 
     return {
         OURS: lambda i: lidar.scan(world, poses[i]),
@@ -113,9 +119,10 @@ def _irsim(
     sensor = env.robot.sensors[0]
     shift = np.array(frame.origin)
 
-    def scan(i: int) -> None:
+    def scan(i: int) -> NDArray[np.float64]:
         x, y = poses[i, :2] - shift
         sensor.step(np.array([[x], [y], [poses[i, 2]]]))
+        return np.asarray(sensor.range_data)
 
     return scan
 
@@ -140,7 +147,9 @@ def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
     tree, other = _octree(resolution), pyoctomap.OcTree(resolution)
     return {
         OURS: lambda i: known.integrate(scans[i], poses[i]),
-        "octomap-python": lambda i: tree.insertPointCloud(clouds[i], origins[i], -1.0, True),
+        "octomap-python": lambda i: tree.insertPointCloud(
+            clouds[i], origins[i], maxrange=-1.0, lazy_eval=True, discretize=True
+        ),
         "pyoctomap": lambda i: other.insertPointCloud(
             clouds[i], origins[i], max_range=-1.0, lazy_eval=True, discretize=True
         ),

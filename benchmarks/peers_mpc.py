@@ -12,6 +12,7 @@ import contextlib
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -31,8 +32,11 @@ COST_ONLY = MPCConfig(margin=-5.0, comfort=5.3, closeness=4.0)
 LENGTH, WIDTH = 40.0, 8.0
 """Of the hall [m]."""
 
-Solver = Callable[[NDArray[np.float64], RiskMap, NDArray[np.float64], float], NDArray[np.float64]]
-"""From state, risk map, first guess of the controls (N, 2) and last curvature to controls."""
+Solve = Callable[[], NDArray[np.float64] | None]
+"""What is timed: controls (N, 2), or None where the solver says that it failed."""
+Solver = Callable[[NDArray[np.float64], RiskMap, NDArray[np.float64], float, bool], Solve]
+"""From state, risk map, first guess of the controls (N, 2), last curvature, and whether this is a
+drive's first tick, to a solve with all its input in place."""
 
 
 def hall(seed: int) -> Grid:
@@ -57,13 +61,13 @@ def ours(mpc: MPC) -> Solver:
     """`planner.mpc`, from one guess."""
     path = straight()
 
-    def solve(
-        state: NDArray[np.float64], risk: RiskMap, guess: NDArray[np.float64], last: float
-    ) -> NDArray[np.float64]:
+    def prepare(
+        state: NDArray[np.float64], risk: RiskMap, guess: NDArray[np.float64], last: float, _: bool
+    ) -> Solve:
         segment = max(0, int((state[0] + 2.0) / 0.1) - 2)
-        return mpc.solve(state, path, risk, guess, segment, last).controls
+        return lambda: mpc.solve(state, path, risk, guess, segment, last).controls
 
-    return solve
+    return prepare
 
 
 def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
@@ -134,21 +138,39 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
                "g": ca.vertcat(*g)}  # fmt: skip
     solver = ca.nlpsol("solver", plugin, problem, options)
     duals: dict[str, Any] = {}
+    lower, upper = ca.DM(low), ca.DM(high)
+    # The multipliers of a stage start from those that the next one had a tick ago.
+    # 10 rows a stage, 5 more at the first for the start, 1 at the end.
+    rows = np.arange(len(low))
+    later = np.concatenate([rows[15:20], rows[5:10], rows[20:-1], rows[-11:]])
 
-    def solve(
-        state: NDArray[np.float64], risk: RiskMap, guess: NDArray[np.float64], last: float
-    ) -> NDArray[np.float64]:
+    def prepare(
+        state: NDArray[np.float64], risk: RiskMap, guess: NDArray[np.float64], last: float,
+        is_first: bool,
+    ) -> Solve:  # fmt: skip
+        if is_first:
+            duals.clear()
         plan = mpc.roll(state, guess)
         kappa = np.concatenate([[last], plan.controls[:, 1]])
         points = np.column_stack([plan.states, kappa])
         first = np.concatenate([np.column_stack([points[:-1], plan.controls]).ravel(), points[-1]])
         clearance = np.asarray(risk.clearance, dtype=np.float64).ravel()
-        given = np.concatenate([state, [last], risk.frame.origin, clearance])
-        found = solver(x0=first, p=given, lbg=low, ubg=high, **duals)
-        duals.update(lam_x0=found["lam_x"], lam_g0=found["lam_g"])
-        return np.asarray(found["x"]).ravel()[: 7 * n].reshape(n, 7)[:, 5:]
+        given = ca.DM(np.concatenate([state, [last], risk.frame.origin, clearance]))
+        start_from = ca.DM(first)
 
-    return solve
+        def solve() -> NDArray[np.float64] | None:
+            found = solver(x0=start_from, p=given, lbg=lower, ubg=upper, **duals)
+            if not solver.stats()["success"]:
+                duals.clear()
+                return None
+            lam = np.asarray(found["lam_x"]).ravel()
+            duals["lam_x0"] = ca.DM(np.concatenate([lam[7:], lam[-7:]]))
+            duals["lam_g0"] = ca.DM(np.asarray(found["lam_g"]).ravel()[later])
+            return np.asarray(found["x"]).ravel()[: 7 * n].reshape(n, 7)[:, 5:]
+
+        return solve
+
+    return prepare
 
 
 def _cubic(field: Any, u: Any, w: Any) -> Any:
@@ -168,25 +190,39 @@ def _keys(t: Any) -> Any:
                       ((-1.5 * t + 2) * t + 0.5) * t, (0.5 * t - 0.5) * t * t)  # fmt: skip
 
 
-def drive(mpc: MPC, solve: Solver, seed: int, ticks: int) -> tuple[float, list[float], bool]:
+@dataclass(frozen=True)
+class Drive:
     """A solver's closed loop through a hall.
 
-    Returns:
-        What the drive cost, the time of each solve but the first [ms], and whether it hit a post.
+    Attributes:
+        cost: of what was driven.
+        times: of each solve but the first [ms].
+        failures: solves that failed by the solver's own word; the car went on by its guess.
+        hit: whether the car hit a post.
     """
+
+    cost: float
+    times: list[float]
+    failures: int
+    hit: bool
+
+
+def drive(mpc: MPC, prepare: Solver, seed: int, ticks: int) -> Drive:
+    """Drive through a hall by a solver."""
     from predictor.body import first_contact
 
     grid, path, car = hall(seed), straight(), mpc.limits
     state, last = np.array([0.0, 0.0, 0.0, 0.0]), 0.0
     guess = pursue(path.points, 20, state, mpc.stages, mpc.config.dt, car.v_max, car.acceleration,
                    car.braking, car.lateral_acceleration, car.max_curvature, 1e6)  # fmt: skip
-    states, controls, times = [state], [], []
-    for _ in range(ticks):
-        risk = _around(grid, state)
+    states, controls, times, failures = [state], [], [], 0
+    for tick in range(ticks):
+        solve = prepare(state, _around(grid, state), guess, last, tick == 0)
         started = time.perf_counter()
-        found = solve(state, risk, guess, last)
+        found = solve()
         times.append(1e3 * (time.perf_counter() - started))
-        plan = mpc.roll(state, found)
+        failures += found is None
+        plan = mpc.roll(state, guess if found is None else found)
         controls.append(plan.controls[0])
         state, last = plan.states[1].copy(), float(plan.controls[0, 1])
         states.append(state)
@@ -199,7 +235,8 @@ def drive(mpc: MPC, solve: Solver, seed: int, ticks: int) -> tuple[float, list[f
                         body.half_width)  # fmt: skip
     # A drive, unlike a plan, need not end stopped.
     moving = 10.0 * mpc.config.violation * float(driven.states[-1, 3])
-    return mpc.evaluate(driven, path, whole, 18, 0.0) - moving, times[1:], bool(hit >= 0)
+    cost = mpc.evaluate(driven, path, whole, 18, 0.0) - moving
+    return Drive(cost, times[1:], failures, bool(hit >= 0))
 
 
 def _around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
@@ -219,7 +256,8 @@ def compare(worlds: int, ticks: int, report: Callable[[str], None]) -> dict[str,
 
     Returns:
         Name → median_ms, p99_ms and ratio (its median over ours) of a solve; cost: of its drives,
-        summed; dearer_percent: than ours, the mean over halls; hits: drives that hit a post.
+        summed; dearer_percent: than ours, the mean over halls; hits: drives that hit a post;
+        failures: solves that failed by the solver's own word.
     """
     mpc = MPC(config=COST_ONLY)
     solvers = {"ours": ours(mpc)}
@@ -232,22 +270,25 @@ def compare(worlds: int, ticks: int, report: Callable[[str], None]) -> dict[str,
         ):
             report(f"making {name}" + (", which takes minutes" if compiled else ""))
             solvers[name] = general(mpc, plugin, compiled)
-        drives: dict[str, list[tuple[float, list[float], bool]]] = {name: [] for name in solvers}
+        drives: dict[str, list[Drive]] = {name: [] for name in solvers}
         for seed in range(worlds):
-            for name, solve in solvers.items():
+            for name, solver in solvers.items():
                 report(f"{name} in hall {seed + 1} of {worlds}")
-                drives[name].append(drive(mpc, solve, seed, ticks))
-    medians = {name: float(np.median([t for d in ds for t in d[1]])) for name, ds in drives.items()}
-    reference = np.array([cost for cost, _, _ in drives["ours"]])
+                drives[name].append(drive(mpc, solver, seed, ticks))
+    times = {name: [t for d in ds for t in d.times] for name, ds in drives.items()}
+    ours_ms = float(np.median(times["ours"]))
+    reference = np.array([d.cost for d in drives["ours"]])
     compared = {}
     for name, ds in drives.items():
-        costs = np.array([cost for cost, _, _ in ds])
+        costs = np.array([d.cost for d in ds])
+        median = float(np.median(times[name]))
         compared[name] = {
-            "median_ms": medians[name],
-            "p99_ms": float(np.percentile([t for d in ds for t in d[1]], 99)),
-            "ratio": medians[name] / medians["ours"],
+            "median_ms": median,
+            "p99_ms": float(np.percentile(times[name], 99)),
+            "ratio": median / ours_ms,
             "cost": float(costs.sum()),
             "dearer_percent": float(100 * ((costs - reference) / abs(reference)).mean()),
-            "hits": float(sum(hit for _, _, hit in ds)),
+            "hits": float(sum(d.hit for d in ds)),
+            "failures": float(sum(d.failures for d in ds)),
         }
     return compared

@@ -24,11 +24,14 @@ WARM_UP = 10
 """Ticks at the start of a drive that do not count: caches fill, the predictor is loaded."""
 BEAMS = (180, 360, 720, 1081, 2160, 4320)
 MAP_SIDES = (500, 1000, 2000, 4000, 8000)
+WINDOW_AXIS = "window [m]\n(the predicted square is 13.7 m at most)"
 WINDOWS = (5.0, 10.0, 20.0, 40.0)
 EXPANSIONS = (1.0, 1.25, 1.5, 1.75, 2.0)
 HORIZONS = (20, 30, 40, 60)
-REPEATS = 40
+REPEATS = 200
 """Of everything that is measured apart from a drive."""
+PEERS = ("octomap", "pyoctomap", "raycast2D", "irsim", "cv2")
+"""Modules that `--peers` needs."""
 HALLS, HALL_TICKS = 20, 60
 """Drives of each solver of the MPC's problem, and how long they are."""
 
@@ -93,7 +96,7 @@ def growth(seed: int, report: Callable[[str], None]) -> dict[str, list[dict[str,
 
     task = task_in("corridor", seed, CarConfig())
     measured: dict[str, list[dict[str, Any]]] = {
-        "beams": [], "map side [cells]": [], "window [m]": [], "expansion": [], "horizon N": [],
+        "beams": [], "map side [cells]": [], WINDOW_AXIS: [], "expansion": [], "horizon N": [],
     }  # fmt: skip
     for beams in BEAMS:
         report(f"{beams} beams")
@@ -103,7 +106,7 @@ def growth(seed: int, report: Callable[[str], None]) -> dict[str, list[dict[str,
         measured["map side [cells]"].append({"value": side, **_casting(_cluttered(side, seed))})
     for window in WINDOWS:
         report(f"a window of {window:g} m")
-        measured["window [m]"].append({"value": window, **_believing(task, window, 2.0)})
+        measured[WINDOW_AXIS].append({"value": window, **_believing(task, window, 2.0)})
     for expansion in EXPANSIONS:
         report(f"an expansion of {expansion:g}")
         measured["expansion"].append({"value": expansion, **_believing(task, 5.0, expansion)})
@@ -288,7 +291,7 @@ def tables(results: dict[str, Any]) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments."""
-    from benchmarks.settings import OneLineParser
+    from benchmarks.settings import OneLineParser, UsageError
 
     parser = OneLineParser(
         prog="benchmarks.stages",
@@ -304,16 +307,31 @@ def main(argv: list[str] | None = None) -> int:
     add("--peers", action="store_true", help="beside the programs that one would pick instead: "
         "pip install 'foresee[peers]'; takes some minutes, most of them for compiling")  # fmt: skip
     args = parser.parse_args(argv)
-    if args.drives < 1:
-        print("benchmarks.stages: --drives must be at least 1", file=sys.stderr)
-        return 2
     try:
+        if args.drives < 1 or args.seed < 0:
+            raise UsageError("--drives must be at least 1, and --seed at least 0")
+        args.out.mkdir(parents=True, exist_ok=True)
+        if args.peers:
+            _ask_for(PEERS)
         print(_run(args))
-    except ImportError as error:
-        print(f"benchmarks.stages: --peers needs {error.name}: pip install 'foresee[peers]'",
-              file=sys.stderr)  # fmt: skip
+    except KeyboardInterrupt:
+        print("interrupted; nothing is kept", file=sys.stderr)
+        return 130
+    except (UsageError, OSError) as error:
+        print(f"benchmarks.stages: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _ask_for(modules: tuple[str, ...]) -> None:
+    """Find out before anything is measured that something is missing."""
+    from importlib.util import find_spec
+
+    from benchmarks.settings import UsageError
+
+    missing = [name for name in modules if find_spec(name) is None]
+    if missing:
+        raise UsageError(f"--peers needs {', '.join(missing)}: pip install 'foresee[peers]'")
 
 
 def _run(args: Any) -> str:
@@ -345,7 +363,6 @@ def _run(args: Any) -> str:
         "seed": args.seed, "stages": stages["predicted"], "arms": stages,
         "peak_memory_mib": peak, "growth": grown, "peers": beside,
     }  # fmt: skip
-    args.out.mkdir(parents=True, exist_ok=True)
     write_whole(args.out / "results.json", json.dumps(results, indent=1).encode())
     draw(grown).savefig(args.out / "growth.png")
     return f"{tables(results)}\n\n{args.out / 'results.json'}"

@@ -56,11 +56,13 @@ def _in_processes(
     from concurrent.futures.process import BrokenProcessPool
 
     from joblib import Parallel, delayed
+    from joblib.externals.loky import get_reusable_executor
 
     left = list(todo)
     failures = 0
     while left:
-        pool = Parallel(min(jobs, len(left)), "loky", return_as="generator_unordered",
+        # Two at least: joblib would do a single thing in this process, and die of it.
+        pool = Parallel(max(2, min(jobs, len(left))), "loky", return_as="generator_unordered",
                         batch_size=1, initializer=_prepare)  # fmt: skip
         try:
             for item, result in pool([delayed(_with_item)(work, item) for item in left]):
@@ -72,12 +74,17 @@ def _in_processes(
             failures += 1
             if failures == TRIES:
                 raise WorkersError("worker processes died again and again; try --jobs 1") from error
+        finally:
+            # Else they stay for minutes, and keep their memory.
+            get_reusable_executor().shutdown(wait=False, kill_workers=True)
 
 
 def _on_cluster(
     work: Callable[[Item], Result], todo: list[Item], address: str
 ) -> Iterator[tuple[Item, Result]]:
     # Dask's own interface, not joblib's: that waits for ever for a thing that killed its workers.
+    from concurrent.futures import CancelledError
+
     try:
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
@@ -89,18 +96,18 @@ def _on_cluster(
     except (OSError, ValueError) as error:
         raise WorkersError(f"no Dask scheduler answers at {address}: {error}") from None
     with client:
-        threads = client.nthreads()
-        if not threads:
+        if not client.nthreads():
             raise WorkersError(f"the Dask scheduler at {address} has no workers")
-        if set(threads.values()) != {1}:
-            # OMPL has one random generator a process: two drives in one would disturb each other.
-            raise WorkersError("a drive needs a process of its own: dask worker --nthreads 1")
         waiting = list(reversed(todo))
         items: dict[Any, Item] = {}
         running = as_completed(loop=client.loop)
         while waiting or items:
             # No more than keeps all busy: a study may be a million drives long.
-            while waiting and len(items) < 3 * max(1, len(client.nthreads())):
+            threads = client.nthreads()
+            if not set(threads.values()) <= {1}:
+                # OMPL has one random generator a process: two drives in one would disturb it.
+                raise WorkersError("a drive needs a process of its own: dask worker --nthreads 1")
+            while waiting and len(items) < 3 * max(1, len(threads)):
                 item = waiting.pop()
                 future = client.submit(work, item, pure=False)
                 items[future.key] = item
@@ -110,6 +117,8 @@ def _on_cluster(
                 yield items.pop(future.key), future.result()
             except KilledWorker as error:
                 raise WorkersError(f"Dask workers died again and again: {error}") from error
+            except CancelledError:
+                raise WorkersError(f"the Dask scheduler at {address} has gone") from None
             future.release()
 
 

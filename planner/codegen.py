@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import tempfile
@@ -12,8 +13,8 @@ from pathlib import Path
 
 import casadi as ca
 
-FLAGS = ("-O2", "-fPIC", "-shared")
-"""For the compiler. Nothing that depends on the processor: a home folder may be shared."""
+FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+"""For the compiler: no fused operations, so that the numbers are those of the interpreter."""
 
 
 class InterpretedWarning(UserWarning):
@@ -39,12 +40,19 @@ def compiled(function: ca.Function) -> ca.Function:
     compiler = shutil.which(os.environ.get("CC") or "cc")
     if compiler is None:
         return _interpreted(function, "no C compiler was found (cc, or what $CC names)")
-    key = hashlib.sha256("\0".join((source, compiler, *FLAGS)).encode()).hexdigest()[:32]
-    library = cache() / f"{function.name()}-{key}.so"
+    # A home folder may be shared by machines of different kinds.
+    made_of = (source, compiler, platform.machine(), *FLAGS)
+    key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
     try:
+        library = cache() / f"{function.name()}-{key}.so"
         if not library.exists():
             _build(compiler, source, library)
-        return ca.external(function.name(), str(library))
+        try:
+            return ca.external(function.name(), str(library))
+        except RuntimeError:
+            # Damaged.
+            _build(compiler, source, library)
+            return ca.external(function.name(), str(library))
     except subprocess.CalledProcessError as error:
         return _interpreted(function, f"{compiler} failed: {error.stderr.strip()[-200:]}")
     except (OSError, RuntimeError) as error:

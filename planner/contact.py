@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from planner.dynamics import rollout
+from planner.dynamics import pose_along, rollout
 from predictor.body import meets
 
 
@@ -32,11 +32,8 @@ def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, ha
         count = math.ceil(s / spacing)
         for j in range(1, count + 1):
             part = s * j / count
-            half = 0.5 * kappa * part
-            chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-            if meets(blocked, resolution, origin, x + chord * math.cos(yaw + half),
-                     y + chord * math.sin(yaw + half), yaw + 2 * half, half_length,
-                     half_width):  # fmt: skip
+            px, py, turned = pose_along(x, y, yaw, kappa, part)
+            if meets(blocked, resolution, origin, px, py, turned, half_length, half_width):
                 return along + part, math.sqrt(max(v * v + 2.0 * a * part, 0.0))
         along += s
     return -1.0, -1.0
@@ -44,7 +41,7 @@ def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, ha
 
 @njit(cache=True, nogil=True)
 def first_free(state, first, ways, driving, spacing, place):  # type: ignore[no-untyped-def]
-    """The first of some ways on which the body meets nothing that is blocked; -1 if there is none.
+    """The first of some ways that ends at rest and meets nothing blocked; -1 if there is none.
 
     Args:
         state: x, y, yaw, v now, (4,).
@@ -59,7 +56,10 @@ def first_free(state, first, ways, driving, spacing, place):  # type: ignore[no-
         controls[0] = first
         states, applied = rollout(state, controls, *driving)
         # Most ways fail, and few poses tell.
-        if first_meeting(states, applied, driving[0], 5.0 * spacing, *place)[0] >= 0.0:
+        if (
+            states[-1, 3] > 1e-6
+            or first_meeting(states, applied, driving[0], 5.0 * spacing, *place)[0] >= 0.0
+        ):
             continue
         if first_meeting(states, applied, driving[0], spacing, *place)[0] < 0.0:
             return i

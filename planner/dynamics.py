@@ -122,14 +122,18 @@ def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):
         bound = min(max_curvature, lateral / max(fastest * fastest, 1e-9))
         kappa = min(max(controls[k, 1], -bound), bound)
         s = v * dt + 0.5 * a * dt * dt
-        half = 0.5 * kappa * s
-        chord = s * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-        states[k + 1, 0] = x + chord * math.cos(yaw + half)
-        states[k + 1, 1] = y + chord * math.sin(yaw + half)
-        states[k + 1, 2] = yaw + kappa * s
+        states[k + 1, :3] = pose_along(x, y, yaw, kappa, s)
         states[k + 1, 3] = max(v + a * dt, 0.0)
         applied[k, 0], applied[k, 1] = a, kappa
     return states, applied
+
+
+@njit(cache=True, nogil=True, inline="always")
+def pose_along(x, y, yaw, kappa, part):  # type: ignore[no-untyped-def]
+    """The pose x, y, yaw after a part [m] of an arc of curvature κ."""
+    half = 0.5 * kappa * part
+    chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
+    return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), yaw + 2 * half
 
 
 @njit(cache=True, nogil=True)
@@ -150,11 +154,8 @@ def swept(states, controls, dt, spacing):  # type: ignore[no-untyped-def]
         s = states[k, 3] * dt + 0.5 * controls[k, 0] * dt * dt
         kappa = controls[k, 1]
         for j in range(1, counts[k] + 1):
-            part = s * j / counts[k]
-            half = 0.5 * kappa * part
-            chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-            poses[i, 0] = states[k, 0] + chord * math.cos(states[k, 2] + half)
-            poses[i, 1] = states[k, 1] + chord * math.sin(states[k, 2] + half)
-            poses[i, 2] = states[k, 2] + 2 * half
+            poses[i] = pose_along(
+                states[k, 0], states[k, 1], states[k, 2], kappa, s * j / counts[k]
+            )
             i += 1
     return poses

@@ -6,7 +6,6 @@ import math
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,7 +189,7 @@ class Navigator:
         clock.lap("risk")
         self.guide.update(self._tick, state, risk)
         intended, emergency = self._decide(state, risk, faults)
-        plan = self._survivable(state, intended, risk) if not emergency else intended
+        plan = intended if emergency else self._survivable(state, intended, risk, faults)
         control = plan.controls[0].copy()
         clock.lap("mpc")
         clock.total("cycle")
@@ -342,7 +341,9 @@ class Navigator:
             free = max(met[0] - 0.1, 0.0)
         return controls
 
-    def _survivable(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
+    def _survivable(
+        self, state: NDArray[np.float64], plan: Plan, risk: RiskMap, faults: list[str]
+    ) -> Plan:
         """The plan, or one that begins more slowly and leaves a way to stop if belief is wrong.
 
         A plan relies on what is believed at the risk ε. After its first step, when the next scan
@@ -369,8 +370,15 @@ class Navigator:
         if way < 0:
             too_fast, fastest = 0, len(levels) - 1
             way = way_after(fastest)
+            while way < 0 and too_fast < fastest - 1:
+                # Odd, but a gentler beginning may leave a way where a harder one does not.
+                fastest -= 1
+                way = way_after(fastest)
             if way < 0:
-                return self._brake(state, risk, plan)
+                braked = self._brake(state, risk, plan)
+                if mpc.contact(braked, ~risk.certain, risk) is not None:
+                    faults.append("no_last_resort")
+                return braked
             while fastest - too_fast > 1:
                 middle = (fastest + too_fast) // 2
                 found = way_after(middle)
@@ -378,16 +386,19 @@ class Navigator:
                     too_fast = middle
                 else:
                     fastest, way = middle, found
-        stop = mpc.roll(state, np.vstack([[[levels[fastest], curvature]], ways[way, 1:]]))
-        self._resort = shifted(stop.controls, braking)
-        return plan if fastest == 0 else stop
+        controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
+        # As they are, not as applied: once at rest the car still brakes, should it come faster.
+        self._resort = shifted(controls, braking)
+        return plan if fastest == 0 else mpc.roll(state, controls)
 
     def _brake(self, state: NDArray[np.float64], risk: RiskMap, kept: Plan) -> Plan:
         """Brake as hard as the car can, on the way that meets what was seen most slowly."""
-        stops = [self.mpc.roll(state, way) for way in self._last_resorts(kept)]
-        best = min(stops, key=partial(self._badness, risk))
-        self._resort = shifted(best.controls, self.config.car.braking)
-        return best
+        ways = self._last_resorts(kept)
+        stops = [self.mpc.roll(state, way) for way in ways]
+        badness = [self._badness(risk, stop) for stop in stops]
+        best = badness.index(min(badness))
+        self._resort = shifted(ways[best], self.config.car.braking)
+        return stops[best]
 
     def _last_resorts(self, plan: Plan) -> NDArray[np.float64]:
         """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
@@ -395,12 +406,12 @@ class Navigator:
         np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
         return ways if self._resort is None else np.concatenate([self._resort[None], ways])
 
-    def _badness(self, risk: RiskMap, plan: Plan) -> tuple[float, float, float]:
-        """How fast a plan meets what was seen, leaves the safe set, leaves what is certain."""
+    def _badness(self, risk: RiskMap, plan: Plan) -> tuple[float, ...]:
+        """How fast a plan meets what was seen, leaves the safe set, what is certain, and ends."""
         met = (self.mpc.contact(plan, blocked, risk)
                for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
         hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
-        return hit, left, unsure
+        return hit, left, unsure, float(plan.states[-1, 3])
 
 
 class _Clock:

@@ -4,6 +4,7 @@ A predictor is any object with `predict(known: Grid, pose) -> Prediction`; run `
 on one of your own.
 """
 
+import predictor.kernels  # noqa: F401  First: it says where the others keep their kernels.
 from predictor.body import Body
 from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from predictor.none import NoPrediction

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from importlib.util import find_spec
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from torch import nn
 Run = Callable[[NDArray[np.int8]], NDArray[np.float32]]
 RUNTIMES = ("openvino", "torch")
 """The fastest first."""
+MOST_SIZES = 8
+"""Of windows, that compiled networks are kept for."""
 
 
 def runner(module: nn.Module, runtime: str | None = None) -> tuple[Run, str]:
@@ -65,10 +68,18 @@ def _openvino(module: nn.Module) -> Run:
     model = frontend.convert(frontend.load(decoder))
     core = ov.Core()
     requests: dict[tuple[int, ...], Any] = {}
+    lock = Lock()
 
     def run(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+        # A request answers one caller at a time.
+        with lock:
+            return answer(codes)
+
+    def answer(codes: NDArray[np.int8]) -> NDArray[np.float32]:
         # Compiled for the size of the window: a tenth faster than for any size.
         if codes.shape not in requests:
+            if len(requests) == MOST_SIZES:
+                requests.clear()
             sized = model.clone()
             sized.reshape(codes.shape)
             settings = {"INFERENCE_NUM_THREADS": 1, "INFERENCE_PRECISION_HINT": "f32"}

@@ -111,6 +111,11 @@ class Trainer:
             "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
             # What else decides the last bits of the sums.
             "arithmetic": [self.device.type, torch.get_num_threads(), self.brief],
+            "before": {
+                name: before[name]
+                for name in ("fingerprint", "config", "drives", "samples", "commit", "before")
+                if name in before
+            },
             "drives": len(train.about),
             "samples": len(train),
             "worlds": sorted(train.worlds | set(before.get("worlds", ()))),
@@ -345,6 +350,10 @@ def _run(args: Any) -> Path:
     train = Samples.load(args.data / "train", args.train)
     validation = Samples.load(args.data / "validation", args.validation)
     check_apart({"train": train, "validation": validation})
+    both = validation.worlds & set(start[1].get("worlds", ()) if start else ())
+    if both:
+        raise TrainError(f"--start: its weights have learned from {len(both)} of the buildings to "
+                         "validate on")  # fmt: skip
     config = TrainConfig(args.steps, args.batch, args.rate, seed=args.seed,
                          start=start and start[1]["fingerprint"])  # fmt: skip
     trainer = Trainer(config, train, validation, args.out, start)

@@ -116,14 +116,14 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
                "--out", tmp_path / "run")  # fmt: skip
     plain, driven = attempt, []
 
-    def interrupted(settings, item):
+    def interrupted(settings, weights, item):
         if item[0] == 1:
             raise KeyboardInterrupt
-        return plain(settings, item)
+        return plain(settings, weights, item)
 
-    def counted(settings, item):
+    def counted(settings, weights, item):
         driven.append(item[0])
-        return plain(settings, item)
+        return plain(settings, weights, item)
 
     monkeypatch.setattr("benchmarks.drive.attempt", interrupted)
     assert run(*command) != 0

@@ -346,8 +346,22 @@ class Sure:
 def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family, seed):
     task = sample_task(generate(family, seed), seed)
     driver = navigator(task, Sure(0.95), risk=0.1)
+    decide = driver.step
+
+    def step(state, scan):
+        decision = decide(state, scan)
+        # From where this tick leads some way to a stop lies in what has been seen free.
+        after = driver.mpc.roll(state, decision.plan.controls).states[1]
+        resort = driver.mpc.roll(after, driver._resort)
+        risk = decision.risk_map
+        assert resort.states[-1, 3] < 1e-6
+        assert driver.mpc.contact(resort, ~risk.known.free, risk) is None
+        return decision
+
+    driver.step = step
     episode = drive(task, driver, EpisodeConfig(timeout=0.6))
     assert episode.outcome is not Outcome.COLLIDED
+    assert "no_last_resort" not in episode.faults
     assert (episode.trace["kept"] == 0).any()
 
 

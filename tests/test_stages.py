@@ -18,16 +18,18 @@ def test_spread_is_of_the_times():
     assert s["median_ms"] <= s["p95_ms"] <= s["p99_ms"] <= 9.0
 
 
-def test_timed_calls_once_more_than_it_counts():
-    called = []
+def test_timed_calls_once_more_than_it_counts(monkeypatch):
+    called, now = [], [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
 
     def call(i):
         called.append(i)
-        time.sleep(0.02 if len(called) == 1 else 0.001)
+        now[0] += 9.0 if len(called) == 1 else 0.003
 
-    assert timed(call, 5)["samples"] == 5
+    taken = timed(call, 5)
     assert called == [0, 0, 1, 2, 3, 4]
-    assert timed(lambda _: time.sleep(0.003), 5)["median_ms"] == pytest.approx(3, rel=1.0)
+    assert taken["samples"] == 5
+    assert taken["median_ms"] == taken["p99_ms"] == pytest.approx(3.0)
 
 
 def test_a_hall_has_walls_and_things():
@@ -64,6 +66,13 @@ def test_one_command_writes_stages_and_their_growth(tmp_path, monkeypatch, capsy
     assert "| `predicted` | cycle |" in capsys.readouterr().out
 
 
-def test_it_wants_a_drive(capsys):
-    assert main(["--drives", "0"]) == 2
-    assert "--drives" in capsys.readouterr().err
+@pytest.mark.parametrize("wrong", [["--drives", "0"], ["--seed", "-1"]])
+def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
+    assert main(wrong) == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
+def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(stages, "PEERS", ("json", "no_such_module"))
+    assert main(["--peers", "--out", str(tmp_path)]) == 2
+    assert "--peers needs no_such_module" in capsys.readouterr().err
