@@ -1,6 +1,6 @@
 """Train the compact network.
 
-    python -m predictor.train                      about two hours on 2 cores, samples included
+    python -m predictor.train                      two to three hours on 2 cores, all in
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
     python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      from weights on
 
