@@ -121,7 +121,7 @@ def drive(
         risk=settings.risk if arm.risk is None else arm.risk,
         steer=arm.steer,
         # Whatever the machine is busy with, a drive must come out the same.
-        deadline=30.0,
+        deadline=600.0,
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
         car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
                       car.turning_radius, car.body),
