@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.asking import Asker, LateError, RaisedError
-from planner.contact import first_free, swerves
 from planner.dynamics import CarLimits
 from planner.guess import arcs, pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
-from planner.mpc import CONTACT_SPACING, MPC, MPCConfig, Plan, Status, stop_controls
+from planner.mpc import MPC, MPCConfig, Plan, Status, stop_controls
 from planner.reference import SPACING, Path, project
+from planner.resort import LastResort
 from planner.risk import RiskMap
 from planner.sweep import swept_cells
 from predictor import (
@@ -144,9 +144,7 @@ class Navigator:
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
-        self._resort: NDArray[np.float64] | None = None
-        """Controls of a way to stop that was found at the last tick, from the next state on."""
-        self._swerves = swerves(self.mpc.stages, config.car.braking, config.car.max_curvature)
+        self.resort = LastResort(self.mpc)
         self._tick = -1
         self._curvature = 0.0
         self._asker = None if predictor is None else Asker(predictor)
@@ -189,7 +187,11 @@ class Navigator:
         clock.lap("risk")
         self.guide.update(self._tick, state, risk)
         intended, emergency = self._decide(state, risk, faults)
-        plan = intended if emergency else self._survivable(state, intended, risk, faults)
+        plan = intended
+        if not emergency:
+            plan, survivable = self.resort.begin(state, intended, risk)
+            if not survivable:
+                faults.append("no_last_resort")
         control = plan.controls[0].copy()
         clock.lap("mpc")
         clock.total("cycle")
@@ -245,12 +247,14 @@ class Navigator:
         if self.plan is not None:
             kept = mpc.roll(state, shifted(self.plan.controls, car.braking))
         path = self.guide.path
-        rest = [kept, stop] if self._resort is None else [mpc.roll(state, self._resort), kept, stop]
+        rest = [kept, stop]
+        if self.resort.controls is not None:
+            rest.insert(0, mpc.roll(state, self.resort.controls))
         safe = [plan for plan in rest if mpc.is_safe(plan, risk)]
         if path is None:
             if safe:
                 return safe[-1], False
-            return self._brake(state, risk, kept), True
+            return self.resort.brake(state, kept, risk), True
 
         def cost(plan: Plan) -> float:
             return mpc.evaluate(plan, path, risk, self.guide.segment, self._curvature)
@@ -264,7 +268,7 @@ class Navigator:
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
             faults.append("emergency")
-            return self._brake(state, risk, kept), True
+            return self.resort.brake(state, kept, risk), True
         best = candidates[0]
         if self._goes_on(best, risk):
             return best, False
@@ -340,78 +344,6 @@ class Navigator:
                 break
             free = max(met[0] - 0.1, 0.0)
         return controls
-
-    def _survivable(
-        self, state: NDArray[np.float64], plan: Plan, risk: RiskMap, faults: list[str]
-    ) -> Plan:
-        """The plan, or one that begins more slowly and leaves a way to stop if belief is wrong.
-
-        A plan relies on what is believed at the risk ε. After its first step, when the next scan
-        may have proved that wrong, some way to brake and swerve must still lie in what is certain.
-        """
-        mpc, braking = self.mpc, self.config.car.braking
-        if risk.certain is risk.safe:
-            self._resort = None
-            return plan
-        if mpc.contact(plan, ~risk.certain, risk) is None:
-            self._resort = shifted(plan.controls, braking)
-            return plan
-        ways = self._last_resorts(plan)
-        place = mpc.body_in(~risk.certain, risk)
-        wanted, curvature = plan.controls[0]
-        levels = np.linspace(wanted, -braking, 16)
-
-        def way_after(level: int) -> int:
-            first = np.array([levels[level], curvature])
-            return int(first_free(state, first, ways, mpc.driving, CONTACT_SPACING, place))
-
-        # The fastest beginning that leaves a way, by bisection.
-        fastest, way = 0, way_after(0)
-        if way < 0:
-            too_fast, fastest = 0, len(levels) - 1
-            way = way_after(fastest)
-            while way < 0 and too_fast < fastest - 1:
-                # Odd, but a gentler beginning may leave a way where a harder one does not.
-                fastest -= 1
-                way = way_after(fastest)
-            if way < 0:
-                braked = self._brake(state, risk, plan)
-                if mpc.contact(braked, ~risk.certain, risk) is not None:
-                    faults.append("no_last_resort")
-                return braked
-            while fastest - too_fast > 1:
-                middle = (fastest + too_fast) // 2
-                found = way_after(middle)
-                if found < 0:
-                    too_fast = middle
-                else:
-                    fastest, way = middle, found
-        controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
-        # As they are, not as applied: once at rest the car still brakes, should it come faster.
-        self._resort = shifted(controls, braking)
-        return plan if fastest == 0 else mpc.roll(state, controls)
-
-    def _brake(self, state: NDArray[np.float64], risk: RiskMap, kept: Plan) -> Plan:
-        """Brake as hard as the car can, on the way that meets what was seen most slowly."""
-        ways = self._last_resorts(kept)
-        stops = [self.mpc.roll(state, way) for way in ways]
-        badness = [self._badness(risk, stop) for stop in stops]
-        best = badness.index(min(badness))
-        self._resort = shifted(ways[best], self.config.car.braking)
-        return stops[best]
-
-    def _last_resorts(self, plan: Plan) -> NDArray[np.float64]:
-        """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
-        ways = self._swerves.copy()
-        np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
-        return ways if self._resort is None else np.concatenate([self._resort[None], ways])
-
-    def _badness(self, risk: RiskMap, plan: Plan) -> tuple[float, ...]:
-        """How fast a plan meets what was seen, leaves the safe set, what is certain, and ends."""
-        met = (self.mpc.contact(plan, blocked, risk)
-               for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
-        hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
-        return hit, left, unsure, float(plan.states[-1, 3])
 
 
 class _Clock:

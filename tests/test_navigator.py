@@ -352,7 +352,7 @@ def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family
         decision = decide(state, scan)
         # From where this tick leads some way to a stop lies in what has been seen free.
         after = driver.mpc.roll(state, decision.plan.controls).states[1]
-        resort = driver.mpc.roll(after, driver._resort)
+        resort = driver.mpc.roll(after, driver.resort.controls)
         risk = decision.risk_map
         assert resort.states[-1, 3] < 1e-6
         assert driver.mpc.contact(resort, ~risk.known.free, risk) is None

@@ -1,0 +1,100 @@
+"""The last resort: a way to stop that lies in what is certain, kept at hand at every tick."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.contact import first_free, swerves
+from planner.guess import shifted
+from planner.mpc import CONTACT_SPACING, MPC, Plan
+from planner.risk import RiskMap
+
+LEVELS = 16
+"""Accelerations from a plan's own to hard braking, among which the first step is chosen."""
+
+
+class LastResort:
+    """Sees to it that the car can stop within what is certain, should all belief prove wrong.
+
+    A plan relies on what is believed at the risk ε. After its first step, when the next scan may
+    have proved that wrong, some way to brake and swerve must still lie in what is certain. By
+    induction there is always one: that of the last tick, driven on.
+
+    Args:
+        mpc: rolls plans out, and knows the car.
+    """
+
+    def __init__(self, mpc: MPC) -> None:
+        self.mpc = mpc
+        self.controls: NDArray[np.float64] | None = None
+        """Of a way to stop from the next state on, (N, 2); None: none is needed."""
+        self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
+
+    def begin(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
+        """The plan, or one that begins more slowly and leaves a last resort.
+
+        Returns:
+            What to drive, and whether a last resort remains after its first step.
+        """
+        mpc, braking = self.mpc, self.mpc.limits.braking
+        if risk.certain is risk.safe:
+            self.controls = None
+            return plan, True
+        if mpc.contact(plan, ~risk.certain, risk) is None:
+            self.controls = shifted(plan.controls, braking)
+            return plan, True
+        ways = self._ways(plan)
+        place = mpc.body_in(~risk.certain, risk)
+        wanted, curvature = plan.controls[0]
+        levels = np.linspace(wanted, -braking, LEVELS)
+
+        def way_after(level: int) -> int:
+            first = np.array([levels[level], curvature])
+            return int(first_free(state, first, ways, mpc.driving, CONTACT_SPACING, place))
+
+        # The fastest beginning that leaves a way, by bisection.
+        fastest, way = 0, way_after(0)
+        if way < 0:
+            too_fast, fastest = 0, LEVELS - 1
+            way = way_after(fastest)
+            while way < 0 and too_fast < fastest - 1:
+                # Odd, but a gentler beginning may leave a way where a harder one does not.
+                fastest -= 1
+                way = way_after(fastest)
+            if way < 0:
+                braked = self.brake(state, plan, risk)
+                return braked, mpc.contact(braked, ~risk.certain, risk) is None
+            while fastest - too_fast > 1:
+                middle = (fastest + too_fast) // 2
+                found = way_after(middle)
+                if found < 0:
+                    too_fast = middle
+                else:
+                    fastest, way = middle, found
+        controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
+        # As they are, not as applied: once at rest the car still brakes, should it come faster.
+        self.controls = shifted(controls, braking)
+        return (plan if fastest == 0 else mpc.roll(state, controls)), True
+
+    def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
+        """Brake as hard as the car can, on the way that meets what was seen most slowly."""
+        ways = self._ways(plan)
+        stops = [self.mpc.roll(state, way) for way in ways]
+        badness = [self._badness(stop, risk) for stop in stops]
+        best = badness.index(min(badness))
+        self.controls = shifted(ways[best], self.mpc.limits.braking)
+        return stops[best]
+
+    def _ways(self, plan: Plan) -> NDArray[np.float64]:
+        """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
+        ways = self._swerves.copy()
+        np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
+        return ways if self.controls is None else np.concatenate([self.controls[None], ways])
+
+    def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
+        """How fast a way meets what was seen, leaves the safe set, what is certain, and ends."""
+        met = (self.mpc.contact(stop, blocked, risk)
+               for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
+        hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
+        return hit, left, unsure, float(stop.states[-1, 3])
