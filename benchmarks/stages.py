@@ -250,6 +250,8 @@ def draw(measured: dict[str, list[dict[str, Any]]]) -> Figure:
         ax.set_xlabel(axis)
         if values[-1] > 8 * values[0]:
             ax.set_xscale("log")
+            ax.set_xticks(values, [str(value) for value in values], fontsize=7)
+            ax.minorticks_off()
         ax.set_ylim(bottom=0)
         ax.legend(fontsize=7, frameon=False)
     axes[0].set_ylabel("time [ms], to the 99th percentile")
