@@ -209,8 +209,6 @@ class Drive:
 
 def drive(mpc: MPC, prepare: Solver, seed: int, ticks: int) -> Drive:
     """Drive through a hall by a solver."""
-    from predictor.body import first_contact
-
     grid, path, car = hall(seed), straight(), mpc.limits
     state, last = np.array([0.0, 0.0, 0.0, 0.0]), 0.0
     guess = pursue(path.points, 20, state, mpc.stages, mpc.config.dt, car.v_max, car.acceleration,
@@ -229,14 +227,11 @@ def drive(mpc: MPC, prepare: Solver, seed: int, ticks: int) -> Drive:
         guess = shifted(plan.controls, car.braking)
     driven = Plan(np.array(states), np.array(controls), 0.0, plan.status, 0)
     whole = RiskMap.from_prediction(grid, None, 0.0)
-    body = car.body
-    poses, frame = driven.poses(mpc.config.dt, 0.02), grid.frame
-    hit = first_contact(grid.occupied, frame.resolution, frame.origin, poses, body.half_length,
-                        body.half_width)  # fmt: skip
+    hit = mpc.contact(driven, grid.occupied, whole) is not None
     # A drive, unlike a plan, need not end stopped.
     moving = 10.0 * mpc.config.violation * float(driven.states[-1, 3])
     cost = mpc.evaluate(driven, path, whole, 18, 0.0) - moving
-    return Drive(cost, times[1:], failures, bool(hit >= 0))
+    return Drive(cost, times[1:], failures, hit)
 
 
 def _around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
