@@ -74,7 +74,7 @@ class MPCConfig:
     violation: float = 100.0
     margin: float = 0.035
     trust: float = 0.6
-    iterations: int = 8
+    iterations: int = 10
     tolerance: float = 1e-4
 
 

@@ -280,9 +280,6 @@ class Navigator:
                 break
             shorter = Path(path.points[:last], path.source)
             guess = self._pursuit(state, shorter, risk)
-            # A solve ends about where its guess does, and costs fifty times as much.
-            if not self._goes_on(mpc.roll(state, guess), risk):
-                continue
             for plan in self._solutions(state, shorter, risk, [guess], faults):
                 if self._goes_on(plan, risk):
                     return plan, False
