@@ -98,8 +98,8 @@ class Bag:
                                 self.make(*with_spread))  # fmt: skip
         else:
             still = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-            twist = self.make("geometry_msgs/msg/TwistWithCovariance",
-                              self.make("geometry_msgs/msg/Twist", still, still), spread)  # fmt: skip
+            moves = self.make("geometry_msgs/msg/Twist", still, still)
+            twist = self.make("geometry_msgs/msg/TwistWithCovariance", moves, spread)
             message = self.make("nav_msgs/msg/Odometry", header, "base_link",
                                 self.make(*with_spread), twist)  # fmt: skip
         self.write(topic, time, message)
