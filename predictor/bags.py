@@ -121,7 +121,9 @@ class _Bag:
         scans, times, bad, frame = [], [], 0, ""
         for message in self._messages(topic):
             ranges = np.asarray(message.ranges, dtype=np.float64)
-            ranges, wrong = cleaned(ranges, float(message.range_min), float(message.range_max))
+            if not message.range_max > 0:
+                raise LogError(f"{self.path}: {topic} gives a range_max of {message.range_max} m")
+            ranges, wrong = cleaned(ranges, float(message.range_min))
             bad += wrong
             scans.append(Scan(ranges, float(message.angle_min), float(message.angle_increment),
                               float(message.range_max)))  # fmt: skip

@@ -122,7 +122,7 @@ def read_carmen(path: Path) -> LaserLog:
             continue
         values = _numbers(path, number, words)
         count = len(values) - 7
-        ranges, wrong = cleaned(values[:count], 0.0, no_return)
+        ranges, wrong = cleaned(values[:count], 0.0)
         bad += wrong
         # A SICK answers so where it saw no end, and also where a wall is black, or glass.
         ranges = np.where(ranges >= no_return, np.nan, ranges)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from predictor.bags import BagConfig
     from predictor.simulated import SimulatedConfig
 
+LEAST = {"train": 4, "test": 2, "more": 0, "validation": 0, "length": 1, "jobs": 1}
+"""What the command line's numbers must be at least: a frame a drive."""
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
 
 
@@ -92,12 +94,11 @@ def main(argv: list[str] | None = None) -> int:
     from predictor.simulated import DriveError
 
     args = _parsed(argv)
+    for name, low in LEAST.items():
+        if getattr(args, name) < low:
+            print(f"predictor.dataset: --{name} must be at least {low}", file=sys.stderr)
+            return 2
     try:
-        for name in ("train", "test", "more", "validation", "length", "jobs"):
-            low = 0 if name in ("more", "validation") else 2 if name == "test" else 1
-            low = 4 if name == "train" else low
-            if getattr(args, name) < low:
-                raise FramesError(f"--{name} is {getattr(args, name)}, it must be at least {low}")
         print(_run(args))
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)

@@ -43,18 +43,15 @@ class LaserLog:
         return len(self.scans)
 
 
-def cleaned(
-    ranges: NDArray[np.float64], shortest: float, longest: float
-) -> tuple[NDArray[np.float64], int]:
+def cleaned(ranges: NDArray[np.float64], shortest: float) -> tuple[NDArray[np.float64], int]:
     """Ranges as `Scan` wants them, and how many of them were bad.
 
-    Bad ones, NaN or negative, say nothing (NaN); neither do those below the sensor's shortest. One
-    at or above its longest stays: what that says is the reader's to decide.
+    Bad ones, NaN or negative, say nothing (NaN); neither do those below the sensor's shortest. What
+    one at or above its longest says is the reader's to decide.
 
     Args:
         ranges: as they were logged [m].
         shortest: that the sensor measures [m].
-        longest: that it measures [m].
     """
     bad = np.isnan(ranges) | (ranges < 0.0)
     return np.where(bad | (ranges < shortest), np.nan, ranges), int(bad.sum())

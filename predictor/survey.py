@@ -34,6 +34,8 @@ HITS = 0.25
 """Least share of hits, of hits and crossings, in an occupied cell."""
 REACH = 20.0
 """Ranges are cut off here: the paper's LIDAR [m]."""
+LARGEST = 1000.0
+"""Extent of the poses of a log [m]; its map has 0.4 GB of cells then."""
 
 
 def site_of(path: Path) -> str:
@@ -68,7 +70,10 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
         LogError: if it cannot be read.
     """
     log = read_bag(path, bag) if is_bag(path) else read_carmen(path)
-    recording = record(log)
+    try:
+        recording = record(log)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from None
     about = {"split": "physical", "map": log.name, "world": world_hash(cells_of(recording.truth)),
              "clock": log.times is not None, "skipped": log.skipped}  # fmt: skip
     return write_trajectory(folder, site_of(path), recording.arrays(), about)
@@ -124,7 +129,14 @@ def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) ->
 
 
 def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
-    """A frame that holds all that a LIDAR of a reach [m] can see from some poses (n, 3)."""
+    """A frame that holds all that a LIDAR of a reach [m] can see from some poses (n, 3).
+
+    Raises:
+        LogError: if they lie so far apart that no building holds them.
+    """
+    extent = float(np.ptp(poses[:, :2], axis=0).max())
+    if extent > LARGEST:
+        raise LogError(f"the poses lie {extent:.0f} m apart, at most {LARGEST:.0f} m can be mapped")
     low = np.floor((poses[:, :2].min(axis=0) - reach) / RESOLUTION) - 4
     high = np.ceil((poses[:, :2].max(axis=0) + reach) / RESOLUTION) + 4
     cols, rows = (high - low).astype(int)

@@ -66,10 +66,10 @@ class Bag:
         pack = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         self.writer.write(self.topics[topic], int(1e9 * time), pack(message, kind))
 
-    def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", frame="laser"):
+    def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", longest=25.0):
         message = self.make(
-            "sensor_msgs/msg/LaserScan", self.header(time, frame), -0.5, 0.5, 0.5, 0.0, 0.1,
-            0.2, 25.0, np.array(ranges, np.float32), np.zeros(0, np.float32),
+            "sensor_msgs/msg/LaserScan", self.header(time, "laser"), -0.5, 0.5, 0.5, 0.0, 0.1,
+            0.2, longest, np.array(ranges, np.float32), np.zeros(0, np.float32),
         )  # fmt: skip
         self.write(topic, time, message)
 
@@ -254,6 +254,13 @@ def test_a_tree_that_does_not_know_the_map_says_what_it_knows(tmp_path):
         read_bag(out.path, BagConfig(poses="/tf"))
     log = read_bag(out.path, BagConfig(poses="/tf", map_frame="odom"))
     assert log.poses[:, 0] == pytest.approx([1.3, 2.3])
+
+
+def test_a_sensor_without_a_range_is_refused(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.scan(1.0, longest=0.0)
+    with pytest.raises(LogError, match=r"/scan gives a range_max of 0\.0 m"):
+        read_bag(out.path)
 
 
 def test_damaged_and_missing_bags_are_errors_of_one_line(tmp_path):

@@ -127,6 +127,15 @@ def test_a_reach_makes_far_returns_free_space():
     assert truth[frame.cell(20.1, 0.02)] == 2
 
 
+def test_poses_that_no_building_holds_are_an_error():
+    poses = np.array([[0.0, 0.0, 0.0], [3000.0, 0.0, 0.0]])
+    with pytest.raises(LogError, match="3000 m apart, at most 1000 m"):
+        frame_around(poses, 20.0)
+    low = frame_around(poses[:1] + 0.03, 20.0)
+    assert low.contains(20.0, 20.0)
+    assert low.contains(-19.9, -19.9)
+
+
 def test_the_command_makes_a_set_of_logs(journey, tmp_path, capsys):
     from predictor.dataset import main
 
