@@ -131,7 +131,7 @@ def test_a_set_killed_without_warning_goes_on(folder, tmp_path):
                *ARGUMENTS]  # fmt: skip
     process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.DEVNULL)
     try:
-        for _ in range(1200):
+        for _ in range(6000):
             if list(tmp_path.glob("*.npz")) or process.poll() is not None:
                 break
             time.sleep(0.1)
