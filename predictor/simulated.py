@@ -165,12 +165,13 @@ def driven(world: World, seed: int, count: int) -> tuple[Recording, str | None]:
     from planner.navigator import Navigator, NavigatorConfig
     from predictor.recording import WINDOW, Recording
     from sim import CarConfig, DubinsCar, Lidar
-    from sim.task import prolonged, sample_task
+    from sim.task import LONGEST_LEG, prolonged, sample_task
 
     car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar()
     # The route is longer than the drive: the car does not slow down for a goal.
     length = SPEED * TICK * count + 10.0
-    task = prolonged(sample_task(world, seed, car.config), length, car.config)
+    first = sample_task(world, seed, car.config, max_length=LONGEST_LEG)
+    task = prolonged(first, length, car.config)
     start = np.array(task.start)
     config = NavigatorConfig(window=2 * lidar.config.range_max, car=CarLimits(v_max=SPEED),
                              guide=GuideConfig(every=PATH_EVERY))  # fmt: skip

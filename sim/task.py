@@ -29,7 +29,7 @@ MARGIN = 10.0
 """How far beyond start and goal a blank grid reaches [m]; it grows from there."""
 STARTS = 25
 """Starts tried before a world is given up."""
-SHORTEST_LEG, LONGEST_LEG = 8.0, 80.0
+SHORTEST_LEG, LONGEST_LEG = 8.0, 40.0
 """From one goal to the next where a drive has several [m]."""
 NEW = 5.0
 """A goal that is this far from the way so far is a place where the drive has not been [m]."""
