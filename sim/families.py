@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from sim.blocks import block_size, draw_blocks
 from sim.canvas import Canvas
 from sim.network import NetworkConfig, Segment, carve, grow
 from sim.office import draw_office
 from sim.world import World
 
-FAMILIES = ("corridor", "narrow", "office", "trap")
+FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
 
 CORRIDOR = NetworkConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
 NARROW = NetworkConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, reach=45.0)
@@ -28,11 +29,13 @@ def generate(family: str, seed: int) -> World:
     - `narrow`: corridors of 1.5–3 m, door frames across them, small rooms behind doors.
     - `office`: rooms off corridors, doors, furniture.
     - `trap`: an obstacle just behind a blind corner; dead ends that look like a corridor going on.
+    - `paper`: paths of 3.5–10 m around blocks, with loops: the data set of Katyal et al. 2018.
 
     Raises:
         ValueError: if there is no such family.
     """
-    draw = {"corridor": _corridor, "narrow": _narrow, "office": _office, "trap": _trap}
+    draw = {"corridor": _corridor, "narrow": _narrow, "office": _office, "trap": _trap,
+            "paper": _paper}  # fmt: skip
     if family not in draw:
         raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")
     # The family is part of the seed, so that equal seeds do not give equal skeletons.
@@ -50,6 +53,12 @@ def empty_straight(length: float = 60.0, width: float = 4.0) -> World:
 def _corridor(rng: np.random.Generator) -> Canvas:
     canvas = Canvas(CORRIDOR.size, CORRIDOR.size)
     carve(canvas, grow(CORRIDOR, rng))
+    return canvas
+
+
+def _paper(rng: np.random.Generator) -> Canvas:
+    canvas = Canvas(*block_size())
+    draw_blocks(canvas, rng)
     return canvas
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from predictor.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from sim.car import CarConfig, wrap
@@ -28,6 +29,10 @@ MARGIN = 10.0
 """How far beyond start and goal a blank grid reaches [m]; it grows from there."""
 STARTS = 25
 """Starts tried before a world is given up."""
+SHORTEST_LEG, LONGEST_LEG = 8.0, 40.0
+"""From one goal to the next where a drive has several [m]."""
+NEW = 5.0
+"""A goal that is this far from the way so far is a place where the drive has not been [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,32 +100,14 @@ def sample_task(
     car = car or CarConfig()
     rng = np.random.default_rng(seed)
     frame = world.grid.frame
-    # A cell's clearance runs from centre to centre: a diagonal's worth is not there.
-    lost = math.sqrt(2.0) * frame.resolution
-    roomy = world.clearance > car.body.radius + START_CLEARANCE + lost
+    roomy = _roomy(world, car)
     candidates = np.argwhere(roomy)
-    offsets, radius = body_circles(car.body)
-    arc_radius = SLACK * car.turning_radius
     farthest = 0.0
     for _ in range(STARTS if len(candidates) else 0):
         row, col = candidates[rng.integers(len(candidates))]
         x, y = frame.centre(row, col)
         start = (x, y, _free_direction(world, x, y, rng))
-        poses, parents, arcs, first = explore(
-            world.clearance,
-            frame.resolution,
-            frame.origin,
-            np.array(start),
-            arc_radius,
-            offsets,
-            radius + WAY_CLEARANCE + lost,
-            COMFORT,
-            max_length,
-        )
-        lengths = arcs * (arc_radius * 2 * math.pi / HEADINGS)
-        cells = np.floor((poses[:, :2] - frame.origin) / frame.resolution).astype(int)
-        # The first time that a place is reached: later ones come there by a detour.
-        goals = first & roomy[cells[:, 1], cells[:, 0]]
+        poses, parents, lengths, goals = _ways(world, start, car, roomy, max_length)
         reach = float(lengths[goals].max(initial=0.0))
         farthest = max(farthest, reach)
         goals &= (lengths >= max(min_length, 0.6 * reach)) & (lengths <= max_length)
@@ -133,6 +120,87 @@ def sample_task(
         f"{world.name}: no way of {min_length:g} to {max_length:g} m for this car was found; "
         f"the longest of {STARTS} starts led {farthest:.1f} m"
     )
+
+
+def prolonged(task: Task, length: float, car: CarConfig | None = None) -> Task:
+    """The same drive with more goals after its own, until its way is long enough.
+
+    Each goal is drawn from the far part of what can be reached from the one before, and from where
+    the drive has not been yet if there is such, so that a long drive sees much of a building. The
+    same task gives the same drive.
+
+    Args:
+        task: how it begins.
+        length: of its way, at least [m].
+        car: body and turning radius.
+
+    Raises:
+        NoTaskError: if it leads to where the car cannot go on.
+    """
+    car = car or CarConfig()
+    rng = np.random.default_rng([task.seed, 1])
+    roomy = _roomy(task.world, car)
+    points, driven = np.vstack([task.start[:2], task.waypoints]), task.path_length
+    while driven < length:
+        dx, dy = points[-1] - points[-2]
+        start = (float(points[-1, 0]), float(points[-1, 1]), math.atan2(dy, dx))
+        poses, parents, lengths, goals = _ways(task.world, start, car, roomy, LONGEST_LEG)
+        goals &= lengths >= max(SHORTEST_LEG, 0.6 * float(lengths[goals].max(initial=0.0)))
+        if not goals.any():
+            raise NoTaskError(f"{task.world.name}: after {driven:.0f} of {length:.0f} m there is "
+                              "no going on")  # fmt: skip
+        far = np.flatnonzero(goals)
+        gaps, _ = cKDTree(points).query(poses[far, :2])
+        new = far[np.asarray(gaps) > NEW]
+        chosen = int(rng.choice(new if len(new) else far))
+        points = np.vstack([points, _thinned(_trace(poses, parents, chosen))])
+        driven += float(lengths[chosen])
+    goal = (float(points[-1, 0]), float(points[-1, 1]))
+    return Task(task.world, task.start, goal, points[1:], driven, task.seed)
+
+
+def _roomy(world: World, car: CarConfig) -> NDArray[np.bool_]:
+    """Where a drive may begin and end, (rows, columns)."""
+    # A cell's clearance runs from centre to centre: a diagonal's worth is not there.
+    lost = math.sqrt(2.0) * world.grid.frame.resolution
+    return np.asarray(world.clearance > car.body.radius + START_CLEARANCE + lost)
+
+
+def _ways(
+    world: World,
+    start: tuple[float, float, float],
+    car: CarConfig,
+    roomy: NDArray[np.bool_],
+    longest: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:
+    """Where a car gets to from a pose: poses (n, 3), parents, lengths [m], and which may be goals.
+
+    Args:
+        world: where.
+        start: x, y, yaw.
+        car: body and turning radius.
+        roomy: where a drive may end.
+        longest: ways longer than this are not followed [m].
+    """
+    frame = world.grid.frame
+    offsets, radius = body_circles(car.body)
+    arc_radius = SLACK * car.turning_radius
+    lost = math.sqrt(2.0) * frame.resolution
+    poses, parents, arcs, first = explore(
+        world.clearance,
+        frame.resolution,
+        frame.origin,
+        np.array(start),
+        arc_radius,
+        offsets,
+        radius + WAY_CLEARANCE + lost,
+        COMFORT,
+        longest,
+    )
+    cells = np.floor((poses[:, :2] - frame.origin) / frame.resolution).astype(int)
+    # The first time that a place is reached: later ones come there by a detour.
+    goals = first & roomy[cells[:, 1], cells[:, 0]]
+    return poses, parents, arcs * (arc_radius * 2 * math.pi / HEADINGS), goals
 
 
 def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) -> float:

@@ -61,3 +61,17 @@ def test_an_empty_straight_is_empty_and_straight():
 def test_an_unknown_family_is_told_which_there_are():
     with pytest.raises(ValueError, match="corridor, narrow, office, trap"):
         generate("palace", 0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_papers_buildings_have_ways_round_and_the_papers_widths(seed):
+    world = generate("paper", seed)
+    # Solid ground that touches no edge of the map lies inside a loop.
+    solid, count = label(world.solid, np.ones((3, 3)))
+    edges = np.concatenate([solid[0], solid[-1], solid[:, 0], solid[:, -1]])
+    assert count - len(set(edges[edges > 0])) >= 1
+    # The widest circle that fits is no wider than a crossing of the widest paths, and a path of
+    # the narrowest width lets a circle of that width through everywhere.
+    assert world.clearance.max() < 10 / 2 * np.sqrt(2) + 0.1
+    middle, _ = label(world.clearance > 3.5 / 2 - 0.1)
+    assert np.bincount(middle[middle > 0]).max() > 0.95 * (middle > 0).sum()

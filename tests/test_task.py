@@ -8,7 +8,7 @@ from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import CarConfig, along_arc, collides
 from sim.families import FAMILIES, empty_straight, generate
 from sim.lattice import HEADINGS, body_circles, explore
-from sim.task import SLACK, START_CLEARANCE, NoTaskError, sample_task
+from sim.task import NEW, SLACK, START_CLEARANCE, NoTaskError, prolonged, sample_task
 from sim.world import World
 
 CAR = CarConfig()
@@ -83,6 +83,32 @@ def test_circles_cover_the_body():
 def test_a_straight_leads_from_one_end_towards_the_other():
     task = sample_task(empty_straight(60.0, 4.0), 0, CAR)
     assert abs(task.goal[0] - task.start[0]) == pytest.approx(task.path_length, rel=0.15)
+
+
+def test_a_drive_can_be_prolonged_over_more_goals():
+    world = generate("paper", 1)
+    task = sample_task(world, 1, CAR)
+    longer, again = (prolonged(task, task.path_length + 90.0, CAR) for _ in range(2))
+    assert longer.path_length >= task.path_length + 90.0
+    assert np.array_equal(longer.waypoints, again.waypoints)
+    assert np.array_equal(longer.waypoints[: len(task.waypoints)], task.waypoints)
+    assert longer.start == task.start
+    assert tuple(longer.waypoints[-1]) == longer.goal
+    gaps = np.hypot(*np.diff(np.vstack([task.start[:2], longer.waypoints]), axis=0).T)
+    assert gaps.max() < 2.1
+    assert 0.75 * longer.path_length < gaps.sum() <= longer.path_length + 1e-6
+    # Some of it is new ground.
+    ahead = longer.waypoints[len(task.waypoints) :]
+    apart = np.linalg.norm(ahead[:, None] - task.waypoints, axis=2).min(axis=1)
+    assert apart.max() > NEW
+    assert np.array_equal(prolonged(task, 1.0, CAR).waypoints, task.waypoints)
+
+
+def test_a_drive_that_cannot_go_on_says_so():
+    world = empty_straight(24.0, 1.6)
+    task = sample_task(world, 0, CAR, min_length=12.0)
+    with pytest.raises(NoTaskError, match="there is no going on"):
+        prolonged(task, 200.0, CAR)
 
 
 def test_a_world_without_a_way_says_so():

@@ -1,0 +1,202 @@
+"""Bags of ROS 1 and ROS 2, read without ROS by the package rosbags (the extra `bags`).
+
+Scans are sensor_msgs/LaserScan. Their poses come from /tf, where that leads from the map to the
+laser, or from a topic of geometry_msgs/PoseStamped, PoseWithCovarianceStamped or nav_msgs/Odometry,
+which say where the robot is: the frame that the laser is fixed to by /tf_static. Poses are
+interpolated at the scans' times; scans before the first and after the last pose are skipped and
+counted. A LaserScan has one time, and so it has here: how far the robot moves during it is passed
+over.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.laser_log import LaserLog, LogError, cleaned
+from predictor.scan import Scan
+from predictor.transforms import Transforms
+
+SCAN = "sensor_msgs/msg/LaserScan"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped",
+         "nav_msgs/msg/Odometry")  # fmt: skip
+STATIC = "/tf_static"
+POSED = "(pose topic)"
+"""What the frame is called here that a pose topic gives poses in."""
+LEVEL = math.cos(math.radians(10.0))
+"""Cosine of how far a laser may lean and still count as level."""
+
+
+@dataclass(frozen=True)
+class BagConfig:
+    """What to read of a bag; None: the only one that there is.
+
+    Attributes:
+        scans: topic of the scans.
+        poses: topic of the poses; None: /tf if that knows the map, else the only pose topic.
+        map_frame: frame of /tf that poses are wanted in.
+    """
+
+    scans: str | None = None
+    poses: str | None = None
+    map_frame: str = "map"
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path looks like a bag: a file .bag or .mcap or .db3, or a folder of ROS 2."""
+    return path.suffix in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file()
+
+
+def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
+    """Read all scans of a bag that have a pose.
+
+    Args:
+        path: of the file, or of a ROS 2 bag's folder.
+        config: which topics.
+
+    Raises:
+        LogError: if rosbags is not installed, the bag cannot be read, or has no scans, no poses,
+            or several and nobody said which.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise LogError("bags are read by rosbags: pip install 'foresee[bags]'") from None
+    if not path.exists():
+        raise LogError(f"{path}: no such file")
+    try:
+        # Old bags of ROS 2 do not say how their messages are laid out.
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_FOXY)) as reader:
+            return _Bag(path, reader, config or BagConfig()).log()
+    except LogError:
+        raise
+    except Exception as error:
+        # rosbags raises whatever the first wrong byte makes it.
+        line = (str(error) or type(error).__name__).splitlines()[0]
+        raise LogError(f"{path} cannot be read as a bag: {line}") from error
+
+
+class _Bag:
+    """An open bag."""
+
+    def __init__(self, path: Path, reader: Any, config: BagConfig) -> None:
+        self.path, self.reader, self.config = path, reader, config
+        self.kinds = {c.topic: c.msgtype for c in reader.connections}
+
+    def log(self) -> LaserLog:
+        scans, times, frame, bad = self._scans()
+        transforms = self._transforms()
+        root = self._source(transforms, frame)
+        try:
+            positions, turns, known = transforms.look_up(root, frame, times)
+        except KeyError:
+            raise LogError(f"{self.path}: nothing leads from {root!r} to the laser's frame "
+                           f"{frame!r}") from None  # fmt: skip
+        if not known.any():
+            raise LogError(f"{self.path}: no scan was taken between the first and the last pose")
+        matrices = turns.as_matrix()
+        if (abs(matrices[known, 2, 2]) < LEVEL).any():
+            raise LogError(f"{self.path}: the laser leans by more than 10°; level ones are read")
+        yaw = np.arctan2(matrices[:, 1, 0], matrices[:, 0, 0])
+        poses = np.column_stack([positions[:, :2], yaw])
+        order = np.argsort(times, kind="stable")
+        order = order[known[order]]
+        # Hung upside down, it turns the other way round.
+        kept = [scans[i] if matrices[i, 2, 2] > 0 else _mirrored(scans[i]) for i in order]
+        skipped = {"bad ranges": bad, "scans without a pose": int((~known).sum())}
+        name = self.path.name.removesuffix(self.path.suffix)
+        return LaserLog(name, tuple(kept), poses[order], times[order], skipped)
+
+    def _scans(self) -> tuple[list[Scan], NDArray[np.float64], str, int]:
+        """The scans, their times [s], the laser's frame, and how many ranges were bad."""
+        topic = self._chosen(self.config.scans, (SCAN,), "scans", "--scans")
+        scans, times, bad, frame = [], [], 0, ""
+        for message in self._messages(topic):
+            ranges = np.asarray(message.ranges, dtype=np.float64)
+            if not message.range_max > 0:
+                raise LogError(f"{self.path}: {topic} gives a range_max of {message.range_max} m")
+            ranges, wrong = cleaned(ranges, float(message.range_min))
+            bad += wrong
+            scans.append(Scan(ranges, float(message.angle_min), float(message.angle_increment),
+                              float(message.range_max)))  # fmt: skip
+            times.append(_seconds(message.header.stamp))
+            frame = message.header.frame_id.lstrip("/")
+        if not scans:
+            raise LogError(f"{self.path}: {topic} holds no scan")
+        return scans, np.array(times), frame, bad
+
+    def _transforms(self) -> Transforms:
+        transforms = Transforms()
+        for topic in [t for t, kind in self.kinds.items() if kind in TRANSFORMS]:
+            for message in self._messages(topic):
+                for entry in message.transforms:
+                    where, turn = entry.transform.translation, entry.transform.rotation
+                    transforms.add(
+                        entry.header.frame_id.lstrip("/"), entry.child_frame_id.lstrip("/"),
+                        _seconds(entry.header.stamp), (where.x, where.y, where.z),
+                        (turn.x, turn.y, turn.z, turn.w), fixed=topic == STATIC,
+                    )  # fmt: skip
+        return transforms
+
+    def _source(self, transforms: Transforms, laser: str) -> str:
+        """The frame that poses are wanted in; one that a pose topic gives is entered."""
+        root, wanted = self.config.map_frame, self.config.poses
+        by_transforms = root in transforms.chain(laser)
+        if wanted is None and by_transforms:
+            return root
+        if wanted is not None and self.kinds.get(wanted) in TRANSFORMS:
+            if not by_transforms:
+                there = ", ".join(transforms.chain(laser))
+                raise LogError(f"{self.path}: {wanted} leads from the laser to {there}, not to "
+                               f"{root!r}; --map-frame says where to")  # fmt: skip
+            return root
+        topic = self._chosen(wanted, POSES, "poses", "--poses")
+        robot = transforms.carrier(laser)
+        # What /tf says of the robot is another's word for the same.
+        transforms.edges.pop(robot, None)
+        for message in self._messages(topic):
+            pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+            at, turn = pose.position, pose.orientation
+            transforms.add(POSED, robot, _seconds(message.header.stamp), (at.x, at.y, at.z),
+                           (turn.x, turn.y, turn.z, turn.w))  # fmt: skip
+        return POSED
+
+    def _chosen(self, wanted: str | None, kinds: tuple[str, ...], what: str, flag: str) -> str:
+        """The topic asked for, else the only one of some kinds.
+
+        Raises:
+            LogError: if there is none, or several; it lists the topics that there are.
+        """
+        have = ", ".join(f"{t} ({kind})" for t, kind in sorted(self.kinds.items())) or "none"
+        fitting = [topic for topic, kind in sorted(self.kinds.items()) if kind in kinds]
+        if wanted is not None:
+            if wanted not in fitting:
+                raise LogError(f"{self.path}: {wanted} is no topic of {what}; topics: {have}")
+            return wanted
+        if not fitting:
+            raise LogError(f"{self.path} has no {what}; topics: {have}")
+        if len(fitting) > 1:
+            raise LogError(f"{self.path} has several topics of {what}: {', '.join(fitting)}; "
+                           f"choose one by {flag}")  # fmt: skip
+        return fitting[0]
+
+    def _messages(self, topic: str) -> Iterator[Any]:
+        connections = [c for c in self.reader.connections if c.topic == topic]
+        for connection, _, raw in self.reader.messages(connections=connections):
+            yield self.reader.deserialize(raw, connection.msgtype)
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def _mirrored(scan: Scan) -> Scan:
+    return Scan(scan.ranges, -scan.angle_min, -scan.angle_increment, scan.range_max)

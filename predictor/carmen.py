@@ -1,0 +1,200 @@
+"""Logs of the CARMEN toolkit, as in the Radish collection: text, or text packed by gzip.
+
+A scan is a line
+
+    FLASER n r_1 … r_n x y theta odom_x odom_y odom_theta time host logger_time
+
+of n ranges [m] and the pose of the laser [m, m, rad], which is the corrected one where somebody
+has corrected the log. All other lines are passed over. The line does not say where the beams
+look, nor from which range on there was no return: a file of the log's name that ends in .json may,
+
+    {"angle_min_deg": -90.0, "angle_inc_deg": 0.5, "no_return_at_or_above_m": 80.0,
+     "timestamps_usable": true}
+
+and where it does not, the log is that of a SICK, which sees 180°.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.laser_log import LaserLog, LogError, cleaned
+from predictor.scan import Scan
+
+NO_RETURN = 80.0
+"""A SICK's answer where nothing came back [m]."""
+HALF_DEGREE = 300
+"""From this many beams on they are half a degree apart, not a degree."""
+COMMON = (180, 181, 360, 361)
+"""Beams of a SICK's scan."""
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """What a log's own lines do not say; None: nobody has said it.
+
+    Attributes:
+        angle_min: direction of the first beam [rad].
+        angle_increment: from one beam to the next [rad].
+        no_return: ranges at or above this are none [m].
+        clock: whether the times can be used.
+    """
+
+    angle_min: float | None = None
+    angle_increment: float | None = None
+    no_return: float | None = None
+    clock: bool | None = None
+
+    @classmethod
+    def beside(cls, path: Path) -> Sidecar:
+        """Read the file beside a log, if there is one.
+
+        Raises:
+            LogError: if it cannot be read, or holds no numbers where there must be some.
+        """
+        beside = sidecar_of(path)
+        if not beside.is_file():
+            return cls()
+        try:
+            facts = json.loads(beside.read_text(encoding="utf-8"))
+            first, step, no_return = (
+                None if facts.get(key) is None else float(facts[key])
+                for key in ("angle_min_deg", "angle_inc_deg", "no_return_at_or_above_m")
+            )
+            clock = facts.get("timestamps_usable")
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            raise LogError(f"{beside} cannot be read: {error}") from error
+        if (no_return is not None and not no_return > 0) or step == 0:
+            raise LogError(f"{beside}: its angles or ranges make no sense")
+        return cls(
+            None if first is None else math.radians(first),
+            None if step is None else math.radians(step),
+            no_return,
+            None if clock is None else bool(clock),
+        )
+
+
+def name_of(path: Path) -> str:
+    """A log's name without its endings."""
+    name = path.name.removesuffix(".gz")
+    for ending in (".log", ".clf", ".carmen", ".txt"):
+        name = name.removesuffix(ending)
+    return name
+
+
+def sidecar_of(path: Path) -> Path:
+    """Where the file beside a log is, if there is one."""
+    return path.with_name(name_of(path) + ".json")
+
+
+def read_carmen(path: Path) -> LaserLog:
+    """Read a log whole.
+
+    A range that is negative or not a number says nothing and is counted. Everything else that is
+    wrong is an error, since nothing after it can be trusted.
+
+    Raises:
+        LogError: if the log is cut off or damaged, or has no FLASER line.
+    """
+    sidecar = Sidecar.beside(path)
+    no_return = NO_RETURN if sidecar.no_return is None else sidecar.no_return
+    scans: list[Scan] = []
+    poses: list[NDArray[np.float64]] = []
+    times: list[float] = []
+    kinds: Counter[str] = Counter()
+    bad = 0
+    for number, line in _lines(path):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        kinds[words[0]] += 1
+        if words[0] != "FLASER":
+            continue
+        values = _numbers(path, number, words)
+        count = len(values) - 7
+        ranges, wrong = cleaned(values[:count], 0.0)
+        bad += wrong
+        # A SICK answers so where it saw no end, and also where a wall is black, or glass.
+        ranges = np.where(ranges >= no_return, np.nan, ranges)
+        first, step = _beams(path, number, count, sidecar)
+        scans.append(Scan(ranges, first, step, no_return))
+        poses.append(values[count : count + 3])
+        times.append(float(values[-1]))
+    if not scans:
+        found = ", ".join(kind for kind, _ in kinds.most_common(8)) or "none"
+        raise LogError(f"{path} has no FLASER line; its lines are: {found}")
+    return LaserLog(name_of(path), tuple(scans), np.array(poses), _clock(times, sidecar),
+                    {"bad ranges": bad})  # fmt: skip
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """The lines of a log, and their numbers from 1."""
+    number = 0
+    try:
+        with path.open("rb") as raw:
+            packed = raw.read(2) == b"\x1f\x8b"
+        with (
+            gzip.open(path, "rt", encoding="ascii")
+            if packed
+            else path.open(encoding="ascii") as file
+        ):
+            for number, line in enumerate(file, 1):
+                yield number, line
+    except EOFError:
+        raise LogError(f"{path} is cut off after line {number}") from None
+    except UnicodeDecodeError:
+        raise LogError(f"{path} is no CARMEN log: it is not text (line {number + 1})") from None
+    except (gzip.BadGzipFile, zlib.error) as error:
+        raise LogError(f"{path} is damaged after line {number}: {error}") from error
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
+
+
+def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
+    """Of a FLASER line: ranges (n,), the laser's pose (3,), the odometry's (3,), and the time."""
+    where = f"{path}, line {number}"
+    try:
+        count = int(words[1])
+    except (IndexError, ValueError):
+        raise LogError(f"{where}: FLASER is followed by no number of beams") from None
+    if count < 2:
+        raise LogError(f"{where}: a scan of {count} beams, at least 2 are needed")
+    if len(words) < count + 9:
+        raise LogError(f"{where} is cut off: {count} ranges, two poses and a time are "
+                       f"{count + 7} numbers, it has {len(words) - 2}")  # fmt: skip
+    try:
+        values = np.array(words[2 : count + 9], dtype=np.float64)
+    except ValueError as error:
+        raise LogError(f"{where}: {error}") from None
+    if not np.isfinite(values[count:]).all():
+        raise LogError(f"{where}: its pose or time is not finite")
+    return values
+
+
+def _beams(path: Path, number: int, count: int, sidecar: Sidecar) -> tuple[float, float]:
+    """Direction of the first beam, and the angle from one to the next [rad]."""
+    if sidecar.angle_min is not None and sidecar.angle_increment is not None:
+        return sidecar.angle_min, sidecar.angle_increment
+    if count not in COMMON:
+        raise LogError(
+            f"{path}, line {number}: where do {count} beams look? Say so by angle_min_deg and "
+            f"angle_inc_deg in {name_of(path)}.json beside it"
+        )
+    return math.radians(-90.0), math.radians(1.0 if count < HALF_DEGREE else 0.5)
+
+
+def _clock(times: list[float], sidecar: Sidecar) -> NDArray[np.float64] | None:
+    """The scans' times, unless they are known to be, or seen to be, of no use."""
+    clock = np.array(times)
+    forwards = bool((np.diff(clock) > 0).all())
+    return clock if forwards and sidecar.clock is not False else None

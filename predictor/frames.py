@@ -1,0 +1,291 @@
+"""Frames of a data set: what was seen around the car, tick by tick, and what was true there.
+
+The data of Katyal et al. 2018, on disk and in memory. A set is a folder:
+
+    manifest.json       what the set is, and each trajectory: file, split, count, checksum …
+    NAME.npz            one a trajectory, n frames long:
+        estimated       (n, 100, 100) uint8     seen by the whole LIDAR: the 5 m square, the paper's
+                                                input
+        remembered      (n, 200, 200) uint8     seen by a LIDAR that writes into its 5 m window
+                                                alone: the 10 m square
+        states          (n, 4) float64          x, y [m], yaw [rad], v [m/s]
+        actions         (n, 2) float64          acceleration [m/s²], curvature [1/m]
+        times           (n,) float64            [s]
+        map             (rows, columns) uint8   the truth of the whole building
+        origin          (2,) float64            x, y of the map's lower-left corner [m]
+        corners         (n, 2) int32            row and column in `map` of the 10 m square's cell
+                                                (0, 0); what lies outside the map is 2
+
+Cells are 0.05 m; row = y, column = x. Codes are 0 free, 1 occupied, 2 not known: not seen yet in
+the images, never to be seen in the truth, where 1 is a surface that a ray can hit. All squares are
+centred on the car and parallel to the axes, as in the paper. What nobody recorded is NaN.
+
+`predictor.frame_set` writes sets, `predictor.dataset` makes them; docs/datasets.md explains.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.grid import FREE, OCCUPIED, UNKNOWN
+
+FORMAT = 1
+MANIFEST = "manifest.json"
+RESOLUTION = 0.05
+"""Side of a cell [m]."""
+CROP, SIDE = 100, 200
+"""Sides of the smallest and the largest square [cells]: 5 m and 10 m."""
+NOTHING = 2
+"""The code of a cell of which nothing is known."""
+ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "estimated": ("|u1", (CROP, CROP)),
+    "remembered": ("|u1", (SIDE, SIDE)),
+    "states": ("<f8", (4,)),
+    "actions": ("<f8", (2,)),
+    "times": ("<f8", ()),
+    "corners": ("<i4", (2,)),
+}
+"""What a trajectory's file holds for each frame: type and shape."""
+NEEDED: dict[str, type] = {"file": str, "split": str, "map": str, "world": str, "count": int,
+                           "sha256": str}  # fmt: skip
+"""What the manifest must say of a trajectory."""
+DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
+"""What reading a damaged archive raises."""
+
+
+class FramesError(ValueError):
+    """A folder does not hold frames that can be read, or not those asked for; one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames of a set, or of one split of it.
+
+    The images are read when they are first asked for: 50 kB a frame in memory, 2 kB on disk.
+
+    Attributes:
+        folder: of the set.
+        about: of each trajectory what the manifest says: split, map, seed, count, `world` (the
+            building's hash), and more.
+        trajectory: which of them each frame is of, (n,).
+        states: x, y [m], yaw [rad], v [m/s], (n, 4).
+        actions: acceleration [m/s²], curvature [1/m], (n, 2).
+        times: since the trajectory's beginning, or of the log's clock [s], (n,).
+        corners: of each frame's 10 m square in its building's map, (n, 2) [cells].
+        maps: the truth of each trajectory's building, (rows, columns) codes.
+        origins: of these maps, x and y [m], (trajectories, 2).
+    """
+
+    folder: Path
+    about: list[dict[str, Any]]
+    trajectory: NDArray[np.intp]
+    states: NDArray[np.float64]
+    actions: NDArray[np.float64]
+    times: NDArray[np.float64]
+    corners: NDArray[np.int32]
+    maps: list[NDArray[np.uint8]]
+    origins: NDArray[np.float64]
+
+    @classmethod
+    def load(cls, folder: Path, split: str | None = None) -> Frames:
+        """Read a set; everything is checked but the images' codes, which are when they are read.
+
+        Args:
+            folder: with the manifest.
+            split: of which only the trajectories are read; None: all.
+
+        Raises:
+            FramesError: if there is no set, it is unfinished, damaged or of another format, or
+                has no such split.
+        """
+        about = _about(folder)
+        if split is not None:
+            splits = sorted({facts["split"] for facts in about})
+            about = [facts for facts in about if facts["split"] == split]
+            if not about:
+                raise FramesError(f"{folder} has no split {split!r}: it has {', '.join(splits)}")
+        parts = [_read(folder / facts["file"], facts) for facts in about]
+        counts = [facts["count"] for facts in about]
+        return cls(
+            folder=folder,
+            about=about,
+            trajectory=np.repeat(np.arange(len(about), dtype=np.intp), counts),
+            states=np.concatenate([part["states"] for part in parts]),
+            actions=np.concatenate([part["actions"] for part in parts]),
+            times=np.concatenate([part["times"] for part in parts]),
+            corners=np.concatenate([part["corners"] for part in parts]),
+            maps=[part["map"] for part in parts],
+            origins=np.array([part["origin"] for part in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.trajectory)
+
+    @cached_property
+    def estimated(self) -> NDArray[np.uint8]:
+        """The 5 m square of what the whole LIDAR has seen, (n, 100, 100) codes."""
+        return self._images("estimated")
+
+    @cached_property
+    def remembered(self) -> NDArray[np.uint8]:
+        """The 10 m square of what a LIDAR confined to the window has seen, (n, 200, 200) codes."""
+        return self._images("remembered")
+
+    def truth(self, index: Any, expansion: float) -> NDArray[np.uint8]:
+        """The true square that is `expansion` times as wide as 5 m, (..., side, side) codes.
+
+        Args:
+            index: of a frame, or a slice or array of several.
+            expansion: 1.0 to 2.0 in steps of 0.02, so that the square has a middle.
+
+        Raises:
+            FramesError: if there is no such square.
+        """
+        side = round(100 * expansion)
+        if side % 2 or not CROP <= side <= SIDE or abs(side - 100 * expansion) > 1e-6:
+            raise FramesError(f"expansion is {expansion}, it must be 1.00, 1.02, … or 2.00")
+        chosen = np.arange(len(self))[index]
+        out = np.empty((*chosen.shape, side, side), dtype=np.uint8)
+        inset = (SIDE - side) // 2
+        for place, frame in np.ndenumerate(chosen):
+            row, col = self.corners[frame] + SIDE + inset
+            out[place] = self._padded[self.trajectory[frame]][row : row + side, col : col + side]
+        return out
+
+    @property
+    def worlds(self) -> frozenset[str]:
+        """Hashes of the buildings."""
+        return frozenset(facts["world"] for facts in self.about)
+
+    @cached_property
+    def _padded(self) -> list[NDArray[np.uint8]]:
+        # A square may reach beyond the map, by its own side at most.
+        return [np.pad(cells, SIDE, constant_values=NOTHING) for cells in self.maps]
+
+    def _images(self, name: str) -> NDArray[np.uint8]:
+        out = np.empty((len(self), *ARRAYS[name][1]), dtype=np.uint8)
+        at = 0
+        for facts in self.about:
+            path = self.folder / facts["file"]
+            try:
+                with np.load(path, allow_pickle=False) as file:
+                    images = file[name]
+            except DAMAGE as error:
+                raise _damaged(path, str(error)) from error
+            if images.max(initial=0) > NOTHING:
+                raise _damaged(path, f"{name} holds codes other than 0, 1, 2")
+            out[at : at + len(images)] = images
+            at += len(images)
+        return out
+
+
+def codes_of(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """Codes of a map's cells: FREE is 0, OCCUPIED 1, UNKNOWN 2."""
+    codes = np.full(cells.shape, NOTHING, dtype=np.uint8)
+    codes[cells == FREE], codes[cells == OCCUPIED] = 0, 1
+    return codes
+
+
+def cells_of(codes: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """A map's cells by their codes: the reverse of `codes_of`."""
+    return np.array([FREE, OCCUPIED, UNKNOWN], dtype=np.int8)[codes]
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a set, finished or not.
+
+    Raises:
+        FramesError: if there is none, or it is no manifest of this format.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise FramesError(f"{folder} holds no data set, for there is no {MANIFEST}: "
+                          "python -m predictor.dataset makes one")  # fmt: skip
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FramesError(f"{path} cannot be read: {error}") from error
+    if not isinstance(manifest, dict) or "format" not in manifest:
+        raise FramesError(f"{path} is no manifest of a data set: it has no format")
+    if manifest["format"] != FORMAT:
+        raise FramesError(f"{folder} is of format {manifest['format']}, this version reads "
+                          f"{FORMAT}: make it again in another folder")  # fmt: skip
+    entries = manifest.get("trajectories")
+    if not isinstance(entries, list) or not isinstance(manifest.get("planned"), int):
+        raise FramesError(f"{path} is broken: 'planned' or 'trajectories' is missing")
+    for number, facts in enumerate(entries):
+        for key, kind in NEEDED.items():
+            if not isinstance(facts, dict) or not isinstance(facts.get(key), kind):
+                raise FramesError(f"{path} is broken: trajectory {number} has no proper {key!r}")
+        # Whoever wrote this file does not choose what else of the disk is read.
+        if Path(facts["file"]).name != facts["file"] or facts["count"] < 1:
+            raise FramesError(f"{path} is broken: trajectory {number} has an odd file or count")
+    return manifest
+
+
+def _about(folder: Path) -> list[dict[str, Any]]:
+    """What the manifest of a finished set says of each trajectory."""
+    manifest = read_manifest(folder)
+    about: list[dict[str, Any]] = manifest["trajectories"]
+    if not about or len(about) < manifest["planned"]:
+        raise FramesError(f"{folder} is unfinished, it has {len(about)} of {manifest['planned']} "
+                          "trajectories: give the command that began it again")  # fmt: skip
+    return about
+
+
+def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray]:
+    """All of a trajectory but its images, whose types and shapes are looked at."""
+    if not path.is_file():
+        raise FramesError(f"{path} is missing: the command that made the set makes it again")
+    if checksum(path) != facts["sha256"]:
+        raise _damaged(path, "its checksum is another than the manifest's")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            part = {name: file[name] for name in (*ARRAYS, "map", "origin")
+                    if name not in ("estimated", "remembered")}  # fmt: skip
+        heads = {name: _head(path, name) for name in ARRAYS}
+    except DAMAGE as error:
+        raise _damaged(path, str(error)) from error
+    wanted = {name: (kind, (facts["count"], *shape)) for name, (kind, shape) in ARRAYS.items()}
+    for name in ARRAYS:
+        if heads[name] != wanted[name]:
+            raise _damaged(path, f"{name} is {heads[name]}, not {wanted[name]}")
+    cells, origin, corners = part["map"], part["origin"], part["corners"]
+    if cells.ndim != 2 or cells.dtype != np.uint8 or cells.max(initial=0) > NOTHING:
+        raise _damaged(path, "its map is none")
+    if origin.shape != (2,) or not np.isfinite(part["states"][:, :3]).all():
+        raise _damaged(path, "poses or origin are missing or not finite")
+    if (corners < -SIDE).any() or (corners > np.array(cells.shape)).any():
+        raise _damaged(path, "frames lie outside their map")
+    return part
+
+
+def _head(path: Path, name: str) -> tuple[str, tuple[int, ...]]:
+    """Type and shape of an array in an archive, read without reading the array."""
+    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as file:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise ValueError(f"{name} is no array of NumPy's format 1.0")
+        shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+    return dtype.str, shape
+
+
+def _damaged(path: Path, why: str) -> FramesError:
+    line = why.splitlines()[0] if why else "it cannot be read"
+    return FramesError(f"{path} is damaged ({line}): delete it and give the command that made the "
+                       "set again")  # fmt: skip

@@ -1,0 +1,208 @@
+"""The paper's simulated data: drives of the project's own planner, recorded at every tick.
+
+Katyal et al. 2018: two maps with paths 3.5–10 m wide, six trajectories at 10 Hz and 0.5 m/s with a
+LIDAR of 270° and 20 m; four of them, 5,221 images, to train on and two, 1,090 images, to test on.
+Both maps have two of the four and one of the two. Added to that, each on a map of its own, are
+drives to validate on and more drives to test on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from predictor.recording import Recording
+    from sim.world import World
+
+FAMILY = "paper"
+"""Of the generated buildings."""
+SPEED = 0.5
+"""Of the car [m/s]."""
+TICK = 0.1
+"""[s]."""
+FIRST_MAP, FIRST_DRIVE = 700_000, 710_000
+"""First seeds of buildings and of drives: far from those of the samples that weights learn from,
+and of all that is published."""
+PATH_EVERY = 40
+"""Ticks from one path to the next: 2 m at this speed. A path costs as much time as ten ticks."""
+PER_SPLIT = 1_000
+"""Seeds of buildings that each split has."""
+TRIES = 20
+"""Seeds that each drive has."""
+
+
+class DriveError(RuntimeError):
+    """A drive cannot be made; the message is one line."""
+
+
+@dataclass(frozen=True)
+class SimulatedConfig:
+    """What the set is made of.
+
+    Attributes:
+        train: frames of the four drives to train on, together.
+        test: frames of the two drives to test on, together.
+        more: further drives to test on, each in a building of its own.
+        validation: drives to tune on, each in a building of its own.
+        length: frames of each of these.
+    """
+
+    train: int = 5221
+    test: int = 1090
+    more: int = 20
+    validation: int = 5
+    length: int = 300
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One trajectory of the set.
+
+    Attributes:
+        name: of its file.
+        split: that it belongs to.
+        map_seed: of its building.
+        seed: of its task, the first that is tried.
+        count: frames.
+    """
+
+    name: str
+    split: str
+    map_seed: int
+    seed: int
+    count: int
+
+
+def settings_of(config: SimulatedConfig) -> dict[str, Any]:
+    """All that decides the frames of a set."""
+    return asdict(config) | {"family": FAMILY, "speed": SPEED, "tick": TICK,
+                             "first_map": FIRST_MAP, "first_drive": FIRST_DRIVE}  # fmt: skip
+
+
+def check_apart(about: list[dict[str, Any]]) -> None:
+    """Make sure that drives to tune on, or to test on besides the paper's, share no building.
+
+    Raises:
+        FramesError: if one does.
+    """
+    from predictor.frames import FramesError
+
+    homes: dict[str, set[str]] = {}
+    for facts in about:
+        split = "train" if facts["split"] == "test" else facts["split"]
+        homes.setdefault(facts["world"], set()).add(split)
+    both = [sorted(splits) for splits in homes.values() if len(splits) > 1]
+    if both:
+        raise FramesError(f"{len(both)} buildings are both in {' and in '.join(both[0])}")
+
+
+def drives_of(config: SimulatedConfig) -> list[Drive]:
+    """All trajectories of a set."""
+    shares = {"train": _shared(config.train, 4), "test": _shared(config.test, 2),
+              "more": [config.length] * config.more,
+              "validation": [config.length] * config.validation}  # fmt: skip
+    drives = []
+    for place, (split, counts) in enumerate(shares.items()):
+        for number, count in enumerate(counts):
+            # The paper's six are on two maps; each of the others has its own.
+            paper = split in ("train", "test")
+            map_seed = FIRST_MAP + (number % 2 if paper else place * PER_SPLIT + number)
+            seed = FIRST_DRIVE + TRIES * (place * PER_SPLIT + number)
+            drives.append(Drive(f"{split}-{number:03d}", split, map_seed, seed, count))
+    return drives
+
+
+def make_drive(folder: Path, drive: Drive) -> dict[str, Any]:
+    """Drive, record, and write the trajectory's file; what the manifest is to say of it.
+
+    Raises:
+        DriveError: if every seed of the drive led to an end before the last frame.
+    """
+    from predictor.frame_set import write_trajectory
+    from predictor.samples import world_hash
+    from sim.families import generate
+    from sim.task import NoTaskError
+
+    world = generate(FAMILY, drive.map_seed)
+    ends = []
+    for seed in range(drive.seed, drive.seed + TRIES):
+        try:
+            recording, end = driven(world, seed, drive.count)
+        except NoTaskError as error:
+            ends.append(str(error))
+            continue
+        if end is None:
+            about = {"split": drive.split, "map": world.name, "map_seed": drive.map_seed,
+                     "seed": seed, "world": world_hash(world.grid.cells)}  # fmt: skip
+            return write_trajectory(folder, drive.name, recording.arrays(), about)
+        ends.append(f"seed {seed}: {end} after {len(recording)} frames")
+    raise DriveError(f"{drive.name}: no seed gave {drive.count} frames; the last: {ends[-1]}")
+
+
+def driven(world: World, seed: int, count: int) -> tuple[Recording, str | None]:
+    """Drive from goal to goal until there are enough frames.
+
+    Args:
+        world: where.
+        seed: of the task and the path search.
+        count: frames.
+
+    Returns:
+        The frames, and why the drive ended before they were enough: None if it did not.
+
+    Raises:
+        NoTaskError: if the building has no way that long.
+    """
+    import numpy as np
+
+    from planner.dynamics import CarLimits
+    from planner.guide import GuideConfig
+    from planner.navigator import Navigator, NavigatorConfig
+    from predictor.recording import WINDOW, Recording
+    from sim import CarConfig, DubinsCar, Lidar
+    from sim.task import LONGEST_LEG, prolonged, sample_task
+
+    car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar()
+    # The route is longer than the drive: the car does not slow down for a goal.
+    length = SPEED * TICK * count + 10.0
+    first = sample_task(world, seed, car.config, max_length=LONGEST_LEG)
+    task = prolonged(first, length, car.config)
+    start = np.array(task.start)
+    config = NavigatorConfig(window=2 * lidar.config.range_max, car=CarLimits(v_max=SPEED),
+                             guide=GuideConfig(every=PATH_EVERY))  # fmt: skip
+    navigator = Navigator(config, None, start, task.goal, task.blank(config.window), task.waypoints,
+                          seed)  # fmt: skip
+    near = task.blank(WINDOW)
+    near.mark_free(start, config.car.body, config.start_margin)
+    recording = Recording(world.grid.frame, truth_of(world))
+    state, rested = np.array([*task.start, 0.0]), 0
+    for tick in range(count):
+        scan = lidar.scan(world, state)
+        decision = navigator.step(state, scan)
+        near.integrate(scan, state)
+        recording.add(navigator.known, near, state, decision.control, tick * TICK)
+        if car.collides(world, state, decision.control, TICK):
+            return recording, "it collided"
+        state = car.step(state, decision.control, TICK)
+        rested = rested + 1 if state[3] < 0.02 else 0
+        if rested > 100:
+            return recording, "it stood still for 10 s"
+    return recording, None
+
+
+def truth_of(world: World) -> NDArray[np.uint8]:
+    """Codes of a building, (rows, columns): 0 free, 1 surface, 2 never observable."""
+    import numpy as np
+
+    free = world.grid.free
+    return np.where(free, np.uint8(0), np.where(world.surface, np.uint8(1), np.uint8(2)))
+
+
+def _shared(total: int, among: int) -> list[int]:
+    """A number of frames, shared out as evenly as can be."""
+    return [total // among + (number < total % among) for number in range(among)]

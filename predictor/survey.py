@@ -1,0 +1,168 @@
+"""From a log to frames: the map of all scans as truth, and what each scan found the map to be.
+
+The truth counts, over the whole log, how many scans hit a cell and how many crossed it. A cell is
+occupied where at least a quarter of these were hits, and free where it was crossed otherwise. The
+order of the scans does not matter, so who walked past is not in the map: where a person stood for
+two scans, twenty others saw the floor. A quarter, because walls that are met at a grazing angle
+are crossed more often than hit (it is GMapping's threshold too).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from predictor.bags import BagConfig, is_bag, read_bag
+from predictor.beams import trace_beams
+from predictor.carmen import name_of, read_carmen, sidecar_of
+from predictor.frame_set import write_trajectory
+from predictor.frames import NOTHING, RESOLUTION, cells_of, checksum
+from predictor.grid import GridFrame, OccupancyGrid
+from predictor.laser_log import LaserLog, LogError
+from predictor.recording import WINDOW, Recording
+from predictor.samples import world_hash
+from predictor.scan import Scan
+
+HITS = 0.25
+"""Least share of hits, of hits and crossings, in an occupied cell."""
+REACH = 20.0
+"""Ranges are cut off here: the paper's LIDAR [m]."""
+LARGEST = 1000.0
+"""Extent of the poses of a log [m]; its map has 0.4 GB of cells then."""
+
+
+def site_of(path: Path) -> str:
+    """What a log is called: its file's name without endings."""
+    return name_of(path) if path.is_file() and not is_bag(path) else path.stem
+
+
+def settings_of(paths: list[Path], bag: BagConfig) -> dict[str, Any]:
+    """All that decides the frames of a set of logs.
+
+    Raises:
+        LogError: if a log does not exist, or two have one name.
+    """
+    for path in paths:
+        if not path.exists():
+            raise LogError(f"{path}: no such file")
+    logs = {site_of(path): _fingerprint(path) for path in paths}
+    if len(logs) < len(paths):
+        raise LogError("--log wants each site once, and a name of its own for each")
+    return {"reach": REACH, "window": WINDOW, "hits": HITS, "bag": asdict(bag), "logs": logs}
+
+
+def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
+    """Read a log, and write its frames; what the manifest is to say of them.
+
+    Args:
+        folder: of the set.
+        bag: which topics of a bag.
+        path: of the log.
+
+    Raises:
+        LogError: if it cannot be read.
+    """
+    log = read_bag(path, bag) if is_bag(path) else read_carmen(path)
+    try:
+        recording = record(log)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from None
+    about = {"split": "physical", "map": log.name, "world": world_hash(cells_of(recording.truth)),
+             "clock": log.times is not None, "skipped": log.skipped}  # fmt: skip
+    return write_trajectory(folder, site_of(path), recording.arrays(), about)
+
+
+def record(log: LaserLog) -> Recording:
+    """All frames of a log, one a scan.
+
+    Speed and actions are NaN, for a log has neither; times are NaN where it has no clock.
+    """
+    frame = frame_around(log.poses, REACH)
+    scans = [clipped(scan, REACH) for scan in log.scans]
+    recording = Recording(frame, surveyed(frame, scans, log.poses))
+    first = frame.square(float(log.poses[0, 0]), float(log.poses[0, 1]), 2 * REACH)
+    whole, near = OccupancyGrid(first, 2 * REACH), OccupancyGrid(first, WINDOW)
+    times = np.full(len(log), np.nan) if log.times is None else log.times - log.times[0]
+    for scan, pose, time in zip(scans, log.poses, times, strict=True):
+        whole.integrate(scan, pose)
+        near.integrate(scan, pose)
+        recording.add(whole, near, np.append(pose, np.nan), np.full(2, np.nan), float(time))
+    return recording
+
+
+def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """The map of a whole log as codes, (rows, columns): 0 free, 1 surface, 2 never seen.
+
+    What is occupied with nothing free around it is no surface: it is 2, as inside walls.
+
+    Args:
+        frame: where the map lies.
+        scans: all of the log.
+        poses: of each, (n, 3).
+    """
+    hits, crossings = (np.zeros(frame.shape, dtype=np.int32) for _ in range(2))
+    for scan, pose in zip(scans, poses, strict=True):
+        x, y, yaw = scan.sensor_pose(*(float(value) for value in pose))
+        square = frame.square(x, y, 2 * scan.range_max + 4 * frame.resolution)
+        marks = np.zeros(square.shape, dtype=np.uint8)
+        trace_beams(
+            marks,
+            (x - square.origin[0]) / frame.resolution,
+            (y - square.origin[1]) / frame.resolution,
+            yaw + scan.angle_min,
+            scan.angle_increment,
+            scan.ranges / frame.resolution,
+            scan.range_max / frame.resolution,
+        )
+        _count(hits, crossings, marks, *frame.offset(square))
+    occupied = (hits > 0) & (hits >= HITS * (hits + crossings))
+    free = (crossings > 0) & ~occupied
+    surface = occupied & binary_dilation(free, np.ones((3, 3), dtype=bool))
+    return np.where(free, np.uint8(0), np.where(surface, np.uint8(1), np.uint8(NOTHING)))
+
+
+def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
+    """A frame that holds all that a LIDAR of a reach [m] can see from some poses (n, 3).
+
+    Raises:
+        LogError: if they lie so far apart that no building holds them.
+    """
+    extent = float(np.ptp(poses[:, :2], axis=0).max())
+    if extent > LARGEST:
+        raise LogError(f"the poses lie {extent:.0f} m apart, at most {LARGEST:.0f} m can be mapped")
+    low = np.floor((poses[:, :2].min(axis=0) - reach) / RESOLUTION) - 4
+    high = np.ceil((poses[:, :2].max(axis=0) + reach) / RESOLUTION) + 4
+    cols, rows = (high - low).astype(int)
+    return GridFrame(RESOLUTION, (float(low[0] * RESOLUTION), float(low[1] * RESOLUTION)),
+                     (int(rows), int(cols)))  # fmt: skip
+
+
+def clipped(scan: Scan, reach: float) -> Scan:
+    """A scan of which ranges beyond a reach [m] count as free up to there."""
+    return replace(scan, range_max=min(reach, scan.range_max))
+
+
+def _fingerprint(path: Path) -> str:
+    """Of all that a log is made of: its file, or its folder's, and the file beside it."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    beside = sidecar_of(path)
+    digests = [checksum(file) for file in [*files, *([beside] if beside.is_file() else [])]]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+@njit(cache=True, nogil=True)
+def _count(hits, crossings, marks, row, col):  # type: ignore[no-untyped-def]
+    """Add one scan's marks (0 nothing, 1 crossed, 2 hit), which lie at a row and column."""
+    for i in range(marks.shape[0]):
+        for j in range(marks.shape[1]):
+            if marks[i, j] == 1:
+                crossings[row + i, col + j] += 1
+            elif marks[i, j] == 2:
+                hits[row + i, col + j] += 1

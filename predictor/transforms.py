@@ -1,0 +1,106 @@
+"""Where one frame of a robot lies in another, at any time: ROS's tree of transforms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+MOST_FRAMES = 50
+"""Of a chain; a longer one runs in a circle."""
+
+
+@dataclass
+class Edge:
+    """The transforms from a parent to one child; a fixed one holds at all times.
+
+    Attributes:
+        parent: the frame that it is given in.
+        fixed: whether it holds at all times.
+        times: [s].
+        positions: x, y, z [m].
+        turns: quaternions x, y, z, w.
+    """
+
+    parent: str
+    fixed: bool
+    times: list[float] = field(default_factory=list)
+    positions: list[tuple[float, float, float]] = field(default_factory=list)
+    turns: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+    def at(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], Rotation, NDArray]:
+        """Positions (n, 3), rotations, and whether each time lies within what is known (n,)."""
+        if self.fixed:
+            count = len(times)
+            turn = Rotation.from_quat(np.tile(self.turns[-1], (count, 1)))
+            return np.tile(self.positions[-1], (count, 1)), turn, np.ones(count, dtype=bool)
+        known, order = np.unique(np.array(self.times), return_index=True)
+        positions, turns = np.array(self.positions)[order], np.array(self.turns)[order]
+        inside = (times >= known[0]) & (times <= known[-1])
+        at = np.clip(times, known[0], known[-1])
+        moved = np.stack([np.interp(at, known, positions[:, axis]) for axis in range(3)], axis=1)
+        if len(known) == 1:
+            return moved, Rotation.from_quat(np.tile(turns[0], (len(at), 1))), inside
+        return moved, Slerp(known, Rotation.from_quat(turns))(at), inside
+
+
+class Transforms:
+    """A tree of frames; each has one parent, the last that was named."""
+
+    def __init__(self) -> None:
+        self.edges: dict[str, Edge] = {}
+
+    def add(
+        self,
+        parent: str,
+        child: str,
+        time: float,
+        position: tuple[float, float, float],
+        turn: tuple[float, float, float, float],
+        fixed: bool = False,
+    ) -> None:
+        """Say where a child lies in its parent at a time [s]: position [m], quaternion x y z w."""
+        edge = self.edges.get(child)
+        if edge is None or edge.parent != parent or edge.fixed != fixed:
+            edge = self.edges[child] = Edge(parent, fixed)
+        edge.times.append(time)
+        edge.positions.append(position)
+        edge.turns.append(turn)
+
+    def chain(self, child: str) -> list[str]:
+        """A frame and all above it, up to the root."""
+        found = [child]
+        while found[-1] in self.edges and len(found) < MOST_FRAMES:
+            found.append(self.edges[found[-1]].parent)
+        return found
+
+    def carrier(self, child: str) -> str:
+        """The topmost frame that a frame is fixed to: of a sensor, the robot."""
+        for _ in range(MOST_FRAMES):
+            edge = self.edges.get(child)
+            if edge is None or not edge.fixed:
+                break
+            child = edge.parent
+        return child
+
+    def look_up(
+        self, root: str, child: str, times: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], Rotation, NDArray]:
+        """Where a frame lies in one above it: positions (n, 3) [m], rotations, and known (n,).
+
+        Raises:
+            KeyError: if the one is not above the other.
+        """
+        positions = np.zeros((len(times), 3))
+        turn = Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (len(times), 1)))
+        known = np.ones(len(times), dtype=bool)
+        for frame in self.chain(child):
+            if frame == root:
+                return positions, turn, known
+            if frame in self.edges:
+                offset, rotation, inside = self.edges[frame].at(times)
+                positions = rotation.apply(positions) + offset
+                turn, known = rotation * turn, known & inside
+        raise KeyError(root)

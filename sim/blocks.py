@@ -1,0 +1,91 @@
+"""Corridors around blocks of solid ground: ways round, where a network of branches has none."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from sim.canvas import Canvas, Point
+
+WIDTH = (3.5, 10.0)
+"""Narrowest and widest path [m], as in Katyal et al. 2018."""
+GAP = 2.5
+"""Least solid ground between parallel paths [m]."""
+COLUMNS, ROWS = 4, 3
+"""Lines of crossings."""
+LOOPS = 0.55
+"""Share of the paths that close a loop which are there."""
+ASKEW = 0.25
+"""Share of the crossings that lie off the lines, so that their paths run at an angle."""
+
+Node = tuple[int, int]
+
+
+def block_size() -> Point:
+    """Extent along x and along y that always suffices [m]."""
+    pitch = WIDTH[1] + GAP + 5.0
+    return pitch * COLUMNS + 2.0, pitch * ROWS + 2.0
+
+
+def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
+    """Carve paths that join crossings into a canvas of `block_size`.
+
+    Every crossing can be reached from every other; most from two sides.
+
+    Args:
+        canvas: solid ground.
+        rng: decides everything.
+    """
+    xs, wide_of_column = _lines(COLUMNS, rng)
+    ys, wide_of_row = _lines(ROWS, rng)
+    at: dict[Node, Point] = {}
+    askew: set[Node] = set()
+    for column in range(COLUMNS):
+        for row in range(ROWS):
+            shift = (0.0, 0.0)
+            if rng.random() < ASKEW:
+                askew.add((column, row))
+                shift = (rng.uniform(-1.2, 1.2), rng.uniform(-1.2, 1.2))
+            at[column, row] = (xs[column] + shift[0], ys[row] + shift[1])
+    for one, other in _joined(rng):
+        # A path is as wide as its line, or narrower: walls stand back at a crossing, not in it.
+        line = wide_of_row[one[1]] if one[1] == other[1] else wide_of_column[one[0]]
+        width = line if rng.random() < 0.6 else rng.uniform(WIDTH[0], line)
+        canvas.passage(at[one], at[other], width)
+        for node in (one, other):
+            if node in askew:
+                canvas.disc(at[node], 0.5 * width, free=True)
+            else:
+                canvas.box(at[node], (width, width), free=True)
+
+
+def _lines(count: int, rng: np.random.Generator) -> tuple[list[float], list[float]]:
+    """Parallel paths: where the middle line of each lies, and how wide it is [m]."""
+    widths = rng.uniform(*WIDTH, count)
+    middles = [1.0 + 0.5 * widths[0] + 1.2]
+    for before, after in pairwise(widths):
+        solid = rng.uniform(GAP + 2.4, 7.4)
+        middles.append(middles[-1] + 0.5 * (before + after) + solid)
+    return [float(middle) for middle in middles], [float(width) for width in widths]
+
+
+def _joined(rng: np.random.Generator) -> list[tuple[Node, Node]]:
+    """Neighbouring crossings that a path joins: a spanning tree, and some of the rest."""
+    nodes = [(column, row) for column in range(COLUMNS) for row in range(ROWS)]
+    pairs = [
+        (one, other)
+        for one in nodes
+        for other in ((one[0] + 1, one[1]), (one[0], one[1] + 1))
+        if other in nodes
+    ]
+    group = {node: number for number, node in enumerate(nodes)}
+    joined = []
+    for index in rng.permutation(len(pairs)):
+        one, other = pairs[index]
+        mine, theirs = group[one], group[other]
+        if mine == theirs and rng.random() >= LOOPS:
+            continue
+        joined.append((one, other))
+        group = {node: mine if g == theirs else g for node, g in group.items()}
+    return joined

@@ -1,0 +1,306 @@
+"""Bags of ROS 1 and ROS 2, written here and read back."""
+
+import math
+
+import numpy as np
+import pytest
+
+from predictor.bags import BagConfig, is_bag, read_bag
+from predictor.laser_log import LogError
+from predictor.transforms import Transforms
+
+pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
+
+from rosbags import rosbag1, rosbag2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+ROS = [1, 2]
+LASER_AT = (0.3, 0.1, 0.2)
+"""Where the laser sits on the robot: x, y [m], and its height."""
+TURN = 0.25
+"""Of the laser on the robot [rad]."""
+
+
+def turn(yaw, roll=0.0):
+    """A quaternion x, y, z, w: rolled, then turned."""
+    a, b = 0.5 * yaw, 0.5 * roll
+    return (
+        math.cos(a) * math.sin(b), math.sin(a) * math.sin(b),
+        math.sin(a) * math.cos(b), math.cos(a) * math.cos(b),
+    )  # fmt: skip
+
+
+class Bag:
+    """Writes a bag of one of the two kinds."""
+
+    def __init__(self, path, ros):
+        self.ros, self.path = ros, path
+        self.store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
+        if ros == 1:
+            definition = "geometry_msgs/TransformStamped[] transforms"
+            self.store.register(get_types_from_msg(definition, "tf2_msgs/msg/TFMessage"))
+        self.writer = rosbag1.Writer(path) if ros == 1 else rosbag2.Writer(path, version=9)
+        self.topics = {}
+
+    def __enter__(self):
+        self.writer.open()
+        return self
+
+    def __exit__(self, *_):
+        self.writer.close()
+
+    def make(self, kind, *values):
+        return self.store.types[kind](*values)
+
+    def stamp(self, time):
+        return self.make("builtin_interfaces/msg/Time", int(time), round(1e9 * (time % 1)))
+
+    def header(self, time, frame):
+        fields = (0,) if self.ros == 1 else ()
+        return self.make("std_msgs/msg/Header", *fields, self.stamp(time), frame)
+
+    def write(self, topic, time, message):
+        kind = message.__msgtype__
+        if topic not in self.topics:
+            self.topics[topic] = self.writer.add_connection(topic, kind, typestore=self.store)
+        pack = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
+        self.writer.write(self.topics[topic], int(1e9 * time), pack(message, kind))
+
+    def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", longest=25.0):
+        message = self.make(
+            "sensor_msgs/msg/LaserScan", self.header(time, "laser"), -0.5, 0.5, 0.5, 0.0, 0.1,
+            0.2, longest, np.array(ranges, np.float32), np.zeros(0, np.float32),
+        )  # fmt: skip
+        self.write(topic, time, message)
+
+    def transform(self, time, parent, child, position, quaternion, topic="/tf"):
+        vector = self.make("geometry_msgs/msg/Vector3", *map(float, position))
+        rotation = self.make("geometry_msgs/msg/Quaternion", *quaternion)
+        entry = self.make(
+            "geometry_msgs/msg/TransformStamped", self.header(time, parent), child,
+            self.make("geometry_msgs/msg/Transform", vector, rotation),
+        )  # fmt: skip
+        self.write(topic, time, self.make("tf2_msgs/msg/TFMessage", [entry]))
+
+    def mount(self, roll=0.0):
+        self.transform(0.0, "base_link", "laser", LASER_AT, turn(TURN, roll), "/tf_static")
+
+    def pose(self, time, x, y, yaw, kind="PoseStamped", topic="/pose"):
+        point = self.make("geometry_msgs/msg/Point", x, y, 0.0)
+        pose = self.make("geometry_msgs/msg/Pose", point,
+                         self.make("geometry_msgs/msg/Quaternion", *turn(yaw)))  # fmt: skip
+        header, spread = self.header(time, "map"), np.zeros(36)
+        with_spread = ("geometry_msgs/msg/PoseWithCovariance", pose, spread)
+        if kind == "PoseStamped":
+            message = self.make("geometry_msgs/msg/PoseStamped", header, pose)
+        elif kind == "PoseWithCovarianceStamped":
+            message = self.make("geometry_msgs/msg/PoseWithCovarianceStamped", header,
+                                self.make(*with_spread))  # fmt: skip
+        else:
+            still = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+            moves = self.make("geometry_msgs/msg/Twist", still, still)
+            twist = self.make("geometry_msgs/msg/TwistWithCovariance", moves, spread)
+            message = self.make("nav_msgs/msg/Odometry", header, "base_link",
+                                self.make(*with_spread), twist)  # fmt: skip
+        self.write(topic, time, message)
+
+
+def bag(tmp_path, ros):
+    return Bag(tmp_path / ("site.bag" if ros == 1 else "site"), ros)
+
+
+def laser(x, y, yaw):
+    """The laser's pose for the robot's."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return (x + cos * LASER_AT[0] - sin * LASER_AT[1], y + sin * LASER_AT[0] + cos * LASER_AT[1],
+            yaw + TURN)  # fmt: skip
+
+
+@pytest.mark.parametrize("ros", ROS)
+def test_poses_come_through_tf_at_the_scans_own_times(tmp_path, ros):
+    with bag(tmp_path, ros) as out:
+        out.mount()
+        for time in (10.0, 11.0, 12.0):
+            # The map has moved against the odometry, as it does when a loop is closed.
+            out.transform(time, "map", "odom", (1.0, time - 10.0, 0.0), turn(0.0))
+            out.transform(time, "odom", "base_link", (time - 10.0, 0.0, 0.0),
+                          turn(3.0 + 0.2 * (time - 10.0)))  # fmt: skip
+        for time in (10.0, 10.25, 11.5):
+            out.scan(time)
+    log = read_bag(out.path)
+    assert log.name == "site"
+    assert log.times is not None
+    assert log.times == pytest.approx([10.0, 10.25, 11.5])
+    for pose, time in zip(log.poses, log.times - 10.0, strict=True):
+        wanted = laser(1.0 + time, time, 3.0 + 0.2 * time)
+        assert pose[:2] == pytest.approx(wanted[:2], abs=1e-6)
+        assert math.remainder(pose[2] - wanted[2], 2 * math.pi) == pytest.approx(0, abs=1e-6)
+    scan = log.scans[0]
+    assert scan.ranges == pytest.approx([2.0, 3.0, 4.0])
+    assert (scan.angle_min, scan.angle_increment) == pytest.approx((-0.5, 0.5))
+    assert scan.range_max == 25.0
+
+
+@pytest.mark.parametrize("ros", ROS)
+@pytest.mark.parametrize("kind", ["PoseStamped", "PoseWithCovarianceStamped", "Odometry"])
+def test_a_topic_of_poses_says_where_the_robot_is(tmp_path, ros, kind):
+    with bag(tmp_path, ros) as out:
+        out.mount()
+        out.pose(1.0, 0.0, 5.0, 3.0, kind)
+        # The short way from 3 to -3 rad is through π.
+        out.pose(2.0, 2.0, 5.0, -3.0, kind)
+        out.scan(1.5)
+    log = read_bag(out.path)
+    wanted = laser(1.0, 5.0, math.pi)
+    assert log.poses[0, :2] == pytest.approx(wanted[:2], abs=1e-6)
+    assert math.remainder(log.poses[0, 2] - wanted[2], 2 * math.pi) == pytest.approx(0, abs=1e-6)
+
+
+def test_poses_are_the_lasers_own_where_nothing_says_how_it_is_mounted(tmp_path):
+    with bag(tmp_path, 2) as out:
+        for time in (1.0, 2.0):
+            out.pose(time, time, 0.0, 0.5)
+        out.scan(1.5)
+    assert read_bag(out.path).poses[0] == pytest.approx([1.5, 0.0, 0.5])
+
+
+def test_scans_without_a_pose_are_skipped_and_counted(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.pose(1.0, 0.0, 0.0, 0.0)
+        out.pose(2.0, 1.0, 0.0, 0.0)
+        for time in (0.5, 1.0, 1.7, 2.4, 3.0):
+            out.scan(time)
+    log = read_bag(out.path)
+    assert len(log) == 2
+    assert log.skipped["scans without a pose"] == 3
+
+
+@pytest.mark.parametrize("ros", ROS)
+def test_ranges_that_are_none_say_nothing_and_are_counted(tmp_path, ros):
+    ranges = [math.nan, -1.0, 0.1, 5.0, math.inf, 30.0]
+    with bag(tmp_path, ros) as out:
+        for time in (1.0, 2.0):
+            out.pose(time, 0.0, 0.0, 0.0)
+        out.scan(1.5, ranges)
+    log = read_bag(out.path)
+    assert log.skipped["bad ranges"] == 2
+    # Too near for the sensor is no return; too far is one that says: free up to there.
+    assert np.isnan(log.scans[0].ranges).tolist() == [True, True, True, False, False, False]
+
+
+def test_a_laser_that_hangs_upside_down_turns_the_other_way(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount(roll=math.pi)
+        for time in (1.0, 2.0):
+            out.pose(time, 0.0, 0.0, 0.0)
+        out.scan(1.5)
+    log = read_bag(out.path)
+    assert log.poses[0, 2] == pytest.approx(TURN)
+    assert log.scans[0].angle_min == pytest.approx(0.5)
+    assert log.scans[0].angle_increment == pytest.approx(-0.5)
+
+
+def test_a_laser_that_leans_is_refused(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount(roll=0.5)
+        for time in (1.0, 2.0):
+            out.pose(time, 0.0, 0.0, 0.0)
+        out.scan(1.5)
+    with pytest.raises(LogError, match="leans by more than 10°"):
+        read_bag(out.path)
+
+
+@pytest.mark.parametrize("ros", ROS)
+def test_a_bag_without_scans_lists_its_topics(tmp_path, ros):
+    with bag(tmp_path, ros) as out:
+        out.pose(1.0, 0.0, 0.0, 0.0, topic="/amcl_pose")
+    with pytest.raises(LogError, match=r"has no scans; topics: /amcl_pose \(geometry_msgs"):
+        read_bag(out.path)
+
+
+@pytest.mark.parametrize("ros", ROS)
+def test_a_bag_without_poses_lists_its_topics(tmp_path, ros):
+    with bag(tmp_path, ros) as out:
+        out.scan(1.0)
+    with pytest.raises(LogError, match=r"has no poses; topics: /scan \(sensor_msgs"):
+        read_bag(out.path)
+
+
+def test_of_several_topics_one_must_be_chosen(tmp_path):
+    with bag(tmp_path, 2) as out:
+        for time in (1.0, 2.0):
+            out.pose(time, 7.0, 0.0, 0.0, topic="/amcl")
+            out.pose(time, 0.0, 0.0, 0.0, "Odometry", "/odom")
+            out.scan(time, topic="/front")
+            out.scan(time, topic="/back")
+    with pytest.raises(LogError, match="several topics of scans: /back, /front; choose one"):
+        read_bag(out.path)
+    with pytest.raises(LogError, match="several topics of poses: /amcl, /odom; choose one"):
+        read_bag(out.path, BagConfig(scans="/front"))
+    assert read_bag(out.path, BagConfig("/front", "/amcl")).poses[0, 0] == 7.0
+    with pytest.raises(LogError, match="/side is no topic of scans; topics: /amcl"):
+        read_bag(out.path, BagConfig("/side", "/amcl"))
+
+
+def test_a_tree_that_does_not_know_the_map_says_what_it_knows(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        for time in (1.0, 2.0):
+            out.transform(time, "odom", "base_link", (time, 0.0, 0.0), turn(0.0))
+            out.scan(time)
+    with pytest.raises(LogError, match="has no poses"):
+        read_bag(out.path)
+    with pytest.raises(LogError, match=r"laser, base_link, odom, not to 'map'; --map-frame"):
+        read_bag(out.path, BagConfig(poses="/tf"))
+    log = read_bag(out.path, BagConfig(poses="/tf", map_frame="odom"))
+    assert log.poses[:, 0] == pytest.approx([1.3, 2.3])
+
+
+def test_a_sensor_without_a_range_is_refused(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.scan(1.0, longest=0.0)
+    with pytest.raises(LogError, match=r"/scan gives a range_max of 0\.0 m"):
+        read_bag(out.path)
+
+
+def test_damaged_and_missing_bags_are_errors_of_one_line(tmp_path):
+    with bag(tmp_path, 1) as out:
+        for time in range(200):
+            out.scan(float(time))
+    out.path.write_bytes(out.path.read_bytes()[:-100])
+    with pytest.raises(LogError, match="cannot be read as a bag") as caught:
+        read_bag(out.path)
+    assert "\n" not in str(caught.value)
+    (tmp_path / "empty.bag").write_bytes(b"")
+    with pytest.raises(LogError, match="cannot be read as a bag"):
+        read_bag(tmp_path / "empty.bag")
+    with pytest.raises(LogError, match="no such file"):
+        read_bag(tmp_path / "none.bag")
+
+
+def test_bags_are_told_from_other_logs(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.scan(1.0)
+    assert is_bag(out.path)
+    assert is_bag(tmp_path / "a.bag")
+    assert not is_bag(tmp_path / "intel.log.gz")
+    assert not is_bag(tmp_path)
+
+
+def test_a_turn_between_two_transforms_takes_the_short_way():
+    tree = Transforms()
+    tree.add("map", "base", 0.0, (0, 0, 0), turn(3.0))
+    tree.add("map", "base", 1.0, (2, 0, 0), turn(-3.0))
+    positions, turns, known = tree.look_up("map", "base", np.array([-1.0, 0.5, 2.0]))
+    assert known.tolist() == [False, True, False]
+    assert positions[1] == pytest.approx([1, 0, 0])
+    assert abs(turns[1].as_euler("zyx")[0]) == pytest.approx(math.pi)
+
+
+def test_a_tree_that_runs_in_a_circle_ends():
+    tree = Transforms()
+    tree.add("a", "b", 0.0, (0, 0, 0), turn(0.0), fixed=True)
+    tree.add("b", "a", 0.0, (0, 0, 0), turn(0.0), fixed=True)
+    assert tree.carrier("a") in "ab"
+    with pytest.raises(KeyError):
+        tree.look_up("map", "a", np.zeros(1))
