@@ -2,17 +2,24 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
+
 .PHONY: setup corridor test clean
 
-setup: .venv/.installed
+setup: .venv/.tools
 
 .venv/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,openvino,dask,bags]'
+	$(INSTALL) '.[openvino]'
 	touch $@
 
-corridor: setup
+.venv/.tools: .venv/.installed
+	$(INSTALL) '.[dev,dask,bags]'
+	touch $@
+
+# Driving needs no more than this.
+corridor: .venv/.installed
 	$(BIN)/python -m benchmarks.corridor
 
 test: setup

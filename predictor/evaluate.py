@@ -100,6 +100,7 @@ class Evaluation:
     def finish(self) -> dict[str, Any]:
         """Write results.json and the figures of all that was scored, and return the results."""
         from benchmarks.store import machine
+        from predictor.drives import FAMILIES
         from predictor.evaluation_figures import draw
         from predictor.scored_drive import rows_of
         from predictor.scores import Scores
@@ -121,11 +122,21 @@ class Evaluation:
             for name in names:
                 sums[name] += Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
             pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
+        summaries = {group: _summary(facts[group], groups[group]) for group in groups}
+        learned = [group for group in groups if group in FAMILIES]
+        if len(learned) > 1:
+            # One family may look like another; what is then true of both is true of neither.
+            pooled = {name: Scores() for name in names}
+            for group in learned:
+                for name in names:
+                    pooled[name] += groups[group][name]
+            every = [fact for group in learned for fact in facts[group]]
+            summaries[" + ".join(learned)] = _summary(every, pooled)
         results = {
             "settings": asdict(self.config),
             "machine": machine(),
             "commits": sorted({str(fact["commit"]) for every in facts.values() for fact in every}),
-            "groups": {group: _summary(facts[group], groups[group]) for group in groups},
+            "groups": summaries,
             "drives": facts,
         }
         write_whole(self.out / "results.json", json.dumps(_plain(results), indent=1).encode())

@@ -153,3 +153,15 @@ def test_buildings_that_a_predictor_has_learned_from_are_told(maps, monkeypatch)
     config = EvaluateConfig((str(maps / "hall.yaml"),), names, 1, every=50)
     facts, _ = score_drive(config, (str(maps / "hall.yaml"), 0))
     assert facts["learned_by"] == [names[1]]
+
+
+def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
+    command = ("--world", "corridor", "office", "--drives", 1, "--predictors", "none", "--jobs", 2,
+               "--out", tmp_path)  # fmt: skip
+    assert run(*command) == 0
+    groups = json.loads((tmp_path / "results.json").read_text())["groups"]
+    one, other, both = (groups[name]["predictors"]["none"] for name in ("corridor", "office",
+                        "corridor + office"))  # fmt: skip
+    assert both["cells"] == one["cells"] + other["cells"]
+    mean = (one["cells"] * one["brier_free"] + other["cells"] * other["brier_free"]) / both["cells"]
+    assert both["brier_free"] == pytest.approx(mean)
