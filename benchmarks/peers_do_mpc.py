@@ -36,7 +36,7 @@ def do_mpc(mpc: MPC, compiled: bool) -> Solver:
         with contextlib.redirect_stdout(io.StringIO()):
             controller.compile_nlp(
                 overwrite=True, cname="do_mpc.c", libname="./do_mpc.so",
-                compiler_command="cc -fPIC -shared -O2 do_mpc.c -o do_mpc.so",
+                compiler_command="gcc -fPIC -shared -O2 do_mpc.c -o do_mpc.so",
             )  # fmt: skip
 
     def prepare(tick: Tick) -> Solve:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 ARMS = ("predicted", "known", "oracle")
 PEERS = ("octomap", "pyoctomap", "raycast2D", "irsim", "cv2", "do_mpc", "pytorch_mppi")
 """Modules that `--peers` needs."""
+COMPILER = "gcc"
+"""What casadi and do-mpc call by default."""
 HALLS, HALL_TICKS = 20, 100
 """Drives of each solver of the MPC's problem, and how long they are."""
 
@@ -124,6 +126,7 @@ def tables(results: dict[str, Any]) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments, 130 if interrupted."""
     from benchmarks.settings import OneLineParser, UsageError
+    from benchmarks.workers import WorkersError
 
     parser = OneLineParser(
         prog="benchmarks.stages",
@@ -186,11 +189,15 @@ def main(argv: list[str] | None = None) -> int:
     except (UsageError, OSError) as error:
         print(f"benchmarks.stages: {error}", file=sys.stderr)
         return 2
+    except WorkersError as error:
+        print(f"benchmarks.stages: {error}; what was measured is kept", file=sys.stderr)
+        return 2
     return 0
 
 
 def _ask_for(modules: tuple[str, ...]) -> None:
     """Find out before anything is measured that something is missing."""
+    import shutil
     from importlib.util import find_spec
 
     from benchmarks.settings import UsageError
@@ -198,6 +205,8 @@ def _ask_for(modules: tuple[str, ...]) -> None:
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
         raise UsageError(f"--peers needs {', '.join(missing)}: pip install 'foresee[peers]'")
+    if shutil.which(COMPILER) is None:
+        raise UsageError(f"--peers needs {COMPILER}, to compile what others solve")
 
 
 def _run(args: Namespace) -> str:

@@ -7,6 +7,7 @@ import resource
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.settings import Settings
-from benchmarks.workers import prepare
+from benchmarks.workers import WorkersError, prepare
 
 Measure = dict[str, Any]
 Item = tuple[int, str]
@@ -112,6 +113,9 @@ def driven(
 
     Returns:
         The drives in the order of their ends.
+
+    Raises:
+        WorkersError: if a process dies.
     """
     done: list[Driven] = []
     with ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (settings,)) as pool:
@@ -122,6 +126,8 @@ def driven(
                 result = future.result()
                 if result is not None:
                     done.append(result)
+        except BrokenProcessPool as error:
+            raise WorkersError("a process that drove has died") from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -128,3 +128,10 @@ def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypat
     monkeypatch.setattr(stages, "PEERS", ("json", "no_such_module"))
     assert main(["--peers", "--out", str(tmp_path)]) == 2
     assert "--peers needs no_such_module" in capsys.readouterr().err
+
+
+def test_a_missing_compiler_is_named_too(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(stages, "PEERS", ("json",))
+    monkeypatch.setattr(stages, "COMPILER", "no-such-compiler")
+    assert main(["--peers", "--out", str(tmp_path)]) == 2
+    assert "--peers needs no-such-compiler" in capsys.readouterr().err

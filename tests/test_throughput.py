@@ -8,6 +8,7 @@ import pytest
 from benchmarks import throughput
 from benchmarks.settings import Settings
 from benchmarks.throughput import Driven, driven, memory, resident
+from benchmarks.workers import WorkersError
 
 
 def test_throughput_is_simulated_time_over_the_time_that_the_drives_took(monkeypatch):
@@ -46,6 +47,12 @@ def test_memory_that_is_taken_is_seen():
     taken = bytearray(os.urandom(2**20) * 64)
     assert 40 < resident() - before < 120
     del taken
+
+
+def test_a_process_that_dies_is_told_of_in_one_line():
+    # A process that cannot begin is as dead as one that crashed.
+    with pytest.raises(WorkersError, match="died"):
+        driven(None, [(0, "known")], 1, lambda _: None)
 
 
 @pytest.mark.slow
