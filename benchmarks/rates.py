@@ -130,7 +130,9 @@ def exact_ranges(
     solid = np.pad(near, 1, constant_values=UNKNOWN)
     if solid[math.floor(y) - top + 1, math.floor(x) - left + 1] != FREE:
         return [math.nan] * len(angles)
-    rows, cols = np.nonzero((solid != FREE) & binary_dilation(solid == FREE, np.ones((3, 3))))
+    rows, cols = np.nonzero(
+        (solid != FREE) & binary_dilation(solid == FREE, np.ones((3, 3), dtype=bool))
+    )
     kinds = solid[rows, cols]
     low_x, low_y = cols - 1 + left - x, rows - 1 + top - y
     found: list[float | None] = []
