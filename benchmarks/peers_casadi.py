@@ -15,6 +15,8 @@ from planner.mpc import MPC
 IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-4, "ipopt.mu_init": 1e-3,
          "ipopt.warm_start_init_point": "yes"}  # fmt: skip
 """The settings that IPOPT is quickest with here."""
+COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
+"""casadi writes the problem's functions as C, and has gcc compile them."""
 
 
 def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
@@ -71,7 +73,7 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
         options |= {"fatrop.print_level": 0, "structure_detection": "auto", "equality": equal,
                     "fatrop.tol": 1e-4, "fatrop.mu_init": 1e-3}  # fmt: skip
     if compiled:
-        options |= {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
+        options |= COMPILED
     nlp = {"x": ca.vertcat(*variables), "p": ca.vertcat(start, field), "f": cost,
            "g": ca.vertcat(*g)}  # fmt: skip
     solver = ca.nlpsol("solver", plugin, nlp, options)
