@@ -15,6 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.drive import task_in
+from benchmarks.places import along
+from predictor.drives import seen_again
+from sim import CarConfig, Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World
 
@@ -50,11 +54,30 @@ def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]
     }  # fmt: skip
 
 
+STAGES = ("rays", "mapping", "distance transform", "prediction")
+REPEATS = 200
+"""Rounds of each."""
+
+
+def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
+    """One of `STAGES`, ours and the peers', in a building of corridors: see `compare`."""
+    task = task_in("corridor", seed, CarConfig())
+    poses = along(task, REPEATS)
+    if stage == "rays":
+        return compare(rays(task.world, poses), REPEATS)
+    if stage == "mapping":
+        return compare(mapping(task, poses), REPEATS)
+    states = np.column_stack([poses, np.zeros(REPEATS)])
+    seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
+    crops = [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
+    if stage == "prediction":
+        return compare(predictions(crops, poses), REPEATS)
+    return compare(distances([crop.free for crop in crops]), REPEATS)
+
+
 def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
     """One scan: 1081 beams over 270°, 20 m. octomap and raycast2D find the cell that is hit."""
     from raycast2D import Lidar2D
-
-    from sim import Lidar, LidarConfig
 
     # At the robot's own centre, where the peers have it.
     lidar, frame = Lidar(LidarConfig(mount=(0.0, 0.0, 0.0))), world.grid.frame
@@ -129,8 +152,6 @@ def _irsim(
 
 def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
     """One scan into a map of 0.05 m, each cell updated once, with the whole 20 m of its rays."""
-    from sim import Lidar
-
     lidar, known = Lidar(), task.blank(60.0)
     resolution = known.frame.resolution
     scans = [lidar.scan(task.world, pose) for pose in poses]

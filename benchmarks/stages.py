@@ -1,4 +1,4 @@
-"""How long each stage of the control cycle takes, and how that grows.
+"""How long each stage of the control cycle takes, how that grows, and how much gets done.
 
 python -m benchmarks.stages --help
 """
@@ -7,326 +7,197 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from benchmarks.tables import markdown
+
 if TYPE_CHECKING:
+    from argparse import Namespace
     from collections.abc import Callable
 
-    import numpy as np
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
+    from benchmarks.parts import Part
 
-    from sim.task import Task
-    from sim.world import World
-
-WARM_UP = 10
-"""Ticks at the start of a drive that do not count: caches fill, the predictor is loaded."""
-BEAMS = (180, 360, 720, 1081, 2160, 4320)
-MAP_SIDES = (500, 1000, 2000, 4000, 8000)
-WINDOW_AXIS = "window [m]\n(the predicted square is 13.7 m at most)"
-WINDOWS = (5.0, 10.0, 20.0, 40.0)
-EXPANSIONS = (1.0, 1.25, 1.5, 1.75, 2.0)
-HORIZONS = (20, 30, 40, 60)
-REPEATS = 200
-"""Of everything that is measured apart from a drive."""
-PEERS = ("octomap", "pyoctomap", "raycast2D", "irsim", "cv2")
+ARMS = ("predicted", "known", "oracle")
+PEERS = ("octomap", "pyoctomap", "raycast2D", "irsim", "cv2", "do_mpc", "pytorch_mppi")
 """Modules that `--peers` needs."""
-HALLS, HALL_TICKS = 20, 60
+COMPILER = "gcc"
+"""What casadi and do-mpc call by default."""
+HALLS, HALL_TICKS = 20, 100
 """Drives of each solver of the MPC's problem, and how long they are."""
 
 
-def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[str, list[float]]:
-    """Times of each stage [ms], tick by tick, over drives through corridors.
+def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
+    """All that is measured, in order; names are group/name.
 
     Args:
-        arm: what the car may know, of `benchmarks.arms`.
-        drives: how many count; one before them does not.
-        seed: of the first.
-        v_max: top speed [m/s].
-    """
-    from benchmarks.drive import drive
-    from benchmarks.settings import Settings
-
-    settings = Settings(arms=(arm,), seed=seed, v_max=v_max)
-    times: dict[str, list[float]] = {}
-    for index in range(-1, drives):
-        _, trace = drive(settings, max(index, 0), arm)
-        prefix = f"e{max(index, 0)}/{arm}/"
-        if index < 0:
-            continue
-        for column, name in enumerate(trace[prefix + "time_names"].tolist()):
-            taken = trace[prefix + "times"][WARM_UP:, column]
-            # A path is not planned in every tick.
-            times.setdefault(name, []).extend(taken[taken > 0.0].tolist())
-    return times
-
-
-def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
-    """Median, tails and number of some times [ms]."""
-    import numpy as np
-
-    p50, p95, p99 = np.percentile(times, [50, 95, 99])
-    return {"median_ms": float(p50), "p95_ms": float(p95), "p99_ms": float(p99),
-            "samples": len(times)}  # fmt: skip
-
-
-def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:
-    """The spread of the times of `call(0)`, `call(1)`, …, after one that does not count."""
-    import time
-
-    call(0)
-    taken = []
-    for i in range(repeats):
-        started = time.perf_counter()
-        call(i)
-        taken.append(1e3 * (time.perf_counter() - started))
-    return spread(taken)
-
-
-def growth(seed: int, report: Callable[[str], None]) -> dict[str, list[dict[str, Any]]]:
-    """How stages grow: axis → values, each with its stages.
-
-    Args:
-        seed: of the buildings.
+        args: of the command line.
         report: told what is being measured.
     """
-    from benchmarks.drive import task_in
-    from sim import CarConfig
+    from benchmarks import growth, rates, throughput
+    from benchmarks.parts import Part
+    from benchmarks.timing import closed_loop, spread
 
-    task = task_in("corridor", seed, CarConfig())
-    measured: dict[str, list[dict[str, Any]]] = {
-        "beams": [], "map side [cells]": [], WINDOW_AXIS: [], "expansion": [], "horizon N": [],
-    }  # fmt: skip
-    for beams in BEAMS:
-        report(f"{beams} beams")
-        measured["beams"].append({"value": beams, **_sensing(task, beams)})
-    for side in MAP_SIDES:
-        report(f"a map of {side} × {side} cells")
-        measured["map side [cells]"].append({"value": side, **_casting(_cluttered(side, seed))})
-    for window in WINDOWS:
-        report(f"a window of {window:g} m")
-        measured[WINDOW_AXIS].append({"value": window, **_believing(task, window, 2.0)})
-    for expansion in EXPANSIONS:
-        report(f"an expansion of {expansion:g}")
-        measured["expansion"].append({"value": expansion, **_believing(task, 5.0, expansion)})
-    for stages in HORIZONS:
-        report(f"a horizon of {stages} stages")
-        # The horizon is as long as a full stop takes, and half a second more.
-        times = closed_loop("known", 1, seed, v_max=(stages - 5.5) * 0.1 * 1.5)
-        measured["horizon N"].append({"value": stages, "mpc": spread(times["mpc"])})
-    return measured
+    def arm(name: str) -> dict[str, dict[str, float]]:
+        times = closed_loop(name, args.drives, args.seed)
+        return {stage: spread(taken) for stage, taken in times.items() if taken}
 
-
-def _poses(task: Task, count: int) -> NDArray[np.float64]:
-    """Poses along a task's way, (count, 3)."""
-    import numpy as np
-
-    way = task.waypoints
-    at = np.linspace(1, len(way) - 2, count).astype(int)
-    ahead = way[at + 1] - way[at]
-    return np.column_stack([way[at], np.arctan2(ahead[:, 1], ahead[:, 0])])
-
-
-def _sensing(task: Task, beams: int) -> dict[str, dict[str, float]]:
-    from sim import Lidar, LidarConfig
-
-    lidar, poses = Lidar(LidarConfig(beams=beams)), _poses(task, REPEATS)
-    near, far = task.blank(5.0), task.blank(40.0)
-    scans = [lidar.scan(task.world, pose) for pose in poses]
-    return {
-        "scan": timed(lambda i: lidar.scan(task.world, poses[i]), REPEATS),
-        "integrate, window 5 m": timed(lambda i: near.integrate(scans[i], poses[i]), REPEATS),
-        "integrate, window 40 m": timed(lambda i: far.integrate(scans[i], poses[i]), REPEATS),
-    }
-
-
-def _casting(world: World) -> dict[str, dict[str, float]]:
-    import numpy as np
-
-    from sim import Lidar
-
-    lidar, rng = Lidar(), np.random.default_rng(0)
-    free = 10 * np.argwhere(world.grid.free[::10, ::10])
-    rows, cols = free[rng.integers(len(free), size=REPEATS)].T
-    x, y = (0.05 * (index + 0.5) for index in (cols, rows))
-    poses = np.column_stack([x, y, rng.uniform(-np.pi, np.pi, REPEATS)])
-    return {"scan": timed(lambda i: lidar.scan(world, poses[i]), REPEATS)}
-
-
-def _cluttered(side: int, seed: int) -> World:
-    """A hall of a side [cells] of 0.05 m with boxes on its floor, one on 6 m²."""
-    import numpy as np
-
-    from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
-    from sim.world import World
-
-    rng = np.random.default_rng(seed)
-    cells = np.full((side, side), FREE, dtype=np.int8)
-    for _ in range(round((0.05 * side) ** 2 / 6)):
-        row, col = rng.integers(side, size=2)
-        high, wide = rng.integers(3, 25, size=2)
-        cells[row : row + high, col : col + wide] = OCCUPIED
-    cells[[0, -1]] = cells[:, [0, -1]] = OCCUPIED
-    return World(f"hall-{side}", Grid(GridFrame(0.05, (0.0, 0.0), (side, side)), cells))
-
-
-def _believing(task: Task, window: float, expansion: float) -> dict[str, dict[str, float]]:
-    import numpy as np
-
-    from planner.navigator import NavigatorConfig
-    from planner.risk import RiskMap
-    from predictor import load_predictor
-    from predictor.drives import seen_again
-    from sim import LidarConfig
-
-    config = NavigatorConfig(window=window, expansion=expansion, risk=0.05)
-    poses = np.column_stack([_poses(task, REPEATS), np.zeros(REPEATS)])
-    rng = np.random.default_rng(0)
-    (*_, (known, _)) = seen_again(task, poses, window, LidarConfig(), rng, 1)
-    squares = [known.frame.square(x, y, config.predicted_side) for x, y in poses[:, :2]]
-    crops = [known.crop(square) for square in squares]
-    predictor = load_predictor("compact")
-    beliefs = [predictor.predict(crop, pose[:3]) for crop, pose in zip(crops, poses, strict=True)]
-    near = [known.crop(known.frame.square(x, y, config.risk_side)) for x, y in poses[:, :2]]
-
-    def risk(i: int) -> RiskMap:
-        return RiskMap.from_prediction(near[i], beliefs[i], config.risk)
-
-    return {
-        "crop": timed(lambda i: known.crop(squares[i]), REPEATS),
-        "predict": timed(lambda i: predictor.predict(crops[i], poses[i, :3]), REPEATS),
-        "risk": timed(risk, REPEATS),
-    }
-
-
-def peers(seed: int, report: Callable[[str], None]) -> dict[str, dict[str, dict[str, float]]]:
-    """The programs that a user would pick instead: stage → name → its time and ratio to ours.
-
-    Args:
-        seed: of the building.
-        report: told what is being measured.
-    """
-    import numpy as np
-
-    from benchmarks import peers as others
-    from benchmarks import peers_mpc
-    from benchmarks.drive import task_in
-    from predictor.drives import seen_again
-    from sim import CarConfig, LidarConfig
-
-    task = task_in("corridor", seed, CarConfig())
-    poses = _poses(task, REPEATS)
-    states = np.column_stack([poses, np.zeros(REPEATS)])
-    seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
-    crops = [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
-    found = {}
-    for name, calls in {
-        "rays": lambda: others.rays(task.world, poses),
-        "mapping": lambda: others.mapping(task, poses),
-        "distance transform": lambda: others.distances([crop.free for crop in crops]),
-        "prediction": lambda: others.predictions(crops, poses),
-    }.items():
-        report(name)
-        found[name] = others.compare(calls(), REPEATS)
-    found["mpc"] = peers_mpc.compare(HALLS, HALL_TICKS, report)
+    seed = {"seed": args.seed}
+    found = [
+        Part(f"arms/{name}", {"drives": args.drives, **seed}, partial(arm, name)) for name in ARMS
+    ]
+    for name in ("rays", "mapping", "distance", "risk"):
+        found.append(Part(f"measures/{name}", seed, partial(getattr(rates, name), args.seed)))
+    for jobs in (1, 2):
+        measure = partial(throughput.throughput, args.episodes, args.seed, jobs, report)
+        settings = {"episodes": args.episodes, **seed}
+        found.append(Part(f"measures/throughput {jobs}", settings, measure))
+    measure = partial(throughput.memory, args.memory, args.seed, report)
+    found.append(Part("measures/memory", {"drives": args.memory, **seed}, measure))
+    for axis in growth.AXES:
+        found.append(Part(f"growth/{axis}", seed, partial(growth.grown, axis, args.seed, report)))
+    if args.peers:
+        found += _peers(args.seed, report)
     return found
 
 
-def draw(measured: dict[str, list[dict[str, Any]]]) -> Figure:
-    """A panel for each axis: medians as lines, up to the 99th percentile shaded."""
-    from benchmarks.palette import new_figure
+def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
+    from benchmarks import peers, peers_mpc
+    from benchmarks.parts import Part
 
-    figure = new_figure(13.0, 3.2)
-    axes = figure.subplots(1, len(measured))
-    for ax, (axis, entries) in zip(axes, measured.items(), strict=True):
-        values = [entry["value"] for entry in entries]
-        for name in entries[0]:
-            if name == "value":
-                continue
-            median, tail = ([e[name][key] for e in entries] for key in ("median_ms", "p99_ms"))
-            (line,) = ax.plot(values, median, marker="o", markersize=3, label=name)
-            ax.fill_between(values, median, tail, color=line.get_color(), alpha=0.15, linewidth=0)
-        ax.set_xlabel(axis)
-        if values[-1] > 8 * values[0]:
-            ax.set_xscale("log")
-            ax.set_xticks(values, [str(value) for value in values], fontsize=7)
-            ax.minorticks_off()
-        ax.set_ylim(bottom=0)
-        ax.legend(fontsize=7, frameon=False)
-    axes[0].set_ylabel("time [ms], to the 99th percentile")
-    return figure
+    found = [
+        Part(f"peers/{name}", {"seed": seed}, partial(peers.beside, name, seed))
+        for name in peers.STAGES
+    ]
+    for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
+        measure = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
+        found.append(Part(f"peers/{name}", {"halls": HALLS, "ticks": HALL_TICKS}, measure))
+    return found
 
 
 def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     """The stages of each arm, in Markdown."""
-    lines = ["| arm | stage | median [ms] | p95 [ms] | p99 [ms] | samples |",
-             "|---|---|---|---|---|---|"]  # fmt: skip
+    rows = [["arm", "stage", "median [ms]", "p95 [ms]", "p99 [ms]", "samples"]]
     for arm, of_arm in stages.items():
         for name, s in of_arm.items():
-            numbers = " | ".join(f"{s[key]:.2f}" for key in ("median_ms", "p95_ms", "p99_ms"))
-            lines.append(f"| `{arm}` | {name} | {numbers} | {s['samples']} |")
-    return "\n".join(lines)
+            numbers = [f"{s[key]:.2f}" for key in ("median_ms", "p95_ms", "p99_ms")]
+            rows.append([f"`{arm}`", name, *numbers, str(s["samples"])])
+    return markdown(rows)
 
 
 def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     """The peers of each stage, in Markdown; nothing where there are none."""
     if not found:
         return ""
-    lines = ["| stage | program | median [ms] | p99 [ms] | times ours | cost above ours | hits |",
-             "|---|---|---|---|---|---|---|"]  # fmt: skip
+    rows = [["stage", "program", "median [ms]", "p99 [ms]", "times ours", "cost of the posts",
+             "cost above ours", "hits", "failures"]]  # fmt: skip
+    form = {"median_ms": ".3f", "p99_ms": ".3f", "ratio": ".2f", "excess": ".2f",
+            "dearer_percent": "+.3f", "hits": ".0f", "failures": ".0f"}  # fmt: skip
     for stage, of_stage in found.items():
         for name, s in of_stage.items():
-            cost = f"{s['dearer_percent']:+.3f} %" if "dearer_percent" in s else ""
-            hits = f"{s['hits']:.0f}" if "hits" in s else ""
-            lines.append(f"| {stage} | {name} | {s['median_ms']:.3f} | {s['p99_ms']:.3f} | "
-                         f"{s['ratio']:.2f} | {cost} | {hits} |")  # fmt: skip
-    return "\n".join(lines)
+            cells = [format(s[key], f) if key in s else "" for key, f in form.items()]
+            cells[4] += " %" if cells[4] else ""
+            rows.append([stage, name, *cells])
+    return markdown(rows)
+
+
+def measures_table(found: dict[str, dict[str, Any]]) -> str:
+    """What the kernels and a study's processes get done, in Markdown; nothing for nothing."""
+    if not found:
+        return ""
+    rows = [["measure", "value", "p99", "unit", "samples"]]
+    for name, m in found.items():
+        value = f"{m['value']:.4g}"
+        if "low" in m:
+            value += f" ({m['low']:.4g} to {m['high']:.4g})"
+        rows.append([name, value, f"{m['p99']:.4g}" if "p99" in m else "", m["unit"],
+                     str(m["samples"])])  # fmt: skip
+    return markdown(rows)
 
 
 def tables(results: dict[str, Any]) -> str:
     """All of a results.json that is told in tables, in Markdown."""
-    parts = [table(results["arms"]), f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
-             peers_table(results["peers"])]  # fmt: skip
-    return "\n\n".join(part for part in parts if part)
+    each = [table(results["arms"]), f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
+            measures_table(results.get("measures", {})), peers_table(results["peers"])]  # fmt: skip
+    return "\n\n".join(part for part in each if part)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 2 for bad arguments."""
+    """Run the command line; 2 for bad arguments, 130 if interrupted."""
     from benchmarks.settings import OneLineParser, UsageError
+    from benchmarks.workers import WorkersError
 
     parser = OneLineParser(
         prog="benchmarks.stages",
         description="Time every stage of the control cycle over real drives, on one thread and "
-        "after a warm-up, and how the stages grow with sensor, map, window and horizon. Leave the "
-        "machine alone meanwhile.",
+        "after a warm-up; how the stages grow with sensor, map, window and horizon; how much the "
+        "kernels and a study's processes get done. Leave the machine alone meanwhile. An "
+        "interrupted run goes on from where it was: give the same command again. What was "
+        "measured by other code, on another machine or with other settings is measured anew.",
     )
     add = parser.add_argument
-    add("--out", type=Path, default=Path("results/stages"), metavar="DIR",
-        help="results.json and growth.png (default: %(default)s)")  # fmt: skip
-    add("--drives", type=int, default=4, metavar="N", help="of each arm (default: %(default)s)")
+    add(
+        "--out",
+        type=Path,
+        default=Path("results/stages"),
+        metavar="DIR",
+        help="results.json, growth.png, and the parts they are made of (default: %(default)s)",
+    )
+    add(
+        "--drives",
+        type=int,
+        default=4,
+        metavar="N",
+        help="of each arm, to time its stages (default: %(default)s)",
+    )
+    add(
+        "--episodes",
+        type=int,
+        default=6,
+        metavar="N",
+        help="of the default arms, driven by one "
+        "process and then by two, for the throughput (default: %(default)s)",
+    )
+    add(
+        "--memory",
+        type=int,
+        default=12,
+        metavar="N",
+        help="drives of one process after each of "
+        "which its memory is read; 1000 take about 40 minutes (default: %(default)s)",
+    )
     add("--seed", type=int, default=0, metavar="N", help="of the first (default: %(default)s)")
-    add("--peers", action="store_true", help="beside the programs that one would pick instead: "
-        "pip install 'foresee[peers]'; takes some minutes, most of them for compiling")  # fmt: skip
+    add(
+        "--peers",
+        action="store_true",
+        help="beside the programs that one would pick instead: "
+        "pip install 'foresee[peers]'; takes some minutes, most of them for compiling",
+    )
     args = parser.parse_args(argv)
     try:
-        if args.drives < 1 or args.seed < 0:
-            raise UsageError("--drives must be at least 1, and --seed at least 0")
-        args.out.mkdir(parents=True, exist_ok=True)
+        if min(args.drives, args.episodes) < 1 or args.memory < 6 or args.seed < 0:
+            raise UsageError("--drives and --episodes must be at least 1, --memory at least 6, "
+                             "--seed at least 0")  # fmt: skip
         if args.peers:
             _ask_for(PEERS)
         print(_run(args))
     except KeyboardInterrupt:
-        print("interrupted; nothing is kept", file=sys.stderr)
+        print(f"interrupted; what was measured is kept in {args.out / 'parts'}, the same command "
+              "goes on from there", file=sys.stderr)  # fmt: skip
         return 130
     except (UsageError, OSError) as error:
         print(f"benchmarks.stages: {error}", file=sys.stderr)
+        return 2
+    except WorkersError as error:
+        print(f"benchmarks.stages: {error}; what was measured is kept", file=sys.stderr)
         return 2
     return 0
 
 
 def _ask_for(modules: tuple[str, ...]) -> None:
     """Find out before anything is measured that something is missing."""
+    import shutil
     from importlib.util import find_spec
 
     from benchmarks.settings import UsageError
@@ -334,39 +205,41 @@ def _ask_for(modules: tuple[str, ...]) -> None:
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
         raise UsageError(f"--peers needs {', '.join(missing)}: pip install 'foresee[peers]'")
+    if shutil.which(COMPILER) is None:
+        raise UsageError(f"--peers needs {COMPILER}, to compile what others solve")
 
 
-def _run(args: Any) -> str:
-    import resource
-
+def _run(args: Namespace) -> str:
     from tqdm import tqdm
 
     import benchmarks.workers  # noqa: F401  One thread, set before numpy is there.
-    from benchmarks.arms import ARMS
+    from benchmarks.growth import draw
+    from benchmarks.parts import Parts
     from benchmarks.store import commit, machine
     from predictor.whole import write_whole
 
-    stages = {}
-    arms = ("predicted", "known", "oracle")
-    with tqdm(total=None, bar_format="{desc} [{elapsed}]") as bar:
-        for arm in arms:
-            bar.set_description_str(f"driving: {ARMS[arm].about}")
-            times = closed_loop(arm, args.drives, args.seed)
-            stages[arm] = {name: spread(taken) for name, taken in times.items() if taken}
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-        def report(what: str) -> None:
-            bar.set_description_str(f"measuring: {what}")
-
-        grown = growth(args.seed, report)
-        beside = peers(args.seed, report) if args.peers else {}
+    kept = Parts(args.out / "parts")
+    found: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
+    with tqdm(unit="part", smoothing=0.0) as bar:
+        todo = parts(args, lambda what: bar.set_postfix_str(what))
+        bar.reset(len(todo))
+        for part in todo:
+            group, name = part.name.split("/", 1)
+            bar.set_description_str(" ".join(part.name.split()))
+            measured = kept.find(part)
+            if measured is None:
+                measured = kept.measure(part)
+            # A part of the measures is some of them.
+            found[group] |= measured if group == "measures" else {name: measured}
+            bar.set_postfix_str("")
+            bar.update()
     results = {
         "machine": machine(), "commit": commit(), "threads": 1, "drives": args.drives,
-        "seed": args.seed, "stages": stages["predicted"], "arms": stages,
-        "peak_memory_mib": peak, "growth": grown, "peers": beside,
+        "seed": args.seed, "stages": found["arms"]["predicted"],
+        "peak_memory_mib": found["measures"]["worker, peak memory"]["value"], **found,
     }  # fmt: skip
     write_whole(args.out / "results.json", json.dumps(results, indent=1).encode())
-    draw(grown).savefig(args.out / "growth.png")
+    draw(found["growth"]).savefig(args.out / "growth.png")
     return f"{tables(results)}\n\n{args.out / 'results.json'}"
 
 

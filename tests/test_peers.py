@@ -3,23 +3,40 @@
 import numpy as np
 import pytest
 
-from benchmarks import peers, peers_mpc
+from benchmarks import hall, peers, peers_mpc
 from benchmarks.drive import task_in
-from benchmarks.stages import _poses, peers_table
-from planner.guess import pursue
+from benchmarks.peers_casadi import general
+from benchmarks.places import along
+from benchmarks.stages import peers_table
 from planner.mpc import MPC
 from sim import CarConfig
 
+PROBLEMS = {"cost only": peers_mpc.COST_ONLY, "kept inside": peers_mpc.CONSTRAINED}
 
-def test_a_general_solver_finds_the_plan_that_ours_finds():
-    mpc = MPC(config=peers_mpc.COST_ONLY)
-    path, risk = peers_mpc.straight(), peers_mpc._around(peers_mpc.hall(3), np.array([4.0, 0, 0]))
-    state, car = np.array([4.0, 0.3, 0.1, 2.0]), mpc.limits
-    guess = pursue(path.points, 60, state, mpc.stages, 0.1, car.v_max, car.acceleration,
-                   car.braking, car.lateral_acceleration, car.max_curvature, 1e6)  # fmt: skip
+
+def casadis(mpc):
+    return general(mpc, "ipopt", compiled=False)
+
+
+def do_mpcs(mpc):
+    pytest.importorskip("do_mpc")
+    from benchmarks.peers_do_mpc import do_mpc
+
+    return do_mpc(mpc, compiled=False)
+
+
+@pytest.mark.parametrize(
+    ("problem", "make"),
+    [("cost only", casadis), ("kept inside", casadis), ("kept inside", do_mpcs)],
+)
+def test_a_general_solver_finds_the_plan_that_ours_finds(problem, make):
+    mpc = MPC(config=PROBLEMS[problem])
+    path, risk = hall.straight(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
+    state = np.array([4.0, 0.3, 0.1, 2.0])
+    guess = hall.pursuit(mpc, path, state)
     costs = []
-    for prepare in (peers_mpc.ours(mpc), peers_mpc.general(mpc, "ipopt", compiled=False)):
-        plan = mpc.roll(state, prepare(state, risk, guess, 0.0, True)())
+    for prepare in (peers_mpc.ours(mpc), make(mpc)):
+        plan = mpc.roll(state, prepare(hall.Tick(state, risk, guess, 0.0, True))())
         assert plan.states[-1, 3] < 1e-3
         costs.append(mpc.evaluate(plan, path, risk, 58, 0.0))
     started = mpc.evaluate(mpc.roll(state, guess), path, risk, 58, 0.0)
@@ -29,11 +46,54 @@ def test_a_general_solver_finds_the_plan_that_ours_finds():
 
 def test_a_general_solver_drives_as_ours_does():
     mpc = MPC(config=peers_mpc.COST_ONLY)
-    solvers = (peers_mpc.ours(mpc), peers_mpc.general(mpc, "ipopt", compiled=False))
-    drives = [peers_mpc.drive(mpc, solver, 5, 12) for solver in solvers]
+    drives = [hall.drive(mpc, solver, 5, 12) for solver in (peers_mpc.ours(mpc), casadis(mpc))]
     assert drives[0].cost == pytest.approx(drives[1].cost, rel=5e-3)
     assert [d.failures for d in drives] == [0, 0]
     assert [len(d.times) for d in drives] == [11, 11]
+
+
+def test_several_starts_cost_no_more_than_one():
+    mpc = MPC(config=peers_mpc.CONSTRAINED)
+    state, path = np.array([4.0, 0.3, 0.1, 2.0]), hall.straight()
+    for seed in range(4):
+        risk = hall.around(hall.hall(seed), state)
+        tick = hall.Tick(state, risk, hall.pursuit(mpc, path, state), 0.0, True)
+        one, best = (
+            mpc.evaluate(mpc.roll(state, make(mpc)(tick)()), path, risk, 58, 0.0)
+            for make in (peers_mpc.ours, peers_mpc.several)
+        )
+        assert best <= one + 1e-9
+
+
+def test_sampling_keeps_the_limits_lowers_the_cost_and_repeats_itself():
+    pytest.importorskip("pytorch_mppi")
+    from benchmarks.peers_mppi import mppi
+
+    mpc = MPC(config=peers_mpc.COST_ONLY)
+    path, risk = hall.straight(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
+    state = np.array([4.0, 0.3, 0.1, 2.0])
+    guess = np.tile([-mpc.limits.braking, 0.0], (mpc.stages, 1))
+    tick = hall.Tick(state, risk, guess, 0.0, True)
+    prepare = mppi(mpc)
+    first, again = (mpc.roll(state, prepare(tick)()) for _ in range(2))
+    assert np.array_equal(first.controls, again.controls)
+    started, ended = (
+        mpc.evaluate(plan, path, risk, 58, 0.0) for plan in (mpc.roll(state, guess), first)
+    )
+    assert ended < started - 1.0
+
+
+def test_what_posts_add_to_the_cost_is_told_beside_it(monkeypatch):
+    monkeypatch.setattr(
+        peers_mpc,
+        "makers",
+        lambda mpc: {"ours": lambda: peers_mpc.ours(mpc), "IPOPT": lambda: casadis(mpc)},
+    )
+    found = peers_mpc.compare(peers_mpc.COST_ONLY, 2, 8, lambda _: None)
+    assert found["ours"]["ratio"] == 1.0
+    assert found["ours"]["dearer_percent"] == 0.0
+    assert found["ours"]["excess"] == pytest.approx(found["IPOPT"]["excess"], abs=0.1)
+    assert found["ours"]["excess"] > -0.01
 
 
 def test_calls_are_timed_in_turn(monkeypatch):
@@ -52,14 +112,14 @@ def test_calls_are_timed_in_turn(monkeypatch):
     assert order[:4] == [("a", 0), ("b", 0), ("a", 0), ("b", 0)]
     assert found[peers.OURS] == pytest.approx({"median_ms": 1.0, "p99_ms": 1.0, "ratio": 1.0})
     assert found["other"]["ratio"] == pytest.approx(10.0)
-    assert "| rays | other |" in peers_table({"rays": found})
+    assert "| rays | other |" in " ".join(peers_table({"rays": found}).split())
 
 
 def test_peers_of_the_lidar_see_what_ours_sees():
     for name in ("octomap", "raycast2D", "irsim"):
         pytest.importorskip(name)
     world = task_in("corridor", 0, CarConfig()).world
-    poses = _poses(task_in("corridor", 0, CarConfig()), 3)
+    poses = along(task_in("corridor", 0, CarConfig()), 3)
     calls = peers.rays(world, poses)
     for i, pose in enumerate(poses):
         scan = calls[peers.OURS](i)
@@ -79,5 +139,5 @@ def test_peers_of_the_map_find_the_walls_that_ours_finds():
     pytest.importorskip("octomap")
     pytest.importorskip("pyoctomap")
     task = task_in("corridor", 0, CarConfig())
-    for name, call in peers.mapping(task, _poses(task, 2)).items():
+    for name, call in peers.mapping(task, along(task, 2)).items():
         assert call(0) is not False, name

@@ -1,4 +1,4 @@
-"""The stages' benchmark times what it says it times."""
+"""The stages' benchmark times what it says it times, and keeps what it has measured."""
 
 import json
 import time
@@ -6,9 +6,10 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks import stages
-from benchmarks.stages import main, spread, timed
+from benchmarks import growth, places, rates, stages, throughput, timing
+from benchmarks.stages import main, measures_table
 from benchmarks.tables import main as show
+from benchmarks.timing import spread, timed
 
 
 def test_spread_is_of_the_times():
@@ -33,25 +34,66 @@ def test_timed_calls_once_more_than_it_counts(monkeypatch):
 
 
 def test_a_hall_has_walls_and_things():
-    hall = stages._cluttered(200, 0).grid
+    hall = places.cluttered(200, 0).grid
     assert hall.occupied[0].all()
     assert 0.02 < hall.occupied[1:-1, 1:-1].mean() < 0.5
-    assert np.array_equal(hall.cells, stages._cluttered(200, 0).grid.cells)
+    assert np.array_equal(hall.cells, places.cluttered(200, 0).grid.cells)
 
 
-@pytest.mark.slow
-def test_one_command_writes_stages_and_their_growth(tmp_path, monkeypatch, capsys):
+def test_measures_are_told_with_their_intervals_and_tails():
+    told = measures_table({
+        "a": {"value": 12.3456, "unit": "ms", "p99": 20.0, "samples": 5},
+        "b": {"value": 1.0, "low": -2.0, "high": 4.0, "unit": "MiB", "samples": 6},
+    })  # fmt: skip
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in told.splitlines()]
+    assert cells[2:] == [["a", "12.35", "20", "ms", "5"], ["b", "1 (-2 to 4)", "", "MiB", "6"]]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Everything small, and no processes."""
     for name, few in (("BEAMS", (90, 180)), ("MAP_SIDES", (100, 200)), ("WINDOWS", (5.0,)),
                       ("EXPANSIONS", (1.0, 2.0)), ("HORIZONS", (20,)), ("REPEATS", 2)):  # fmt: skip
-        monkeypatch.setattr(stages, name, few)
-    plain = stages.closed_loop
+        monkeypatch.setattr(growth, name, few)
+    for name, few in (("SCANS", 3), ("ROUNDS", 1), ("CHECKED_POSES", 1), ("CHECKED_BEAMS", 5),
+                      ("REPEATS", 3)):  # fmt: skip
+        monkeypatch.setattr(rates, name, few)
+    plain = timing.closed_loop
 
     def short(arm, drives, seed, v_max=4.0):
         return plain("known" if arm == "oracle" else arm, drives, seed, v_max)
 
-    monkeypatch.setattr(stages, "closed_loop", short)
+    monkeypatch.setattr(timing, "closed_loop", short)
+    monkeypatch.setattr(growth, "closed_loop", short)
     monkeypatch.setattr("sim.episode.EpisodeConfig.__init__.__defaults__", (0.1, 0.5, 0.3, 0.2, 10))
-    assert main(["--out", str(tmp_path), "--drives", "1"]) == 0
+
+    def driven(settings, items, jobs, report):
+        return [throughput.Driven(30.0, 3.0, 800.0 + i, 900.0) for i in range(len(items))]
+
+    monkeypatch.setattr(throughput, "driven", driven)
+
+
+@pytest.mark.slow
+def test_one_command_writes_all_and_goes_on_after_an_interrupt(
+    tmp_path, monkeypatch, capsys, quick
+):
+    command = ["--out", str(tmp_path), "--drives", "1"]
+    measure = growth.grown
+
+    def interrupted(axis, seed, report):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(growth, "grown", interrupted)
+    assert main(command) == 130
+    assert "the same command goes on" in capsys.readouterr().err
+    assert not (tmp_path / "results.json").exists()
+
+    def forbidden(*_):
+        raise AssertionError("measured twice")
+
+    monkeypatch.setattr(growth, "grown", measure)
+    monkeypatch.setattr(rates, "rays", forbidden)
+    assert main(command) == 0
     results = json.loads((tmp_path / "results.json").read_text())
     assert {"scan", "integrate", "crop", "predict", "risk", "mpc", "cycle", "path"} <= set(
         results["stages"]
@@ -60,13 +102,23 @@ def test_one_command_writes_stages_and_their_growth(tmp_path, monkeypatch, capsy
         assert 0 < stage["median_ms"] <= stage["p99_ms"]
     assert results["stages"]["cycle"]["median_ms"] > results["stages"]["predict"]["median_ms"]
     assert [entry["value"] for entry in results["growth"]["beams"]] == [90, 180]
+    measures = results["measures"]
+    assert measures["rays, corridor 1000², largest error"]["value"] < 1e-9
+    assert measures["throughput, 2 processes"]["value"] == pytest.approx(10.0)
+    assert measures["1,000 episodes of 3 arms, 2 processes"]["value"] == pytest.approx(75.0)
+    assert measures["worker, growth of memory"]["value"] == pytest.approx(1000.0)
+    assert results["peak_memory_mib"] == 900.0
     assert (tmp_path / "growth.png").stat().st_size > 5000
-    assert "| `predicted` | predict |" in capsys.readouterr().out
+    out = " ".join(capsys.readouterr().out.split())
+    assert "| `predicted` | predict |" in out
+    assert "| risk map 200² |" in out
     assert show([str(tmp_path / "results.json")]) == 0
-    assert "| `predicted` | cycle |" in capsys.readouterr().out
+    assert "| `predicted` | cycle |" in " ".join(capsys.readouterr().out.split())
 
 
-@pytest.mark.parametrize("wrong", [["--drives", "0"], ["--seed", "-1"]])
+@pytest.mark.parametrize(
+    "wrong", [["--drives", "0"], ["--seed", "-1"], ["--memory", "5"], ["--episodes", "0"]]
+)
 def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
     assert main(wrong) == 2
     assert wrong[0] in capsys.readouterr().err
@@ -76,3 +128,10 @@ def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypat
     monkeypatch.setattr(stages, "PEERS", ("json", "no_such_module"))
     assert main(["--peers", "--out", str(tmp_path)]) == 2
     assert "--peers needs no_such_module" in capsys.readouterr().err
+
+
+def test_a_missing_compiler_is_named_too(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(stages, "PEERS", ("json",))
+    monkeypatch.setattr(stages, "COMPILER", "no-such-compiler")
+    assert main(["--peers", "--out", str(tmp_path)]) == 2
+    assert "--peers needs no-such-compiler" in capsys.readouterr().err

@@ -1,0 +1,51 @@
+"""What was measured is kept, and measured again only where it must be."""
+
+import json
+
+from benchmarks import parts
+from benchmarks.parts import Part, Parts
+
+
+def test_a_part_is_measured_once_and_found_by_the_next_run(tmp_path):
+    part = Part("group/name", {"seed": 0, "shape": (1, 2)}, lambda: {"a": 1.5})
+    assert Parts(tmp_path / "parts").find(part) is None
+    assert Parts(tmp_path / "parts").measure(part) == {"a": 1.5}
+    assert Parts(tmp_path / "parts").find(part) == {"a": 1.5}
+
+
+def test_other_settings_code_or_machine_count_as_missing(tmp_path, monkeypatch):
+    kept = Parts(tmp_path)
+    kept.measure(Part("a", {"seed": 0}, lambda: [1]))
+    assert kept.find(Part("a", {"seed": 1}, list)) is None
+    same = Part("a", {"seed": 0}, list)
+    with monkeypatch.context() as patch:
+        patch.setattr(parts, "code", lambda: "other")
+        assert kept.find(same) is None
+    with monkeypatch.context() as patch:
+        patch.setattr(parts, "machine", lambda: {"cores": 64})
+        assert kept.find(same) is None
+    assert kept.find(same) == [1]
+
+
+def test_names_that_look_alike_on_disk_and_broken_files_count_as_missing(tmp_path):
+    kept = Parts(tmp_path)
+    kept.measure(Part("a b", {}, lambda: 1))
+    assert kept.find(Part("a-b", {}, lambda: 2)) is None
+    (path,) = tmp_path.iterdir()
+    path.write_text(path.read_text()[:-5])
+    assert kept.find(Part("a b", {}, lambda: 1)) is None
+    path.write_text(json.dumps({"measured": 1}))
+    assert kept.find(Part("a b", {}, lambda: 1)) is None
+
+
+def test_a_change_of_the_code_changes_its_fingerprint(tmp_path, monkeypatch):
+    for package in parts.PACKAGES:
+        (tmp_path / package).mkdir()
+    monkeypatch.setattr(parts, "__file__", str(tmp_path / "benchmarks" / "parts.py"))
+    found = set()
+    for text in ("a = 1", "a = 2"):
+        (tmp_path / "planner" / "mpc.py").write_text(text)
+        parts.code.cache_clear()
+        found.add(parts.code())
+    parts.code.cache_clear()
+    assert len(found) == 2
