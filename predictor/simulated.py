@@ -34,6 +34,8 @@ PER_SPLIT = 1_000
 """Seeds of buildings that each split has."""
 TRIES = 20
 """Seeds that each drive has."""
+CIRCLES = 1.5, 40.0
+"""A car that has turned round this often within this time [s] has lost its way: it circles."""
 
 
 class DriveError(RuntimeError):
@@ -181,6 +183,7 @@ def driven(world: World, seed: int, count: int) -> tuple[Recording, str | None]:
     near.mark_free(start, config.car.body, config.start_margin)
     recording = Recording(world.grid.frame, truth_of(world))
     state, rested = np.array([*task.start, 0.0]), 0
+    turned, within = np.zeros(count + 1), round(CIRCLES[1] / TICK)
     for tick in range(count):
         scan = lidar.scan(world, state)
         decision = navigator.step(state, scan)
@@ -188,7 +191,12 @@ def driven(world: World, seed: int, count: int) -> tuple[Recording, str | None]:
         recording.add(navigator.known, near, state, decision.control, tick * TICK)
         if car.collides(world, state, decision.control, TICK):
             return recording, "it collided"
-        state = car.step(state, decision.control, TICK)
+        moved = car.step(state, decision.control, TICK)
+        turn = np.remainder(moved[2] - state[2] + np.pi, 2 * np.pi) - np.pi
+        turned[tick + 1] = turned[tick] + turn
+        state = moved
+        if abs(turned[tick + 1] - turned[max(0, tick + 1 - within)]) > 2 * np.pi * CIRCLES[0]:
+            return recording, "it went round in circles"
         rested = rested + 1 if state[3] < 0.02 else 0
         if rested > 100:
             return recording, "it stood still for 10 s"
