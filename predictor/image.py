@@ -42,8 +42,3 @@ def cells_of(image: NDArray, n: int) -> NDArray:
     """The pixel of each cell's middle: images (..., side, side) back to (..., n, n)."""
     pixels = pixels_of(n, image.shape[-1])
     return image[..., pixels[:, None], pixels]
-
-
-def codes_of(image: NDArray) -> NDArray[np.uint8]:
-    """The nearest codes of greys: 0 free, 1 occupied, 2 not known; any shape."""
-    return np.where(image > 0.5, 0, np.where(image < -0.5, 1, 2)).astype(np.uint8)

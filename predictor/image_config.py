@@ -92,8 +92,9 @@ class ImageTraining:
                 raise ValueError(
                     f"{name} is {getattr(self, name)}, it must lie in ({low:g}, {high:g}]"
                 )
-        if self.batch < 1 or self.seed < 0:
-            raise ValueError("batch is at least 1, seed is not negative")
+        for name, least in (("batch", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} is {getattr(self, name)}, it must be at least {least}")
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,7 @@ class ImageTrainer:
         # Where one sum in another order would make another network.
         torch.backends.cudnn.deterministic = True
         torch.manual_seed(training.seed)
-        net = ImageNet(config).to(group.device)
+        net = ImageNet(config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.learner = (Adversary if config.arch == "gan" else Learner)(net, training, group)
         self.step, self.seconds = 0, 0.0
         self.log: list[dict[str, float]] = []

@@ -65,6 +65,8 @@ def _openvino(module: nn.Module, shape: tuple[int, int]) -> Run:
     with warnings.catch_warnings():
         # Deprecated, but what OpenVINO reads for maps of any size.
         warnings.simplefilter("ignore", DeprecationWarning)
+        # Checks of shapes, which are kept as they turned out for the example.
+        warnings.simplefilter("ignore", torch.jit.TracerWarning)
         traced = torch.jit.trace(module.eval(), example, check_trace=False)
     frontend = FrontEndManager().load_by_framework("pytorch")
     decoder = TorchScriptPythonDecoder(traced, example_input=(example,))

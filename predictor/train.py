@@ -11,14 +11,15 @@ Interrupted, each goes on where it was when the same command is given again.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from predictor.checkpoint import TrainError
 from predictor.compact_training import TrainConfig
-from predictor.image_config import EXPANSIONS, GIVEN, PRESETS, SIDES, ImageConfig, ImageTraining
+from predictor.image_arguments import NAMES, add_arguments, configured
+from predictor.image_config import EXPANSIONS, PRESETS
 from predictor.networks import ARCHITECTURES
 
 if TYPE_CHECKING:
@@ -26,14 +27,13 @@ if TYPE_CHECKING:
 
 COMPACT = ("train", "validation", "steps", "start")
 """Arguments that are compact's alone."""
-IMAGES = ("preset", "expansion", "given", "width", "side", "epochs", "sigma", "bf16")
+IMAGES = ("expansion", *NAMES)
 """Arguments that are the paper's networks' alone."""
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     from benchmarks.workers import WorkersError
-    from predictor.checkpoint import TrainError
     from predictor.drives import DrivesError
     from predictor.samples import SamplesError
 
@@ -50,50 +50,16 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def image_run(
-    arch: str, expansion: float, preset: str, changes: dict[str, Any]
-) -> tuple[ImageConfig, ImageTraining]:
-    """A network of the paper and its training: a preset, and what is to differ from it.
-
-    Args:
-        arch: the network's name.
-        expansion: of the crop.
-        preset: name of a preset.
-        changes: other values of fields of `ImageConfig` and `ImageTraining`.
-
-    Raises:
-        TrainError: if a value cannot be used.
-    """
-    from predictor.checkpoint import TrainError
-
-    base = PRESETS[preset]
-    fields = {field.name for field in dataclasses.fields(ImageTraining)}
-    of_training = {name: value for name, value in changes.items() if name in fields}
-    of_network = {name: value for name, value in changes.items() if name not in fields}
-    try:
-        training = dataclasses.replace(base.training, **of_training)
-        # What batch normalisation is with a batch of one.
-        over = "image" if training.batch == 1 else "batch"
-        shape = {"width": base.width, "side": base.side} | of_network
-        return ImageConfig(arch, expansion, over=over, **shape), training
-    except ValueError as error:
-        raise TrainError(f"--{error}") from None
-
-
 def _images(args: argparse.Namespace) -> Path:
     from predictor.image_training import train_images
 
-    names = ("given", "width", "side", "epochs", "batch", "rate", "sigma", "seed")
-    changes = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    changes |= {"brief": True} if args.bf16 else {}
     expansion = EXPANSIONS[0] if args.expansion is None else args.expansion
-    config, training = image_run(args.arch, expansion, args.preset or "paper", changes)
+    config, training = configured(args, args.arch, expansion)
     out = args.out or Path("results/networks") / f"{args.arch}-{expansion:g}"
-    return train_images(config, training, args.data or Path("data/frames"), out, args.jobs)
+    return train_images(config, training, args.data or Path("data/simulated"), out, args.jobs)
 
 
 def _compact(args: argparse.Namespace) -> Path:
-    from predictor.checkpoint import TrainError
     from predictor.compact_training import Trainer
     from predictor.drives import DrivesConfig, make
 
@@ -137,8 +103,6 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         TrainError: if something does not.
     """
-    from predictor.checkpoint import TrainError
-
     compact = args.arch == "compact"
     for name in IMAGES if compact else COMPACT:
         if getattr(args, name) not in (None, False):
@@ -167,7 +131,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the network (default: %(default)s)")  # fmt: skip
     add("--data", type=Path, metavar="DIR", help=f"what it learns from: compact's drives, which "
         f"are made first where they are missing (default: {drives.out}), or the frames of "
-        "predictor.dataset (default: data/frames)")  # fmt: skip
+        "predictor.dataset (default: data/simulated)")  # fmt: skip
     add("--out", type=Path, metavar="DIR", help="checkpoint, log, curve and weights (default: "
         "results/train, or results/networks/ARCH-EXPANSION)")  # fmt: skip
     add("--batch", type=int, metavar="N", help=f"samples a step (default: {default.batch}; paper: "
@@ -185,27 +149,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--steps", type=int, metavar="N", help=f"default: {default.steps}")
     add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
         "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
-    group = parser.add_argument_group(
-        "the paper's networks alone",
-        "A preset is a size and a schedule. paper: as printed; short: for 2 CPU cores. What is "
-        "given beside it differs from it, and is recorded with the weights.",
-    )
-    add = group.add_argument
-    add("--preset", choices=tuple(PRESETS), help="default: paper")
-    add("--expansion", type=float, metavar="X", help="width of the predicted square over that of "
-        f"the 5 m crop; the paper has {', '.join(map(str, EXPANSIONS))} (default: "
+    group = parser.add_argument_group("the paper's networks alone")
+    group.add_argument("--expansion", type=float, metavar="X", help="width of the predicted square "
+        f"over that of the 5 m crop; the paper has {', '.join(map(str, EXPANSIONS))} (default: "
         f"{EXPANSIONS[0]})")  # fmt: skip
-    add("--given", choices=GIVEN, help="what the network sees: the 5 m crop alone, or all that was "
-        "seen inside the predicted square (default: crop)")  # fmt: skip
-    add("--width", type=float, metavar="F", help="factor of all channels (paper: "
-        f"{paper.width:g}; short: {short.width:g})")  # fmt: skip
-    add("--side", type=int, choices=SIDES, help=f"of the images [pixels] (paper: {paper.side}; "
-        f"short: {short.side})")  # fmt: skip
-    add("--epochs", type=float, metavar="E", help="times that each frame is learnt from (paper: "
-        f"{paper.training.epochs:g}; short: {short.training.epochs:g})")  # fmt: skip
-    add("--sigma", type=float, metavar="S", help="standard deviation of the first weights; the "
-        f"paper prints 0.2 (default: {paper.training.sigma:g}, pix2pix's)")  # fmt: skip
-    add("--bf16", action="store_true", help="bfloat16 where it may stand in for single precision")
+    add_arguments(group)
     return parser
 
 

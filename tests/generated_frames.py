@@ -1,6 +1,7 @@
-"""Frames out of generated buildings, without driving: the attributes of `predictor.frames.Frames`."""
+"""Frames of crossings, without driving: the attributes of `predictor.frames.Frames`."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,3 +53,24 @@ def generated(count: int, seed: int) -> GeneratedFrames:
     about = [{"world": f"{seed:032x}", "seed": seed, "split": "train", "count": count}]
     estimated = np.ascontiguousarray(seen[:, 50:150, 50:150])
     return GeneratedFrames(about, np.zeros(count, np.intp), estimated, seen, whole)
+
+
+def write_frames(folder: Path, splits: dict[str, GeneratedFrames]) -> None:
+    """Write sets of frames as `predictor.frames` reads them, a split a trajectory."""
+    from predictor.frame_set import FrameSet, write_trajectory
+
+    made = FrameSet(folder, "simulated", {}, list(splits))
+    for split, frames in splits.items():
+        count = len(frames)
+        arrays = {
+            "estimated": frames.estimated,
+            "remembered": frames.remembered,
+            "states": np.zeros((count, 4)),
+            "actions": np.zeros((count, 2)),
+            "times": np.arange(count, dtype=np.float64),
+            "map": np.concatenate(list(frames.whole)),
+            "origin": np.zeros(2),
+            "corners": np.array([[200 * i, 0] for i in range(count)], dtype=np.int32),
+        }
+        about = {"split": split, "map": split, "world": frames.about[0]["world"]}
+        made.add(split, write_trajectory(folder, split, arrays, about))
