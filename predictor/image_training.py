@@ -120,7 +120,7 @@ class ImageTrainer:
         saved = begun = time.monotonic()
         before = self.seconds
         with (
-            tqdm(total=self.steps, initial=self.step, unit="step", smoothing=0.05,
+            tqdm(total=self.steps, initial=self.step, unit="step", smoothing=0.05, mininterval=0.5,
                  disable=not self.group.first) as bar,
             ThreadPoolExecutor(1) as ahead,
         ):  # fmt: skip
@@ -197,7 +197,8 @@ class ImageTrainer:
             wanted.to(device).float(),
             self.training.rate * min(1.0, 2.0 - 2.0 * self.step / self.steps),
         )
-        return [float(loss) for loss in self.group.mean(losses)]
+        means: list[float] = self.group.mean(losses).tolist()
+        return means
 
     def _note(self) -> None:
         """Validate, and write it down."""

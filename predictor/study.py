@@ -47,19 +47,52 @@ LOOK_EVERY = 2.0
 
 
 @dataclass(frozen=True)
+class Data:
+    """What a study learns from.
+
+    Attributes:
+        folder: of the frames.
+        frames: to learn from.
+        worlds: hashes of their buildings.
+        validation_worlds: of those to validate on.
+    """
+
+    folder: Path
+    frames: int
+    worlds: tuple[str, ...]
+    validation_worlds: tuple[str, ...]
+
+    @classmethod
+    def of(cls, folder: Path) -> Data:
+        """What a folder holds.
+
+        Raises:
+            TrainError: if it does not hold frames to train and to validate on.
+        """
+        from predictor.frames import Frames, FramesError
+
+        try:
+            train, validation = (Frames.load(folder, name) for name in ("train", "validation"))
+        except FramesError as error:
+            raise TrainError(f"--data: {error}") from None
+        worlds = (tuple(sorted(split.worlds)) for split in (train, validation))
+        return cls(folder, len(train), *worlds)
+
+
+@dataclass(frozen=True)
 class Run:
     """One training of a study.
 
     Attributes:
         config: the network.
         training: how it learns.
-        data: folder of frames.
+        data: from what.
         out: its own folder.
     """
 
     config: ImageConfig
     training: ImageTraining
-    data: Path
+    data: Data
     out: Path
 
     @property
@@ -68,7 +101,7 @@ class Run:
         return self.out.name
 
     def finished(self) -> bool:
-        """Whether weights of this network are there, trained in this way.
+        """Whether weights of this network are there, trained in this way on these frames.
 
         Raises:
             TrainError: if what is there is damaged, or was trained in another way.
@@ -82,9 +115,12 @@ class Run:
             _, facts = facts_of(path)
         except WeightsError as error:
             raise TrainError(f"{error}; delete it to make it again") from None
-        mine = {"config": asdict(self.training), "network": asdict(self.config)}
+        mine = {"config": asdict(self.training), "network": asdict(self.config),
+                "frames": self.data.frames, "worlds": list(self.data.worlds),
+                "validation_worlds": list(self.data.validation_worlds)}  # fmt: skip
         if any(facts.get(name) != value for name, value in mine.items()):
-            raise TrainError(f"{path} was trained in another way; choose another folder by --out")
+            raise TrainError(f"{path} was trained in another way, or on other frames: choose another"
+                             " folder by --out")  # fmt: skip
         return True
 
     def train(self) -> None:
@@ -96,7 +132,7 @@ class Run:
         with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
             try:
                 # One thread each: the sums are the same, however many train at a time.
-                train_images(self.config, self.training, self.data, self.out, threads=1)
+                train_images(self.config, self.training, self.data.folder, self.out, threads=1)
             except Exception as error:
                 traceback.print_exc()
                 line = " ".join(f"{type(error).__name__}: {error}".split())
@@ -228,8 +264,9 @@ def main(argv: list[str] | None = None) -> int:
         if args.jobs is not None and args.jobs < 1:
             raise TrainError(f"--jobs is {args.jobs}, it must be at least 1")
         out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
+        data = Data.of(args.data)
         runs = [
-            Run(*configured(args, arch, expansion), args.data, out / f"{arch}-{expansion:.1f}")
+            Run(*configured(args, arch, expansion), data, out / f"{arch}-{expansion:.1f}")
             for arch, expansion in ORDER
             if arch in args.archs and expansion in args.expansions
         ]

@@ -40,7 +40,10 @@ def main(argv: list[str] | None = None) -> int:
     args = _parser().parse_args(argv)
     try:
         _check(args)
-        print(_compact(args) if args.arch == "compact" else _images(args))
+        path = _compact(args) if args.arch == "compact" else _images(args)
+        # Of those that torchrun has started, one speaks.
+        if os.environ.get("RANK", "0") == "0":
+            print(path)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130

@@ -7,8 +7,6 @@ import pytest
 import torch
 from safetensors.torch import load, save
 
-from benchmarks.drive import drive
-from benchmarks.settings import Settings
 from predictor import (
     FREE,
     OCCUPIED,
@@ -138,7 +136,7 @@ def test_what_it_prints_lies_where_it_was_seen_at_every_resolution(tmp_path, res
     assert image[known.frame.cell(2.3, 5.0)] == 0.0
 
 
-@pytest.mark.parametrize("side", [40, 110, 137, 240])
+@pytest.mark.parametrize("side", [60, 110, 137, 240])
 def test_windows_smaller_and_larger_than_its_square(folder, side):
     known = seen(side)
     pose = np.array([*known.frame.centre(side / 2, side / 2), 0.0])
@@ -225,11 +223,3 @@ def test_weights_of_compact_come_back_through_the_same_door(tmp_path):
     path = tmp_path / "compact.safetensors"
     save_weights(path, CompactNet(), {})
     assert isinstance(load_predictor(str(path)), Compact)
-
-
-def test_the_car_drives_with_it(folder):
-    settings = Settings(predictor=str(folder / "unet_ff.safetensors"), arms=("predicted",),
-                        expansion=1.5)  # fmt: skip
-    result, _ = drive(settings, 0, "predicted")
-    assert result["outcome"] in ("reached", "stuck", "timed out")
-    assert not result["faults"].get("predictor")

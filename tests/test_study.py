@@ -8,7 +8,7 @@ from generated_frames import generated, write_frames
 from predictor import study
 from predictor.image_config import EXPANSIONS, ImageConfig, ImageTraining
 from predictor.image_net import ImageNet
-from predictor.study import ORDER, Run, Study, main
+from predictor.study import ORDER, Data, Run, Study, main
 from predictor.weights import save_weights
 
 pytest.importorskip("predictor.frames")
@@ -25,7 +25,7 @@ def data(tmp_path_factory):
 
 def run_of(data, out, arch="mlp", expansion=1.1):
     config = ImageConfig(arch, expansion, width=1 / 16, side=64)
-    return Run(config, ImageTraining(epochs=0.2), data, out / f"{arch}-{expansion}")
+    return Run(config, ImageTraining(epochs=0.2), Data.of(data), out / f"{arch}-{expansion}")
 
 
 def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
@@ -86,6 +86,12 @@ def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
     assert both.state[other] == "finished"
 
 
+def test_a_folder_without_frames_is_named_before_any_training(tmp_path, capsys):
+    assert main(["--data", str(tmp_path / "no"), "--out", str(tmp_path / "out"), *TINY]) == 2
+    assert "no holds no data set" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_weights_of_another_schedule_are_not_passed_over_in_silence(data, tmp_path, capsys):
     one = run_of(data, tmp_path)
     one.out.mkdir(parents=True)
@@ -117,6 +123,6 @@ def test_an_interrupted_study_leaves_no_process(data, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("wrong", [["--jobs", "0"], ["--width", "9"]])
-def test_arguments_that_make_no_sense_are_refused(wrong, tmp_path, capsys):
-    assert main([*wrong, "--out", str(tmp_path)]) == 2
+def test_arguments_that_make_no_sense_are_refused(data, wrong, tmp_path, capsys):
+    assert main([*wrong, "--data", str(data), "--out", str(tmp_path)]) == 2
     assert wrong[0] in capsys.readouterr().err
