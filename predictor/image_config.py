@@ -34,6 +34,8 @@ class ImageConfig:
         width: factor of all channels; 1 is the paper's.
         side: of the images [pixels]; 256 is what the paper's 8 layers need.
         over: one of `OVER`.
+        turned: whether maps are turned by quarters before, so that the robot looks along +x to
+            within 45°, as in the samples of drives; the paper's frames are not.
     """
 
     arch: str = "unet_ff"
@@ -42,9 +44,16 @@ class ImageConfig:
     width: float = 1.0
     side: int = 256
     over: str = "image"
+    turned: bool = False
 
     def __post_init__(self) -> None:
-        choices = {"arch": ARCHITECTURES, "given": GIVEN, "side": SIDES, "over": OVER}
+        choices = {
+            "arch": ARCHITECTURES,
+            "given": GIVEN,
+            "side": SIDES,
+            "over": OVER,
+            "turned": (False, True),
+        }
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
                 known = ", ".join(map(str, allowed))

@@ -17,6 +17,7 @@ from predictor.image_config import WINDOW, ImageConfig
 from predictor.image_net import ImageNet
 from predictor.prediction import Prediction
 from predictor.runtime import Run, runner
+from predictor.samples import quarters
 from predictor.weights import load_weights
 
 SUREST = 0.9999
@@ -84,7 +85,9 @@ class ImagePredictor:
         codes = np.where(
             given.free, np.uint8(0), np.where(given.occupied, np.uint8(1), np.uint8(2))
         )
-        printed = self._run(image_of(codes, self.config.side)[None])[0]
+        turns = quarters(float(pose[2])) if self.config.turned else 0
+        image = image_of(np.rot90(codes, turns), self.config.side)
+        printed = np.rot90(self._run(image[None])[0], -turns)
         return square, cells_of(printed, square.shape[0])
 
 

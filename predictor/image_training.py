@@ -33,6 +33,7 @@ from predictor.whole import write_whole
 
 if TYPE_CHECKING:
     from predictor.frames import Frames
+    from predictor.sample_frames import SampleFrames
 
 NOTES = 20
 """Entries of the log, at least; and at least one an epoch."""
@@ -60,8 +61,8 @@ class ImageTrainer:
         self,
         config: ImageConfig,
         training: ImageTraining,
-        train: Frames,
-        validation: Frames,
+        train: Frames | SampleFrames,
+        validation: Frames | SampleFrames,
         out: Path,
         group: Group,
     ) -> None:
@@ -220,27 +221,45 @@ def told(entry: dict[str, float]) -> str:
 def train_images(
     config: ImageConfig, training: ImageTraining, data: Path, out: Path, threads: int
 ) -> Path:
-    """Train a network on a folder of frames; the path of its weights.
+    """Train a network; the path of its weights.
 
     Args:
-        config: the network.
+        config: the network; `turned` is set to what the data are.
         training: how it learns.
-        data: folder that `predictor.dataset` has made.
+        data: folder that `predictor.dataset` has made, or `predictor.drives`.
         out: folder of checkpoint, log and weights.
         threads: of this process.
 
     Raises:
         TrainError: if it cannot be done or taken up.
     """
-    from predictor.frames import Frames, FramesError
-
     torch.set_num_threads(threads)
-    try:
-        train, validation = (Frames.load(data, split) for split in ("train", "validation"))
-    except FramesError as error:
-        raise TrainError(f"--data: {error}") from None
+    of_drives = (data / "recipe.json").exists()
+    train, validation = (_samples if of_drives else _frames)(data)
+    config = dataclasses.replace(config, turned=of_drives)
     group = Group.join()
     try:
         return ImageTrainer(config, training, train, validation, out, group).run()
     finally:
         group.leave()
+
+
+def _frames(data: Path) -> list[Frames]:
+    """The frames of a data set, to learn from and to validate on."""
+    from predictor.frames import Frames, FramesError
+
+    try:
+        return [Frames.load(data, split) for split in ("train", "validation")]
+    except FramesError as error:
+        raise TrainError(f"--data: {error}") from None
+
+
+def _samples(data: Path) -> list[SampleFrames]:
+    """The samples of drives, likewise."""
+    from predictor.sample_frames import SampleFrames
+    from predictor.samples import Samples, SamplesError
+
+    try:
+        return [SampleFrames(Samples.load(data / split)) for split in ("train", "validation")]
+    except SamplesError as error:
+        raise TrainError(f"--data: {error}") from None

@@ -11,7 +11,8 @@ from predictor.image import image_of
 
 if TYPE_CHECKING:
     from predictor.frames import Frames
-    from predictor.image_net import ImageConfig
+    from predictor.image_config import ImageConfig
+    from predictor.sample_frames import SampleFrames
 
 
 class Pairs:
@@ -22,7 +23,7 @@ class Pairs:
         config: of the network.
     """
 
-    def __init__(self, frames: Frames, config: ImageConfig) -> None:
+    def __init__(self, frames: Frames | SampleFrames, config: ImageConfig) -> None:
         self.frames, self.config = frames, config
         self.n = round(100 * config.expansion)
         """Side of the expanded square [cells]."""

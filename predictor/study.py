@@ -119,7 +119,7 @@ class Run:
                 "frames": self.data.frames, "worlds": list(self.data.worlds),
                 "validation_worlds": list(self.data.validation_worlds)}  # fmt: skip
         if any(facts.get(name) != value for name, value in mine.items()):
-            raise TrainError(f"{path} was trained in another way, or on other frames: choose another"
+            raise TrainError(f"{path} was trained in another way or on other frames: choose another"
                              " folder by --out")  # fmt: skip
         return True
 

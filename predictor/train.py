@@ -134,7 +134,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the network (default: %(default)s)")  # fmt: skip
     add("--data", type=Path, metavar="DIR", help=f"what it learns from: compact's drives, which "
         f"are made first where they are missing (default: {drives.out}), or the frames of "
-        "predictor.dataset (default: data/simulated)")  # fmt: skip
+        "predictor.dataset (default: data/simulated), or compact's drives likewise")  # fmt: skip
     add("--out", type=Path, metavar="DIR", help="checkpoint, log, curve and weights (default: "
         "results/train, or results/networks/ARCH-EXPANSION)")  # fmt: skip
     add("--batch", type=int, metavar="N", help=f"samples a step (default: {default.batch}; paper: "

@@ -136,6 +136,16 @@ def test_what_it_prints_lies_where_it_was_seen_at_every_resolution(tmp_path, res
     assert image[known.frame.cell(2.3, 5.0)] == 0.0
 
 
+@pytest.mark.parametrize("turns", range(4))
+def test_trained_on_turned_maps_it_turns_them(tmp_path, turns):
+    predictor = ImagePredictor(write(tmp_path / "net.safetensors", turned=True))
+    known = seen()
+    other = Grid(known.frame, np.ascontiguousarray(np.rot90(known.cells, -turns)))
+    pose = np.array([5.0, 5.0, 0.1 + turns * np.pi / 2])
+    one = predictor.image(known, np.array([5.0, 5.0, 0.1]))
+    assert np.array_equal(np.rot90(one, -turns), predictor.image(other, pose))
+
+
 @pytest.mark.parametrize("side", [60, 110, 137, 240])
 def test_windows_smaller_and_larger_than_its_square(folder, side):
     known = seen(side)

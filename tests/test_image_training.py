@@ -1,6 +1,7 @@
 """Training the paper's networks: it learns, can be killed, and says what it was made of."""
 
 import json
+import zlib
 
 import numpy as np
 import pytest
@@ -11,8 +12,11 @@ from predictor.checkpoint import TrainError
 from predictor.group import Group
 from predictor.image_config import PRESETS, ImageConfig, ImageTraining
 from predictor.image_net import ImageNet
-from predictor.image_training import ImageTrainer
+from predictor.image_training import ImageTrainer, train_images
 from predictor.networks import ARCHITECTURES
+from predictor.pairs import Pairs
+from predictor.sample_frames import SampleFrames
+from predictor.samples import Samples, write_samples
 from predictor.train import main
 from predictor.weights import load_weights
 
@@ -130,7 +134,7 @@ def test_the_weights_say_how_and_on_what_they_were_trained(tmp_path):
     path = trainer(tmp_path, "gan", epochs=0.4).run()
     net, facts = load_weights(path, ImageNet)
     assert facts["network"] == {"arch": "gan", "expansion": 1.3, "given": "crop", "over": "batch",
-                                **TINY}  # fmt: skip
+                                "turned": False, **TINY}  # fmt: skip
     assert facts["config"]["epochs"] == 0.4
     assert (facts["steps"], facts["frames"]) == (2, 10)
     assert (facts["worlds"], facts["validation_worlds"]) == ([f"{1:032x}"], [f"{2:032x}"])
@@ -230,3 +234,26 @@ def test_a_folder_without_frames_is_named(tmp_path, capsys):
     pytest.importorskip("predictor.frames")
     assert main(["--arch", "mlp", "--data", str(tmp_path)]) == 2
     assert str(tmp_path) in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("given", ["crop", "window"])
+def test_it_learns_from_compacts_drives_too(tmp_path, given):
+    for split, seed in (("train", 1), ("validation", 2)):
+        codes = np.full((3, 280, 280), 8, np.uint8)  # Not seen, never observable.
+        frames = generated(3, seed)
+        codes[:, 40:240, 40:240] = frames.remembered + 3 * frames.whole
+        folder = tmp_path / "drives" / split
+        folder.mkdir(parents=True)
+        packed = [zlib.compress(each.tobytes()) for each in codes]
+        write_samples(folder / "0.npz", packed, {"world": split, "original": split})
+    (tmp_path / "drives" / "recipe.json").write_text("{}")
+    config = ImageConfig("unet_ff", 1.3, given=given, **TINY)
+    path = train_images(config, ImageTraining(epochs=1), tmp_path / "drives", tmp_path / "out", 1)
+    net, facts = load_weights(path, ImageNet)
+    assert net.config.turned
+    assert facts["worlds"] == ["train"]
+    pairs = Pairs(SampleFrames(Samples.load(tmp_path / "drives" / "train")), config)
+    frames = Pairs(generated(3, 1), config)
+    for index in range(3):
+        for name in ("known", "given", "truth"):
+            assert np.array_equal(getattr(pairs, name)(index), getattr(frames, name)(index))
