@@ -87,8 +87,8 @@ class ImagePredictor:
         )
         turns = quarters(float(pose[2])) if self.config.turned else 0
         image = image_of(np.rot90(codes, turns), self.config.side)
-        printed = np.rot90(self._run(image[None])[0], -turns)
-        return square, cells_of(printed, square.shape[0])
+        printed = cells_of(self._run(image[None])[0], square.shape[0])
+        return square, np.rot90(printed, -turns)
 
 
 class _Printed(nn.Module):
