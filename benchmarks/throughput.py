@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.settings import Settings
-from benchmarks.workers import WorkersError, prepare
+from benchmarks.workers import WorkersError, follow_parent
 
 Measure = dict[str, Any]
 Item = tuple[int, str]
@@ -137,7 +137,7 @@ def driven(
 def _begin(settings: Settings) -> None:
     from benchmarks.drive import drive
 
-    prepare()
+    follow_parent()
     for arm in settings.arms:
         drive(settings, 0, arm)
 
