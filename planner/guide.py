@@ -155,7 +155,8 @@ class Guide:
         risk: RiskMap,
         steering: Prediction | None,
     ) -> Path | None:
-        if steering is not None:
+        # A way that is the task is not moved by what is believed beside it.
+        if steering is not None and self._given is None:
             self._belief = remember(self._belief, known.frame, steering)
         cost = CostMap.build(known, self._belief, self.car.body.half_width)
         position = (float(state[0]), float(state[1]))
