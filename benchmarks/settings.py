@@ -25,7 +25,7 @@ class Settings:
         episodes: paired over the arms.
         seed: of the first episode; the others count on from it.
         arms: compared.
-        predictor: a name, or `package.module:Class`.
+        predictor: a name, `package.module:Class`, or the path of a .safetensors file.
         risk: ε in [0, 1].
         v_max: top speed [m/s].
         window: side of the square that the LIDAR writes into [m].
@@ -112,7 +112,8 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--arms", default=",".join(default.arms), metavar="A,B",
         help=f"compared: of {', '.join(ARM_NAMES)}, or all")  # fmt: skip
     add("--predictor", default=default.predictor, metavar="P",
-        help="none, extend, compact, a name that a package offers, or module:Class")  # fmt: skip
+        help="none, extend, compact, a name that a package offers, module:Class, or weights that "
+        "predictor.train has written, FILE.safetensors")  # fmt: skip
     add("--risk", type=float, default=default.risk, metavar="ε",
         help="0: rely on what was seen free alone; 1: on all not seen occupied")  # fmt: skip
     add("--v-max", type=float, default=default.v_max, metavar="V", help="top speed [m/s]")

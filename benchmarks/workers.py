@@ -63,7 +63,7 @@ def _in_processes(
     while left:
         # Two at least: joblib would do a single thing in this process, and die of it.
         pool = Parallel(max(2, min(jobs, len(left))), "loky", return_as="generator_unordered",
-                        batch_size=1, initializer=_prepare)  # fmt: skip
+                        batch_size=1, initializer=follow_parent)  # fmt: skip
         try:
             for item, result in pool([delayed(_with_item)(work, item) for item in left]):
                 left.remove(item)
@@ -126,7 +126,7 @@ def _with_item(work: Callable[[Item], Result], item: Item) -> tuple[Item, Result
     return item, work(item)
 
 
-def _prepare() -> None:
+def follow_parent() -> None:
     """Leave Ctrl-C to the parent, and end when the parent does, even if it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = os.getppid()

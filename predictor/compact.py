@@ -107,7 +107,7 @@ def _loaded(weights: Path, changed: int, runtime: str | None) -> tuple[Run, int,
 
     Kept, for every drive of a sweep makes its own predictor.
     """
-    net, facts = load_weights(weights)
+    net, facts = load_weights(weights, CompactNet)
     run, runs_on = runner(_Answers(net.folded()), runtime)
     return run, net.config.multiple, facts | {"runtime": runs_on}
 

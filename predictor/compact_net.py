@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -47,6 +48,23 @@ class CompactConfig:
     def multiple(self) -> int:
         """Sides of the input must be a multiple of this [cells]."""
         return int(self.patch * 2 ** (len(self.widths) - 1))
+
+    @classmethod
+    def of(cls, fields: dict[str, Any]) -> CompactConfig:
+        """The shape of a network that a header claims.
+
+        Raises:
+            ValueError: if no network can have it.
+            KeyError: if something is missing.
+            TypeError: if something is of the wrong kind.
+        """
+        config = cls(fields["patch"], tuple(fields["widths"]), tuple(fields["blocks"]))
+        sizes, blocks = (config.patch, *config.widths), config.blocks
+        sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
+        sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
+        if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
+            raise ValueError(f"no network is shaped like {config}")
+        return config
 
 
 class Block(nn.Module):
@@ -88,6 +106,11 @@ class CompactNet(nn.Module):
     Args:
         config: its shape.
     """
+
+    architecture = "foresee-compact-1"
+    """What files of weights call it; another number when the network changes its meaning."""
+    ARCHITECTURES: tuple[str, ...] = (architecture,)
+    CONFIG = CompactConfig
 
     def __init__(self, config: CompactConfig | None = None) -> None:
         super().__init__()

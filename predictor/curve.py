@@ -11,14 +11,19 @@ from matplotlib.figure import Figure
 from predictor.whole import write_whole
 
 
-def draw_curve(log: list[dict[str, float]], path: Path) -> None:
-    """The training curve: loss, and what validation says."""
-    figure = Figure(figsize=(12, 3.4), layout="constrained")
-    axes = figure.subplots(1, 3)
+def draw_curve(
+    log: list[dict[str, float]], path: Path, panels: tuple[tuple[str, ...], ...]
+) -> None:
+    """The training curve: losses, and what validation says.
+
+    Args:
+        log: entries, each with its "step".
+        path: of the picture.
+        panels: names of what is drawn, panel by panel.
+    """
+    figure = Figure(figsize=(4 * len(panels), 3.4), layout="constrained")
+    axes = figure.subplots(1, len(panels), squeeze=False)[0]
     steps = [entry["step"] for entry in log]
-    panels = (
-        ("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"),
-    )  # fmt: skip
     for axis, names in zip(axes, panels, strict=True):
         for name in names:
             label = name.replace("_", " ") + (" (training)" if name == "loss" else "")

@@ -243,7 +243,7 @@ def main(argv: list[str] | None = None) -> int:
         help="families of generated worlds, map_server .yaml files, folders of them (default: "
         "%(default)s)")  # fmt: skip
     add("--predictors", nargs="+", default=list(default.predictors), metavar="P",
-        help="names, or module:Class (default: %(default)s)")  # fmt: skip
+        help="names, module:Class, FILE.safetensors (default: %(default)s)")  # fmt: skip
     add("--drives", type=int, default=default.drives, metavar="N",
         help="in each family, and in each map (default: %(default)s)")  # fmt: skip
     add("--seed", type=int, default=default.seed, metavar="N", help="default: %(default)s")

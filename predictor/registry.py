@@ -1,4 +1,4 @@
-"""Predictors by name: those that installed packages offer, and any class in a file of one's own."""
+"""Predictors by name: those that packages offer, any class of one's own, any file of weights."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import importlib
 import inspect
 import os
 import sys
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -14,6 +16,8 @@ from predictor.prediction import Predictor
 
 GROUP = "foresee.predictors"
 """The entry point group in which a package offers predictors."""
+SUFFIX = ".safetensors"
+"""What the name of a file of weights ends in."""
 
 
 class PredictorError(ValueError):
@@ -29,14 +33,18 @@ def load_predictor(spec: str) -> Predictor:
     """Make a predictor from what a user wrote on a command line.
 
     Args:
-        spec: a name out of `available()`, or `package.module:Class`. The module is looked for
-            where Python looks and in the current working directory; the class, or any other
-            factory, is called without arguments.
+        spec: a name out of `available()`, or `package.module:Class`, or the path of a .safetensors
+            file that `predictor.train` has written. The module is looked for where Python looks
+            and in the current working directory; the class, or any other factory, is called
+            without arguments.
 
     Raises:
         PredictorError: with what was wrong and what would be right.
     """
-    factory = _imported(spec) if ":" in spec else _named(spec)
+    if spec.endswith(SUFFIX):
+        factory: Any = partial(_of_weights, Path(spec))
+    else:
+        factory = _imported(spec) if ":" in spec else _named(spec)
     if not callable(factory):
         raise PredictorError(
             f"predictor {spec!r} is of type {type(factory).__name__}, it must be a class or a "
@@ -67,12 +75,29 @@ def _named(name: str) -> Any:
     if name not in offered:
         raise PredictorError(
             f"no predictor is named {name!r}: choose one of {', '.join(sorted(offered))}, "
-            "or give package.module:Class"
+            f"or give package.module:Class, or a file of weights, FILE{SUFFIX}"
         )
     try:
         return offered[name].load()
     except Exception as error:
         raise PredictorError(f"predictor {name!r} could not be loaded: {_line(error)}") from error
+
+
+def _of_weights(path: Path) -> Predictor:
+    """The predictor that runs the network which a file holds."""
+    from predictor.compact import Compact
+    from predictor.compact_net import CompactNet
+    from predictor.image_net import ImageNet
+    from predictor.image_predictor import ImagePredictor
+    from predictor.weights import WeightsError, facts_of
+
+    architecture, _ = facts_of(path)
+    if architecture in CompactNet.ARCHITECTURES:
+        return Compact(path)
+    if architecture in ImageNet.ARCHITECTURES:
+        return ImagePredictor(path)
+    known = ", ".join((*CompactNet.ARCHITECTURES, *ImageNet.ARCHITECTURES))
+    raise WeightsError(f"{path} holds weights of {architecture!r}, known are {known}")
 
 
 def _imported(spec: str) -> Any:

@@ -21,12 +21,15 @@ MOST_SIZES = 8
 """Of windows, that compiled networks are kept for."""
 
 
-def runner(module: nn.Module, runtime: str | None = None) -> tuple[Run, str]:
+def runner(
+    module: nn.Module, runtime: str | None = None, example: tuple[int, int] = (80, 120)
+) -> tuple[Run, str]:
     """A function that runs a network on one core, and the name and version of what runs it.
 
     Args:
         module: one int8 array (1, rows, columns) in, one float array out.
         runtime: one of `RUNTIMES`; None: the first that is installed.
+        example: rows and columns that it can take.
 
     Raises:
         ValueError: if the runtime is unknown or not installed.
@@ -37,7 +40,7 @@ def runner(module: nn.Module, runtime: str | None = None) -> tuple[Run, str]:
         raise ValueError(f"runtime is {runtime!r}, it must be one of {', '.join(RUNTIMES)}")
     if not find_spec(runtime):
         raise ValueError(f"{runtime} is not installed: pip install 'foresee[openvino]'")
-    run = _openvino(module) if runtime == "openvino" else _torch(module)
+    run = _openvino(module, example) if runtime == "openvino" else _torch(module)
     return run, f"{runtime} {version(runtime)}"
 
 
@@ -51,17 +54,19 @@ def _torch(module: nn.Module) -> Run:
     return run
 
 
-def _openvino(module: nn.Module) -> Run:
+def _openvino(module: nn.Module, shape: tuple[int, int]) -> Run:
     import openvino as ov
 
     # The frontend itself, not `convert_model`: that takes seconds, and reports home.
     from openvino.frontend import FrontEndManager
     from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
 
-    example = torch.zeros(1, 80, 120, dtype=torch.int8)
+    example = torch.zeros(1, *shape, dtype=torch.int8)
     with warnings.catch_warnings():
         # Deprecated, but what OpenVINO reads for maps of any size.
         warnings.simplefilter("ignore", DeprecationWarning)
+        # Checks of shapes, which are kept as they turned out for the example.
+        warnings.simplefilter("ignore", torch.jit.TracerWarning)
         traced = torch.jit.trace(module.eval(), example, check_trace=False)
     frontend = FrontEndManager().load_by_framework("pytorch")
     decoder = TorchScriptPythonDecoder(traced, example_input=(example,))

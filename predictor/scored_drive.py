@@ -33,7 +33,7 @@ class EvaluateConfig:
 
     Attributes:
         world: families of generated worlds, map_server files, folders of them.
-        predictors: by name, or `package.module:Class`.
+        predictors: by name, `package.module:Class`, or path of a .safetensors file.
         drives: in each family; in each map.
         seed: of the first.
         window: side of the square that the LIDAR writes into [m].

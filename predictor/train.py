@@ -1,325 +1,49 @@
-"""Train the compact network.
+"""Train a network: the compact one, or one of the paper's.
 
-    python -m predictor.train                      two to three hours on 2 cores, all in
+    python -m predictor.train                      compact; two to three hours on 2 cores, all in
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
     python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      from weights on
+    python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
+    torchrun --nproc-per-node 4 -m predictor.train --arch unet_ff --batch 16      on 4 GPUs
 
-A checkpoint holds everything that decides what comes next, and what a step does depends on its
-number and the seed alone: a training that was killed and started again by the same command ends
-as if it had not been.
+Interrupted, each goes on where it was when the same command is given again.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import io
-import json
-import math
 import os
 import sys
-import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from predictor.whole import write_whole
+from predictor.checkpoint import TrainError
+from predictor.compact_training import TrainConfig
+from predictor.image_arguments import NAMES, add_arguments, configured
+from predictor.image_config import EXPANSIONS, PRESETS
+from predictor.networks import ARCHITECTURES
 
 if TYPE_CHECKING:
-    from torch import Tensor
+    import argparse
 
-    from predictor.compact_net import CompactNet
-    from predictor.samples import Samples
-
-
-@dataclass(frozen=True)
-class TrainConfig:
-    """What decides the numbers of a training.
-
-    Attributes:
-        steps: of the optimiser.
-        batch: samples a step, of the usual side; fewer of a larger one, more of a smaller.
-        rate: highest learning rate.
-        warmup: steps in which it rises; then it falls along a cosine to nothing.
-        decay: of weights, by AdamW.
-        average: of weights from step to step: how much of the old average stays.
-        seed: of the first weights and of the order of samples.
-        start: fingerprint of the weights that it starts from; None: random ones.
-    """
-
-    steps: int = 8_000
-    batch: int = 32
-    rate: float = 2e-3
-    warmup: int = 300
-    decay: float = 0.02
-    average: float = 0.998
-    seed: int = 0
-    start: str | None = None
-
-
-SIDES = (200, 200, 200, 120, 160, 240, 280)
-"""Sides of what a step learns from [cells], drawn from: windows and expansions differ."""
-USUAL = 200
-"""The side at a window of 5 m, twice expanded."""
-
-
-class Trainer:
-    """A training that can be left and taken up again.
-
-    Args:
-        config: what decides its numbers.
-        train: samples to learn from.
-        validation: samples to measure on.
-        out: folder of checkpoint, log and weights.
-        start: weights to start from, and the facts of their training; None: random ones.
-
-    Raises:
-        TrainError: if the folder holds another training.
-    """
-
-    def __init__(
-        self,
-        config: TrainConfig,
-        train: Samples,
-        validation: Samples,
-        out: Path,
-        start: tuple[CompactNet, dict[str, Any]] | None = None,
-    ) -> None:
-        import torch
-
-        from predictor.compact_net import CompactNet
-
-        self.config, self.train, self.validation, self.out = config, train, validation, out
-        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self.brief = self.device.type == "cuda" or bool(
-            torch.cpu.get_capabilities().get("avx512_bf16")
-        )
-        torch.manual_seed(config.seed)
-        net, before = (CompactNet(), {}) if start is None else start
-        self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
-        self.optimizer = torch.optim.AdamW(self.net.parameters(), config.rate, (0.9, 0.98),
-                                           weight_decay=config.decay)  # fmt: skip
-        self.step = 0
-        self.log: list[dict[str, float]] = []
-        self.losses: list[float] = []
-        """Of the steps since the last validation."""
-        out.mkdir(parents=True, exist_ok=True)
-        self._facts = {
-            "config": dataclasses.asdict(config),
-            "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
-            # What else decides the last bits of the sums.
-            "arithmetic": [self.device.type, torch.get_num_threads(), self.brief],
-            "before": {
-                name: before[name]
-                for name in ("fingerprint", "config", "drives", "samples", "commit", "before")
-                if name in before
-            },
-            "drives": len(train.about),
-            "samples": len(train),
-            "worlds": sorted(train.worlds | set(before.get("worlds", ()))),
-            "validation_worlds": sorted(
-                validation.worlds | set(before.get("validation_worlds", ()))
-            ),
-        }
-        self._resume()
-
-    @property
-    def checkpoint(self) -> Path:
-        """Where the state is kept."""
-        return self.out / "checkpoint.pt"
-
-    def run(self, validate_every: int, save_every: float) -> Path:
-        """Train to the end, with a progress bar, and export the weights.
-
-        Args:
-            validate_every: steps.
-            save_every: seconds between checkpoints.
-        """
-        from tqdm import tqdm
-
-        steps = self.config.steps
-        saved = time.monotonic()
-        with (
-            tqdm(total=steps, initial=self.step, unit="step", smoothing=0.05) as bar,
-            ThreadPoolExecutor(1) as ahead,
-        ):
-            for codes in self._batches(ahead):
-                self.losses.append(self._learn(codes))
-                self.step += 1
-                bar.update()
-                if self.step % validate_every == 0 or self.step == steps:
-                    self._note()
-                    last = self.log[-1]
-                    bar.set_postfix_str(
-                        f"loss {last['loss']:.3f}, validation: NLL {last['nll']:.3f}, "
-                        f"IoU free {last['iou_free']:.3f}, ECE {last['ece_free']:.3f}"
-                    )
-                if time.monotonic() - saved > save_every or self.step == steps:
-                    self.save()
-                    saved = time.monotonic()
-        return self.export()
-
-    def save(self) -> None:
-        """Write the checkpoint, whole or not at all."""
-        import torch
-
-        state = {
-            "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
-            "net": self.net.state_dict(), "averaged": self.averaged,
-            "optimizer": self.optimizer.state_dict(),
-        }  # fmt: skip
-        buffer = io.BytesIO()
-        torch.save(state, buffer)
-        write_whole(self.checkpoint, buffer.getvalue())
-
-    def export(self) -> Path:
-        """Write the averaged weights, the log, and the curve."""
-        from benchmarks.store import commit
-        from predictor.curve import draw_curve
-        from predictor.weights import save_weights
-
-        facts = self._facts | {"commit": commit(), "validation": self.log[-1]}
-        path = self.out / "compact.safetensors"
-        save_weights(path, self.smoothed(), facts)
-        draw_curve(self.log, self.out / "curve.png")
-        return path
-
-    def smoothed(self) -> CompactNet:
-        """The network of averaged weights, which is what is measured and shipped."""
-        import torch
-
-        from predictor.compact_net import CompactNet
-
-        net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        net.load_state_dict(self.averaged)
-        return net.eval()
-
-    def _resume(self) -> None:
-        import torch
-
-        if not self.checkpoint.exists():
-            return
-        try:
-            state = torch.load(self.checkpoint, map_location=self.device, weights_only=True)
-            theirs = state["facts"]
-        except Exception as error:
-            # torch.load raises whatever the first wrong byte makes it.
-            raise TrainError(f"{self.checkpoint} cannot be read: {error}; delete it to start "
-                             "again") from error  # fmt: skip
-        if theirs != self._facts:
-            other = ", ".join(sorted(k for k in self._facts if theirs.get(k) != self._facts[k]))
-            raise TrainError(f"{self.out} holds a training with another {other}; choose another "
-                             "folder by --out")  # fmt: skip
-        self.net.load_state_dict(state["net"])
-        self.averaged = state["averaged"]
-        self.optimizer.load_state_dict(state["optimizer"])
-        self.step, self.log, self.losses = state["step"], state["log"], state["losses"]
-
-    def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[Tensor]:
-        """The codes of each step still to be made, one made ready while another is learnt from."""
-        coming = ahead.submit(self._batch, self.step)
-        for step in range(self.step, self.config.steps):
-            codes = coming.result()
-            coming = ahead.submit(self._batch, step + 1)
-            yield codes
-
-    def _batch(self, step: int) -> Tensor:
-        import numpy as np
-
-        from predictor.targets import batch_of
-
-        rng = np.random.default_rng([self.config.seed, step])
-        side = int(rng.choice(SIDES))
-        count = max(1, round(self.config.batch * (USUAL / side) ** 2))
-        chosen = rng.integers(len(self.train), size=count)
-        return batch_of([self.train[int(i)] for i in chosen], side, rng.random(count) < 0.5)
-
-    def _learn(self, codes: Tensor) -> float:
-        """One step of the optimiser; the loss before it."""
-        import torch
-
-        from predictor.targets import known_of, losses
-
-        config, step = self.config, self.step
-        share = min(1.0, (step + 1) / config.warmup)
-        fall = 0.5 * (1.0 + math.cos(math.pi * step / config.steps))
-        for group in self.optimizer.param_groups:
-            group["lr"] = config.rate * share * fall
-        self.net.train()
-        codes = codes.to(self.device)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
-            logits = self.net(known_of(codes))
-        loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
-        self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
-        self.optimizer.step()
-        # Early on, the average follows fast: it must forget the first weights.
-        keep = min(config.average, step / (step + 10.0))
-        with torch.no_grad():
-            for name, values in self.net.state_dict().items():
-                if values.dtype.is_floating_point:
-                    self.averaged[name].lerp_(values, 1.0 - keep)
-                else:
-                    self.averaged[name].copy_(values)
-        return float(loss.detach())
-
-    def _note(self) -> None:
-        """Validate, and write it down."""
-        from predictor.validation import validate
-
-        entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
-        self.losses = []
-        self.log.append(entry | validate(self.smoothed(), self.validation, USUAL).measures())
-        lines = "".join(json.dumps(line) + "\n" for line in self.log)
-        write_whole(self.out / "log.jsonl", lines.encode())
-
-
-class TrainError(ValueError):
-    """A training cannot be done or taken up; the message is one line."""
+COMPACT = ("train", "validation", "steps", "start")
+"""Arguments that are compact's alone."""
+IMAGES = ("expansion", *NAMES)
+"""Arguments that are the paper's networks' alone."""
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from benchmarks.settings import OneLineParser
     from benchmarks.workers import WorkersError
-    from predictor.drives import DrivesConfig, DrivesError
+    from predictor.drives import DrivesError
     from predictor.samples import SamplesError
 
-    default, drives = TrainConfig(), DrivesConfig()
-    parser = OneLineParser(
-        prog="predictor.train",
-        description="Train the compact network. Samples that are not there yet are made first. "
-        "Interrupted, it goes on where it was: give the same command again.",
-    )
-    add = parser.add_argument
-    add("--data", type=Path, default=drives.out, metavar="DIR", help="default: %(default)s")
-    add("--out", type=Path, default=Path("results/train"), metavar="DIR",
-        help="checkpoint, log, curve and weights (default: %(default)s)")  # fmt: skip
-    add("--train", type=int, default=drives.train, metavar="N", help="drives to learn from "
-        "(default: %(default)s)")  # fmt: skip
-    add("--validation", type=int, default=drives.validation, metavar="N", help="drives to measure "
-        "on (default: %(default)s)")  # fmt: skip
-    add("--steps", type=int, default=default.steps, metavar="N", help="default: %(default)s")
-    add("--batch", type=int, default=default.batch, metavar="N", help="default: %(default)s")
-    add("--rate", type=float, default=default.rate, metavar="R", help="highest learning rate "
-        "(default: %(default)s)")  # fmt: skip
-    add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
-        "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
-    add("--seed", type=int, default=default.seed, metavar="N", help="default: %(default)s")
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes, threads")
-    args = parser.parse_args(argv)
-    if not 0.0 < args.rate <= 1.0:
-        print(f"predictor.train: --rate is {args.rate}, it must lie in (0, 1]", file=sys.stderr)
-        return 2
-    for name in ("train", "validation", "steps", "batch", "jobs"):
-        if getattr(args, name) < 1:
-            print(f"predictor.train: --{name} must be at least 1", file=sys.stderr)
-            return 2
+    args = _parser().parse_args(argv)
     try:
-        print(_run(args))
+        _check(args)
+        path = _compact(args) if args.arch == "compact" else _images(args)
+        # Of those that torchrun has started, one speaks.
+        if os.environ.get("RANK", "0") == "0":
+            print(path)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
@@ -329,35 +53,111 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _run(args: Any) -> Path:
+def _images(args: argparse.Namespace) -> Path:
+    from predictor.image_training import train_images
+
+    expansion = EXPANSIONS[0] if args.expansion is None else args.expansion
+    config, training = configured(args, args.arch, expansion)
+    out = args.out or Path("results/networks") / f"{args.arch}-{expansion:g}"
+    return train_images(config, training, args.data or Path("data/simulated"), out, args.jobs)
+
+
+def _compact(args: argparse.Namespace) -> Path:
+    from predictor.compact_training import Trainer
     from predictor.drives import DrivesConfig, make
 
+    default, drives = TrainConfig(), DrivesConfig()
+    data, out = args.data or drives.out, args.out or Path("results/train")
+    count, tuned_on = args.train or drives.train, args.validation or drives.validation
     start = None
     if args.start is not None:
+        from predictor.compact_net import CompactNet
         from predictor.weights import WeightsError, load_weights
 
         try:
-            start = load_weights(args.start)
+            start = load_weights(args.start, CompactNet)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
-    make(DrivesConfig(args.data, args.train, args.validation), args.jobs)
+    make(DrivesConfig(data, count, tuned_on), args.jobs)
     # After the drives, whose processes must not wait for it.
     import torch
 
     from predictor.samples import Samples, check_apart
 
     torch.set_num_threads(args.jobs)
-    train = Samples.load(args.data / "train", args.train)
-    validation = Samples.load(args.data / "validation", args.validation)
+    train = Samples.load(data / "train", count)
+    validation = Samples.load(data / "validation", tuned_on)
     check_apart({"train": train, "validation": validation})
     both = validation.worlds & set(start[1].get("worlds", ()) if start else ())
     if both:
         raise TrainError(f"--start: its weights have learned from {len(both)} of the buildings to "
                          "validate on")  # fmt: skip
-    config = TrainConfig(args.steps, args.batch, args.rate, seed=args.seed,
-                         start=start and start[1]["fingerprint"])  # fmt: skip
-    trainer = Trainer(config, train, validation, args.out, start)
-    return trainer.run(validate_every=max(1, min(500, args.steps // 10)), save_every=60.0)
+    config = TrainConfig(
+        args.steps or default.steps, args.batch or default.batch, args.rate or default.rate,
+        seed=args.seed or default.seed, start=start and start[1]["fingerprint"],
+    )  # fmt: skip
+    trainer = Trainer(config, train, validation, out, start)
+    return trainer.run(validate_every=max(1, min(500, config.steps // 10)), save_every=60.0)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what makes no sense.
+
+    Raises:
+        TrainError: if something does not.
+    """
+    compact = args.arch == "compact"
+    for name in IMAGES if compact else COMPACT:
+        if getattr(args, name) not in (None, False):
+            whose = "the paper's networks'" if compact else "compact's"
+            raise TrainError(f"--{name} is {whose}, not {args.arch}'s")
+    for name in ("train", "validation", "steps", "batch", "jobs"):
+        if getattr(args, name) is not None and getattr(args, name) < 1:
+            raise TrainError(f"--{name} must be at least 1")
+    if args.rate is not None and not 0.0 < args.rate <= 1.0:
+        raise TrainError(f"--rate is {args.rate}, it must lie in (0, 1]")
+
+
+def _parser() -> argparse.ArgumentParser:
+    from benchmarks.settings import OneLineParser
+    from predictor.drives import DrivesConfig
+
+    default, drives = TrainConfig(), DrivesConfig()
+    paper, short = PRESETS["paper"], PRESETS["short"]
+    parser = OneLineParser(
+        prog="predictor.train",
+        description="Train a network. Interrupted, it goes on where it was: give the same command "
+        "again.",
+    )
+    add = parser.add_argument
+    add("--arch", choices=("compact", *ARCHITECTURES), default="compact",
+        help="the network (default: %(default)s)")  # fmt: skip
+    add("--data", type=Path, metavar="DIR", help=f"what it learns from: compact's drives, which "
+        f"are made first where they are missing (default: {drives.out}), or the frames of "
+        "predictor.dataset (default: data/simulated), or compact's drives likewise")  # fmt: skip
+    add("--out", type=Path, metavar="DIR", help="checkpoint, log, curve and weights (default: "
+        "results/train, or results/networks/ARCH-EXPANSION)")  # fmt: skip
+    add("--batch", type=int, metavar="N", help=f"samples a step (default: {default.batch}; paper: "
+        f"{paper.training.batch}; short: {short.training.batch})")  # fmt: skip
+    add("--rate", type=float, metavar="R", help=f"highest learning rate (default: {default.rate:g};"
+        f" paper: {paper.training.rate:g}; short: {short.training.rate:g})")  # fmt: skip
+    add("--seed", type=int, metavar="N", help=f"default: {default.seed}")
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes, threads "
+        "(default: %(default)s)")  # fmt: skip
+    group = parser.add_argument_group("compact alone")
+    add = group.add_argument
+    add("--train", type=int, metavar="N", help=f"drives to learn from (default: {drives.train})")
+    add("--validation", type=int, metavar="N",
+        help=f"drives to measure on (default: {drives.validation})")  # fmt: skip
+    add("--steps", type=int, metavar="N", help=f"default: {default.steps}")
+    add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
+        "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
+    group = parser.add_argument_group("the paper's networks alone")
+    group.add_argument("--expansion", type=float, metavar="X", help="width of the predicted square "
+        f"over that of the 5 m crop; the paper has {', '.join(map(str, EXPANSIONS))} (default: "
+        f"{EXPANSIONS[0]})")  # fmt: skip
+    add_arguments(group)
+    return parser
 
 
 if __name__ == "__main__":

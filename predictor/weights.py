@@ -6,22 +6,43 @@ import dataclasses
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from predictor.compact_net import CompactConfig, CompactNet
 from predictor.whole import write_whole
-
-ARCHITECTURE = "foresee-compact-1"
-"""Written into every file; another number when the network changes its meaning."""
 
 
 class WeightsError(ValueError):
     """A file does not hold weights of this network; the message is one line."""
+
+
+class Net(Protocol):
+    """A network whose weights can be kept: a torch module, made from a frozen configuration.
+
+    Attributes:
+        ARCHITECTURES: what files call networks of this class; another number when one changes its
+            meaning.
+        CONFIG: class of its configuration, whose `of` makes one of a header's fields, or raises
+            ValueError, KeyError or TypeError.
+        architecture: what a file calls this one.
+        config: its configuration.
+    """
+
+    ARCHITECTURES: tuple[str, ...]
+    CONFIG: Any
+    config: Any
+
+    @property
+    def architecture(self) -> str: ...  # noqa: D102
+
+    def state_dict(self) -> dict[str, Tensor]: ...  # noqa: D102
+
+
+Kind = TypeVar("Kind", bound=torch.nn.Module)
 
 
 def fingerprint(tensors: dict[str, Tensor]) -> str:
@@ -34,7 +55,7 @@ def fingerprint(tensors: dict[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-def save_weights(path: Path, net: CompactNet, facts: dict[str, Any]) -> None:
+def save_weights(path: Path, net: Net, facts: dict[str, Any]) -> None:
     """Write a network, whole or not at all.
 
     Args:
@@ -44,7 +65,7 @@ def save_weights(path: Path, net: CompactNet, facts: dict[str, Any]) -> None:
     """
     tensors = {name: values.contiguous() for name, values in net.state_dict().items()}
     header = {
-        "architecture": ARCHITECTURE,
+        "architecture": net.architecture,
         "config": json.dumps(dataclasses.asdict(net.config)),
         "fingerprint": fingerprint(tensors),
         "facts": json.dumps(facts),
@@ -52,33 +73,44 @@ def save_weights(path: Path, net: CompactNet, facts: dict[str, Any]) -> None:
     write_whole(path, save(tensors, metadata=header))
 
 
-def load_weights(path: Path) -> tuple[CompactNet, dict[str, Any]]:
+def facts_of(path: Path) -> tuple[str | None, dict[str, Any]]:
+    """Which architecture a file holds, and the facts that were written with it; no numbers.
+
+    Raises:
+        WeightsError: if the file is missing or damaged, or its header broken.
+    """
+    header, _ = _read(path, numbers=False)
+    return header.get("architecture"), _facts(path, header)
+
+
+def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
     """Read a network, and the facts that were written with it.
+
+    Args:
+        path: of the file.
+        kind: class of the network, a `Net`.
 
     Raises:
         WeightsError: if the file is missing, truncated, of another network, of wrong shapes, or
             not what was written.
     """
-    try:
-        with safe_open(path, framework="pt") as file:
-            header = file.metadata() or {}
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except FileNotFoundError:
-        raise WeightsError(f"{path} does not exist") from None
-    except (SafetensorError, OSError) as error:
-        raise WeightsError(f"{path} is no safetensors file, or a damaged one: {error}") from error
-    if header.get("architecture") != ARCHITECTURE:
+    known: Any = kind
+    header, tensors = _read(path, numbers=True)
+    if header.get("architecture") not in known.ARCHITECTURES:
         raise WeightsError(
-            f"{path} holds weights of {header.get('architecture')!r}, not of {ARCHITECTURE!r}"
+            f"{path} holds weights of {header.get('architecture')!r}, not of "
+            + " or ".join(map(repr, known.ARCHITECTURES))
         )
+    facts = _facts(path, header)
     try:
-        config = _config(json.loads(header["config"]))
-        facts = dict(json.loads(header["facts"])) | {"fingerprint": header["fingerprint"]}
+        config = known.CONFIG.of(json.loads(header["config"]))
+        # Without memory of its own, until it is known that the file fills it.
+        with torch.device("meta"):
+            net = known(config)
+        if net.architecture != header["architecture"]:
+            raise ValueError(f"it names {header['architecture']!r}, but shapes {net.architecture}")
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path} has a broken header: {error}") from error
-    # Without memory of its own, until it is known that the file fills it.
-    with torch.device("meta"):
-        net = CompactNet(config)
     wanted = {name: (tuple(v.shape), v.dtype) for name, v in net.state_dict().items()}
     found = {name: (tuple(v.shape), v.dtype) for name, v in tensors.items()}
     for name in sorted(wanted.keys() | found.keys()):
@@ -94,18 +126,20 @@ def load_weights(path: Path) -> tuple[CompactNet, dict[str, Any]]:
     return net.eval(), facts
 
 
-def _config(fields: dict[str, Any]) -> CompactConfig:
-    """The shape of a network that a header claims.
+def _read(path: Path, numbers: bool) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Header and tensors of a file, or its header alone."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            names = file.keys() if numbers else ()
+            return file.metadata() or {}, {name: file.get_tensor(name) for name in names}
+    except FileNotFoundError:
+        raise WeightsError(f"{path} does not exist") from None
+    except (SafetensorError, OSError) as error:
+        raise WeightsError(f"{path} is no safetensors file, or a damaged one: {error}") from error
 
-    Raises:
-        ValueError: if no network can have it.
-        KeyError: if something is missing.
-        TypeError: if something is of the wrong kind.
-    """
-    config = CompactConfig(fields["patch"], tuple(fields["widths"]), tuple(fields["blocks"]))
-    sizes, blocks = (config.patch, *config.widths), config.blocks
-    sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
-    sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
-    if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
-        raise ValueError(f"no network is shaped like {config}")
-    return config
+
+def _facts(path: Path, header: dict[str, str]) -> dict[str, Any]:
+    try:
+        return dict(json.loads(header["facts"])) | {"fingerprint": header["fingerprint"]}
+    except (KeyError, ValueError, TypeError) as error:
+        raise WeightsError(f"{path} has a broken header: {error}") from error

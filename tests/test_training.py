@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from predictor import train
+from predictor import compact_training
+from predictor.checkpoint import TrainError
+from predictor.compact_net import CompactNet
+from predictor.compact_training import TrainConfig, Trainer
 from predictor.drives import DrivesConfig, DrivesError, _claim, seen_again
 from predictor.samples import SIDE, Samples, encoded, world_hash, write_samples
-from predictor.train import TrainConfig, Trainer, TrainError, main
+from predictor.train import main
 from predictor.weights import load_weights
 from sim import LidarConfig
 from sim.families import generate
@@ -46,8 +49,8 @@ def data(tmp_path_factory):
 @pytest.fixture
 def small(monkeypatch):
     """Small maps, one thread: a step takes a moment, and sums come out in one order."""
-    monkeypatch.setattr(train, "SIDES", (40, 80))
-    monkeypatch.setattr(train, "USUAL", 80)
+    monkeypatch.setattr(compact_training, "SIDES", (40, 80))
+    monkeypatch.setattr(compact_training, "USUAL", 80)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -78,7 +81,10 @@ def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, mon
     one, two = (tmp_path / name / "log.jsonl" for name in ("whole", "killed"))
     assert one.read_text() == two.read_text()
     assert [json.loads(line)["step"] for line in one.read_text().splitlines()] == [4, 8, 12]
-    nets = [load_weights(tmp_path / n / "compact.safetensors")[0] for n in ("whole", "killed")]
+    nets = [
+        load_weights(tmp_path / n / "compact.safetensors", CompactNet)[0]
+        for n in ("whole", "killed")
+    ]
     assert all(
         torch.equal(a, b)
         for a, b in zip(nets[0].state_dict().values(), nets[1].state_dict().values(), strict=True)
@@ -96,7 +102,7 @@ def test_it_learns(data, tmp_path, small):
 def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, small):
     one = trainer(data, tmp_path)
     one.run(validate_every=12, save_every=60.0)
-    _, facts = load_weights(tmp_path / "compact.safetensors")
+    _, facts = load_weights(tmp_path / "compact.safetensors", CompactNet)
     assert facts["worlds"] == sorted(one.train.worlds)
     assert facts["validation_worlds"] == sorted(one.validation.worlds)
     assert facts["config"]["steps"] == 12
@@ -104,13 +110,13 @@ def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, smal
 
 def test_it_goes_on_from_weights_and_remembers_their_buildings(data, tmp_path, small):
     trainer(data, tmp_path / "one").run(validate_every=12, save_every=60.0)
-    start = load_weights(tmp_path / "one" / "compact.safetensors")
+    start = load_weights(tmp_path / "one" / "compact.safetensors", CompactNet)
     some_drive(data / "more", 5)
     more, validation = (Samples.load(data / name) for name in ("more", "validation"))
     config = TrainConfig(steps=1, batch=2, rate=1e-9, start=start[1]["fingerprint"])
     Trainer(config, more, validation, tmp_path / "two", start).run(1, 60.0)
-    net, facts = load_weights(tmp_path / "two" / "compact.safetensors")
-    before, _ = load_weights(tmp_path / "one" / "compact.safetensors")
+    net, facts = load_weights(tmp_path / "two" / "compact.safetensors", CompactNet)
+    before, _ = load_weights(tmp_path / "one" / "compact.safetensors", CompactNet)
     assert facts["worlds"] == sorted(more.worlds | set(start[1]["worlds"]))
     assert facts["config"]["start"] == start[1]["fingerprint"]
     for name, values in before.named_parameters():

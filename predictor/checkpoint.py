@@ -1,0 +1,60 @@
+"""Checkpoints: all that decides what a training does next, and what training it is."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from predictor.whole import write_whole
+
+if TYPE_CHECKING:
+    import torch
+
+
+class TrainError(ValueError):
+    """A training cannot be done or taken up; the message is one line."""
+
+
+def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
+    """Write a checkpoint, whole or not at all.
+
+    Args:
+        path: of the file.
+        state: plain data and tensors; its "facts" say what training it is.
+    """
+    import torch
+
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    write_whole(path, buffer.getvalue())
+
+
+def read_checkpoint(
+    path: Path, facts: dict[str, Any], device: torch.device
+) -> dict[str, Any] | None:
+    """Read a checkpoint, running nothing from it; None if there is none.
+
+    Args:
+        path: of the file.
+        facts: of the training that wants to go on; plain data.
+        device: where its tensors are wanted.
+
+    Raises:
+        TrainError: if it cannot be read, or belongs to another training.
+    """
+    import torch
+
+    if not path.exists():
+        return None
+    try:
+        state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
+        theirs = state["facts"]
+    except Exception as error:
+        # torch.load raises whatever the first wrong byte makes it.
+        raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
+    if theirs != facts:
+        other = ", ".join(sorted(k for k in facts if theirs.get(k) != facts[k]))
+        raise TrainError(f"{path.parent} holds a training with another {other}; choose another "
+                         "folder by --out")  # fmt: skip
+    return state

@@ -1,0 +1,64 @@
+"""The processes of one training: this one alone, or as many as `torchrun` has started."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import torch
+import torch.distributed as dist
+from torch import Tensor, nn
+from torch.nn.parallel import DistributedDataParallel
+
+
+@dataclass(frozen=True)
+class Group:
+    """A process and those that it trains with.
+
+    Attributes:
+        rank: number of this process.
+        size: how many there are.
+        device: what this one computes on.
+    """
+
+    rank: int
+    size: int
+    device: torch.device
+
+    @classmethod
+    def join(cls) -> Group:
+        """The processes that torchrun has started, once all are there; else this one alone."""
+        cuda = torch.cuda.is_available()
+        if "WORLD_SIZE" not in os.environ:
+            return cls(0, 1, torch.device("cuda" if cuda else "cpu"))
+        device = torch.device("cpu")
+        if cuda:
+            device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
+            torch.cuda.set_device(device)
+        dist.init_process_group("nccl" if cuda else "gloo")
+        return cls(dist.get_rank(), dist.get_world_size(), device)
+
+    def leave(self) -> None:
+        """Part from the others."""
+        if dist.is_initialized():
+            dist.destroy_process_group()
+
+    @property
+    def first(self) -> bool:
+        """Whether this is the process that writes and speaks."""
+        return self.rank == 0
+
+    def shared(self, net: nn.Module) -> nn.Module:
+        """A network that starts from the same weights and gets the same gradients everywhere."""
+        if self.size == 1:
+            return net
+        places = [self.device] if self.device.type == "cuda" else None
+        # Running averages are the same everywhere: `BatchNorm` is over all processes.
+        return DistributedDataParallel(net, device_ids=places, broadcast_buffers=False)
+
+    def mean(self, values: Tensor) -> Tensor:
+        """The mean over the processes."""
+        if self.size > 1:
+            dist.all_reduce(values)
+            values = values / self.size
+        return values

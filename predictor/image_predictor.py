@@ -1,0 +1,117 @@
+"""The networks of the paper as predictors: a map becomes an image, its greys probabilities."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from predictor.grey_map import level_of
+from predictor.grid import Grid, GridFrame, paste
+from predictor.image import cells_of, image_of
+from predictor.image_config import WINDOW, ImageConfig
+from predictor.image_net import ImageNet
+from predictor.prediction import Prediction
+from predictor.runtime import Run, runner
+from predictor.samples import quarters
+from predictor.weights import load_weights
+
+SUREST = 0.9999
+"""Confidence inside the square that it expands to: all that a planner may give without certainty.
+These networks say nothing of how cells hang together, so there is nothing to lower it by."""
+
+
+class ImagePredictor:
+    """Predicts what a network of the paper prints.
+
+    It speaks of the square that it was trained to print, around the robot, with the confidence
+    SUREST; outside, and where nothing at all was seen, with none.
+
+    Args:
+        weights: a .safetensors file that `predictor.train` has written.
+        runtime: what runs the network, see `predictor.runtime`; None: the fastest installed.
+
+    Raises:
+        WeightsError: if the file does not hold weights of one of these networks.
+        ValueError: if the runtime is not installed.
+    """
+
+    def __init__(self, weights: Path, runtime: str | None = None) -> None:
+        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
+        self._run, self.config, self._chances, self.facts = _loaded(weights, changed, runtime)
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+        """Predict the rest of a window.
+
+        Raises:
+            ValueError: if the window is empty or the pose not finite.
+        """
+        square, grey = self._printed(known, pose)
+        sure = SUREST if not known.unknown.all() else 0.0
+        p_free, p_occupied = self._chances[:, level_of(grey)]
+        parts = []
+        for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
+                                 (np.full(square.shape, sure, np.float32), True)):  # fmt: skip
+            believed = paste(square, values, known.frame, np.float32(0.0))
+            parts.append(np.where(known.unknown, believed, observed).astype(np.float32))
+        return Prediction(known.frame, *parts)
+
+    def image(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
+        """What the network prints, raw: greys in [-1, 1] on the frame of `known`, outside 0.
+
+        Raises:
+            ValueError: if the window is empty or the pose not finite.
+        """
+        square, grey = self._printed(known, pose)
+        return paste(square, grey, known.frame, np.float32(0.0))
+
+    def _printed(
+        self, known: Grid, pose: NDArray[np.float64]
+    ) -> tuple[GridFrame, NDArray[np.float32]]:
+        """The square that the network knows of, and its greys there."""
+        if known.cells.size == 0:
+            raise ValueError("the window is empty: there is no cell to predict")
+        if not np.isfinite(pose).all():
+            raise ValueError(f"pose is {pose}, it must be finite")
+        x, y = float(pose[0]), float(pose[1])
+        square = known.frame.square(x, y, WINDOW * self.config.expansion)
+        if self.config.given == "crop":
+            known = known.crop(known.frame.square(x, y, WINDOW))
+        given = known.crop(square)
+        codes = np.where(
+            given.free, np.uint8(0), np.where(given.occupied, np.uint8(1), np.uint8(2))
+        )
+        turns = quarters(float(pose[2])) if self.config.turned else 0
+        image = image_of(np.rot90(codes, turns), self.config.side)
+        printed = np.rot90(self._run(image[None])[0], -turns)
+        return square, cells_of(printed, square.shape[0])
+
+
+class _Printed(nn.Module):
+    """From an image in whole greys to what the network prints, for a runtime to run."""
+
+    def __init__(self, net: ImageNet) -> None:
+        super().__init__()
+        self.net = net.net
+
+    def forward(self, images: Tensor) -> Tensor:
+        """(B, side, side) to the same."""
+        out: Tensor = self.net(images[:, None].float())[:, 0]
+        return out
+
+
+@lru_cache(maxsize=4)
+def _loaded(
+    weights: Path, changed: int, runtime: str | None
+) -> tuple[Run, ImageConfig, NDArray[np.float32], dict[str, Any]]:
+    """What runs the network, what it is, what its greys mean, and facts of it.
+
+    Kept, for every drive of a sweep makes its own predictor.
+    """
+    net, facts = load_weights(weights, ImageNet)
+    run, runs_on = runner(_Printed(net).eval(), runtime, (net.config.side, net.config.side))
+    return run, net.config, net.chances.numpy(), facts | {"runtime": runs_on}

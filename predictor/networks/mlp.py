@@ -1,0 +1,38 @@
+"""mlp: the paper's baseline, a multilayer perceptron of 5 layers.
+
+    image   (B, 65536)        256 × 256: free +1, not seen 0, occupied -1
+    hidden  (B,   512)        ReLU, four times
+    image   (B, 65536)        tanh
+
+The paper gives no hidden width. 512 makes 67,962,880 parameters, about those of `unet_ff`.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from torch import Tensor, nn
+
+HIDDEN = 512
+
+
+class MLP(nn.Module):
+    """See the head of this file.
+
+    Args:
+        side: of the images [pixels].
+        width: factor of the hidden layers.
+    """
+
+    def __init__(self, side: int, width: float) -> None:
+        super().__init__()
+        hidden = max(1, round(width * HIDDEN))
+        layers: list[nn.Module] = []
+        for inputs, outputs in pairwise([side**2, *4 * [hidden], side**2]):
+            layers += [nn.Linear(inputs, outputs), nn.ReLU()]
+        self.layers = nn.Sequential(*layers[:-1], nn.Tanh())
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, 1, side, side) to the same, in [-1, 1]."""
+        out: Tensor = self.layers(x.flatten(1)).reshape(x.shape)
+        return out

@@ -1,0 +1,72 @@
+"""resnet_ff: the image transformation network of Johnson et al. 2016, with 9 residual blocks.
+
+Johnson et al. 2016 (perceptual losses); He et al. 2015 (residual blocks); Zhu et al. 2017
+(CycleGAN), whose generator for 256 × 256 this is:
+
+    image   (B,   1, 256, 256)        free +1, not seen 0, occupied -1
+    stem    (B,  64, 256, 256)        7 × 7
+    down    (B, 128, 128, 128)        3 × 3, stride 2
+    down    (B, 256,  64,  64)        3 × 3, stride 2
+    blocks  (B, 256,  64,  64)        9 of two 3 × 3 each
+    up      (B, 128, 128, 128)        3 × 3, stride 1/2
+    up      (B,  64, 256, 256)        3 × 3, stride 1/2
+    head    (B,   1, 256, 256)        7 × 7, tanh
+
+11,370,881 parameters. It takes images of any size that is a multiple of 4. Dropout of one half
+stands inside the blocks, where pix2pix's code has it.
+"""
+
+from __future__ import annotations
+
+from torch import Tensor, nn
+
+from predictor.networks.normalisation import norm_of
+
+BLOCKS = 9
+
+
+class ResNet(nn.Module):
+    """See the head of this file.
+
+    Args:
+        width: factor of all channels.
+        over: what is normalised over, see `predictor.networks.normalisation`.
+        dropout: rate inside the blocks.
+    """
+
+    def __init__(self, width: float, over: str, dropout: float = 0.5) -> None:
+        super().__init__()
+        fine, middle, coarse = (max(1, round(width * channels)) for channels in (64, 128, 256))
+        layers: list[nn.Module] = [nn.ReflectionPad2d(3), nn.Conv2d(1, fine, 7, bias=False)]
+        layers += [norm_of(over, fine), nn.ReLU()]
+        for inputs, outputs in ((fine, middle), (middle, coarse)):
+            layers.append(nn.Conv2d(inputs, outputs, 3, 2, 1, bias=False))
+            layers += [norm_of(over, outputs), nn.ReLU()]
+        layers += [Block(coarse, over, dropout) for _ in range(BLOCKS)]
+        for inputs, outputs in ((coarse, middle), (middle, fine)):
+            layers.append(nn.ConvTranspose2d(inputs, outputs, 3, 2, 1, 1, bias=False))
+            layers += [norm_of(over, outputs), nn.ReLU()]
+        layers += [nn.ReflectionPad2d(3), nn.Conv2d(fine, 1, 7), nn.Tanh()]
+        self.layers = nn.Sequential(*layers)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, 1, side, side) to the same, in [-1, 1]."""
+        out: Tensor = self.layers(x)
+        return out
+
+
+class Block(nn.Module):
+    """A residual block: x + two 3 × 3 convolutions."""
+
+    def __init__(self, width: int, over: str, dropout: float) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.ReflectionPad2d(1), nn.Conv2d(width, width, 3, bias=False), norm_of(over, width),
+            nn.ReLU(), nn.Dropout(dropout),
+            nn.ReflectionPad2d(1), nn.Conv2d(width, width, 3, bias=False), norm_of(over, width),
+        )  # fmt: skip
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, C, H, W) to the same."""
+        out: Tensor = x + self.layers(x)
+        return out

@@ -1,0 +1,292 @@
+"""Train all of the paper's networks: three and a perceptron, at five expansions each.
+
+    python -m predictor.study --preset short        all 20, in about an hour of 2 cores
+    python -m predictor.study                       as printed: months, without a GPU
+
+In order of worth, so that whenever it is stopped, what matters most is there. What is finished is
+passed over, what was begun goes on, and what fails is shown and stops no other.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import multiprocessing
+import os
+import sys
+import traceback
+from dataclasses import asdict, dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from predictor.checkpoint import TrainError
+from predictor.image_arguments import add_arguments, configured
+from predictor.image_config import EXPANSIONS, ImageConfig, ImageTraining
+from predictor.networks import ARCHITECTURES
+from predictor.whole import write_whole
+
+if TYPE_CHECKING:
+    from multiprocessing.context import SpawnProcess
+
+FIRST = (1.1, 1.3, 2.0)
+"""Expansions that are worth most."""
+ORDER = tuple(
+    (arch, expansion)
+    for archs, expansions in (
+        (("unet_ff", "resnet_ff", "gan"), FIRST),
+        (("unet_ff", "resnet_ff", "gan"), tuple(x for x in EXPANSIONS if x not in FIRST)),
+        (("mlp",), EXPANSIONS),
+    )
+    for arch in archs
+    for expansion in expansions
+)
+"""All trainings, what is worth most first."""
+LOOK_EVERY = 2.0
+"""Between two looks at what the trainings have logged [s]."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a study learns from.
+
+    Attributes:
+        folder: of the frames.
+        frames: to learn from.
+        worlds: hashes of their buildings.
+        validation_worlds: of those to validate on.
+    """
+
+    folder: Path
+    frames: int
+    worlds: tuple[str, ...]
+    validation_worlds: tuple[str, ...]
+
+    @classmethod
+    def of(cls, folder: Path) -> Data:
+        """What a folder holds.
+
+        Raises:
+            TrainError: if it does not hold frames to train and to validate on.
+        """
+        from predictor.frames import Frames, FramesError
+
+        try:
+            train, validation = (Frames.load(folder, name) for name in ("train", "validation"))
+        except FramesError as error:
+            raise TrainError(f"--data: {error}") from None
+        worlds = (tuple(sorted(split.worlds)) for split in (train, validation))
+        return cls(folder, len(train), *worlds)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training of a study.
+
+    Attributes:
+        config: the network.
+        training: how it learns.
+        data: from what.
+        out: its own folder.
+    """
+
+    config: ImageConfig
+    training: ImageTraining
+    data: Data
+    out: Path
+
+    @property
+    def name(self) -> str:
+        """Of its folder, and in the table."""
+        return self.out.name
+
+    def finished(self) -> bool:
+        """Whether weights of this network are there, trained in this way on these frames.
+
+        Raises:
+            TrainError: if what is there is damaged, or was trained in another way.
+        """
+        from predictor.weights import WeightsError, facts_of
+
+        path = self.out / f"{self.config.arch}.safetensors"
+        if not path.exists():
+            return False
+        try:
+            _, facts = facts_of(path)
+        except WeightsError as error:
+            raise TrainError(f"{error}; delete it to make it again") from None
+        mine = {"config": asdict(self.training), "network": asdict(self.config),
+                "frames": self.data.frames, "worlds": list(self.data.worlds),
+                "validation_worlds": list(self.data.validation_worlds)}  # fmt: skip
+        if any(facts.get(name) != value for name, value in mine.items()):
+            raise TrainError(f"{path} was trained in another way or on other frames: choose another"
+                             " folder by --out")  # fmt: skip
+        return True
+
+    def train(self) -> None:
+        """Train, in a process of its own, which leaves a line if it fails."""
+        from benchmarks.workers import follow_parent
+        from predictor.image_training import train_images
+
+        follow_parent()
+        with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
+            try:
+                # One thread each: the sums are the same, however many train at a time.
+                train_images(self.config, self.training, self.data.folder, self.out, threads=1)
+            except Exception as error:
+                traceback.print_exc()
+                line = " ".join(f"{type(error).__name__}: {error}".split())
+                self._failure.write_text(line.removeprefix("TrainError: "))
+
+    def start(self) -> SpawnProcess:
+        """Begin to train, or go on."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        self._failure.unlink(missing_ok=True)
+        # Not forked: that would copy threads and locks of libraries as they happen to be.
+        process = multiprocessing.get_context("spawn").Process(target=self.train)
+        process.start()
+        return process
+
+    def outcome(self, process: SpawnProcess) -> str:
+        """How a process that has ended did."""
+        process.join()
+        if self._failure.exists():
+            return f"failed: {self._failure.read_text()}"
+        return "finished" if self.finished() else f"failed: its process died ({process.exitcode})"
+
+    def last(self) -> str:
+        """Where it is, and the last of its losses; empty if there is nothing yet."""
+        from predictor.image_training import told
+
+        try:
+            return told(json.loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
+        except (OSError, ValueError, IndexError):
+            return ""
+
+    @property
+    def _failure(self) -> Path:
+        return self.out / "failed.txt"
+
+
+class Study:
+    """Trainings, some at a time, each in a process of its own.
+
+    Args:
+        runs: in order of worth.
+        out: folder of the table.
+
+    Raises:
+        TrainError: if what is there already belongs to another study.
+    """
+
+    def __init__(self, runs: list[Run], out: Path) -> None:
+        self.runs, self.out = runs, out
+        out.mkdir(parents=True, exist_ok=True)
+        self.state = {run: "finished" if run.finished() else "waiting" for run in runs}
+
+    def train(self, jobs: int) -> None:
+        """Train what is missing, with a bar over all and a line for each that begins or ends.
+
+        Args:
+            jobs: how many at a time.
+        """
+        from tqdm import tqdm
+
+        todo = [run for run in self.runs if self.state[run] == "waiting"]
+        running: dict[Any, tuple[Run, SpawnProcess]] = {}
+        done = len(self.runs) - len(todo)
+        with tqdm(total=len(self.runs), initial=done, unit="network") as bar:
+            try:
+                while todo or running:
+                    while todo and len(running) < jobs:
+                        run = todo.pop(0)
+                        process = run.start()
+                        running[process.sentinel] = run, process
+                        self.state[run] = "running"
+                        bar.write(self.line(run), file=sys.stderr)
+                    for sentinel in wait(list(running), timeout=LOOK_EVERY):
+                        run, process = running.pop(sentinel)
+                        self.state[run] = run.outcome(process)
+                        bar.write(self.line(run), file=sys.stderr)
+                        bar.update()
+                    bar.set_postfix_str(" | ".join(f"{run.name} {run.last()}"
+                                                   for run, _ in running.values()))  # fmt: skip
+                    self._note()
+            finally:
+                for _, process in running.values():
+                    process.terminate()
+                    process.join()
+                self._note()
+
+    def line(self, run: Run) -> str:
+        """State, epoch and losses of one."""
+        return f"{run.name:14} {self.state[run]}  {run.last()}".rstrip()
+
+    def table(self) -> str:
+        """A line each."""
+        return "\n".join(self.line(run) for run in self.runs)
+
+    def failures(self) -> int:
+        """How many have failed."""
+        return sum(state.startswith("failed") for state in self.state.values())
+
+    def _note(self) -> None:
+        write_whole(self.out / "status.txt", (self.table() + "\n").encode())
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; 1 if a training failed, 2 for bad arguments, 130 if interrupted."""
+    from benchmarks.settings import OneLineParser
+
+    parser = OneLineParser(
+        prog="predictor.study",
+        description="Train the paper's networks at its five expansions, what is worth most first. "
+        "Interrupted, it goes on where it was: give the same command again. OUT/status.txt always "
+        "holds a line each.",
+    )
+    add = parser.add_argument
+    add("--data", type=Path, default=Path("data/simulated"), metavar="DIR",
+        help="frames of predictor.dataset (default: %(default)s)")  # fmt: skip
+    add("--out", type=Path, metavar="DIR", help="a folder each: checkpoint, log, curve and weights "
+        "(default: results/study-PRESET)")  # fmt: skip
+    add("--archs", nargs="+", choices=ARCHITECTURES, default=ARCHITECTURES, metavar="A",
+        help=f"of {', '.join(ARCHITECTURES)} (default: all)")  # fmt: skip
+    add("--expansions", nargs="+", type=float, choices=EXPANSIONS, default=EXPANSIONS, metavar="X",
+        help=f"of {', '.join(map(str, EXPANSIONS))} (default: all)")  # fmt: skip
+    add("--jobs", type=int, metavar="N", help="trainings at a time, of one thread each (default: "
+        "one a core; with a GPU 1)")  # fmt: skip
+    add_arguments(parser)
+    add("--batch", type=int, metavar="N", help="frames a step (default: the preset's)")
+    add("--rate", type=float, metavar="R", help="learning rate (default: the preset's)")
+    add("--seed", type=int, metavar="N", help="default: 0")
+    args = parser.parse_args(argv)
+    try:
+        if args.jobs is not None and args.jobs < 1:
+            raise TrainError(f"--jobs is {args.jobs}, it must be at least 1")
+        out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
+        data = Data.of(args.data)
+        runs = [
+            Run(*configured(args, arch, expansion), data, out / f"{arch}-{expansion:.1f}")
+            for arch, expansion in ORDER
+            if arch in args.archs and expansion in args.expansions
+        ]
+        study = Study(runs, out)
+        study.train(args.jobs or _at_a_time())
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    except (TrainError, OSError) as error:
+        print(f"predictor.study: {error}", file=sys.stderr)
+        return 2
+    print(study.table())
+    return 1 if study.failures() else 0
+
+
+def _at_a_time() -> int:
+    import torch
+
+    return 1 if torch.cuda.is_available() else os.cpu_count() or 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

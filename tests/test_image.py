@@ -1,0 +1,86 @@
+"""Maps as images: what is known stays where it is, and nothing is lost."""
+
+import numpy as np
+import pytest
+from generated_frames import generated
+from hypothesis import given
+from hypothesis import strategies as st
+
+from predictor.image import GREYS, cells_of, image_of, pixels_of
+from predictor.image_config import EXPANSIONS, ImageConfig
+from predictor.pairs import Pairs
+
+
+def some_codes(n, seed=0):
+    return np.random.default_rng(seed).integers(0, 3, (n, n)).astype(np.uint8)
+
+
+def test_free_is_white_and_occupied_black():
+    assert GREYS.tolist() == [1, -1, 0]
+
+
+@given(st.integers(1, 256), st.integers(0, 100))
+def test_an_image_that_is_no_smaller_gives_the_map_back(n, seed):
+    codes = some_codes(n, seed)
+    assert np.array_equal(cells_of(image_of(codes, 256), n), GREYS[codes])
+
+
+@given(st.integers(65, 200), st.integers(0, 100))
+def test_in_a_smaller_image_no_wall_is_lost_and_nothing_turns_free(n, seed):
+    codes = some_codes(n, seed)
+    back = cells_of(image_of(codes, 64), n)
+    assert (back <= GREYS[codes]).all()
+
+
+@given(st.integers(65, 200))
+def test_in_a_smaller_image_every_pixel_is_of_some_cell(n):
+    assert np.array_equal(np.unique(pixels_of(n, 64)), np.arange(64))
+    uniform = np.zeros((n, n), np.uint8)
+    assert (image_of(uniform, 64) == 1).all()
+
+
+@pytest.mark.parametrize("side", [64, 128, 256])
+def test_images_are_mirrored_as_maps_are(side):
+    codes = some_codes(130)
+    if side >= 130:
+        assert np.array_equal(image_of(codes[:, ::-1], side), image_of(codes, side)[:, ::-1])
+    assert np.array_equal(image_of(codes.T, side), image_of(codes, side).T)
+
+
+def test_several_maps_at_once():
+    codes = np.stack([some_codes(110, seed) for seed in range(3)])
+    together = image_of(codes, 128)
+    assert all(np.array_equal(image_of(one, 128), image)
+               for one, image in zip(codes, together, strict=True))  # fmt: skip
+
+
+@pytest.mark.parametrize("expansion", EXPANSIONS)
+@pytest.mark.parametrize("side", [128, 256])
+def test_what_is_given_and_what_is_asked_for_lie_on_each_other(expansion, side):
+    frames = generated(3, 0)
+    pairs = Pairs(frames, ImageConfig(expansion=expansion, side=side))
+    given_, wanted = pairs.images(np.arange(3))
+    assert given_.shape == wanted.shape == (3, 1, side, side)
+    if side == 256:
+        # What was seen is true.
+        assert (given_ == wanted)[given_ != 0].all()
+    n = pairs.n
+    inset = (n - 100) // 2
+    crop = cells_of(given_[:, 0], n)[:, inset : n - inset, inset : n - inset]
+    if side >= n:
+        assert np.array_equal(crop, GREYS[frames.estimated])
+        assert np.array_equal(
+            cells_of(wanted[:, 0], n), GREYS[frames.truth(np.arange(3), expansion)]
+        )
+
+
+def test_of_the_crop_nothing_beyond_it_is_given_and_of_the_window_all_that_was_seen():
+    frames = generated(3, 0)
+    crop, window = (
+        Pairs(frames, ImageConfig(expansion=2.0, given=name)) for name in ("crop", "window")
+    )
+    ring = np.ones((200, 200), dtype=bool)
+    ring[50:150, 50:150] = False
+    assert (crop.given(0)[ring] == 2).all()
+    assert (window.given(0)[ring] != 2).any()
+    assert np.array_equal(window.given(0), frames.remembered[0])

@@ -1,0 +1,128 @@
+"""The study: in order of worth, resumable, and no failure stops the rest."""
+
+import dataclasses
+
+import pytest
+from generated_frames import generated, write_frames
+
+from predictor import study
+from predictor.image_config import EXPANSIONS, ImageConfig, ImageTraining
+from predictor.image_net import ImageNet
+from predictor.study import ORDER, Data, Run, Study, main
+from predictor.weights import save_weights
+
+pytest.importorskip("predictor.frames")
+
+TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("frames") / "data"
+    write_frames(folder, {"train": generated(10, 1), "validation": generated(4, 2)})
+    return folder
+
+
+def run_of(data, out, arch="mlp", expansion=1.1):
+    config = ImageConfig(arch, expansion, width=1 / 16, side=64)
+    return Run(config, ImageTraining(epochs=0.2), Data.of(data), out / f"{arch}-{expansion}")
+
+
+def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
+    assert len(ORDER) == len(set(ORDER)) == 20
+    assert ORDER[:4] == (("unet_ff", 1.1), ("unet_ff", 1.3), ("unet_ff", 2.0), ("resnet_ff", 1.1))
+    assert [arch for arch, _ in ORDER[-5:]] == 5 * ["mlp"]
+    assert {expansion for _, expansion in ORDER} == set(EXPANSIONS)
+
+
+def test_one_command_trains_them_all_and_passes_over_them_the_next_time(data, tmp_path, capsys):
+    command = ["--data", str(data), "--out", str(tmp_path), "--jobs", "2", *TINY,
+               "--archs", "unet_ff", "gan", "--expansions", "1.3"]  # fmt: skip
+    assert main(command) == 0
+    table = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in table] == [
+        ["unet_ff-1.3", "finished"], ["gan-1.3", "finished"],
+    ]  # fmt: skip
+    assert "epoch 0.2: l1 0." in table[0]
+    assert "discriminator 0." in table[1]
+    assert (tmp_path / "status.txt").read_text().splitlines() == table
+    weights = [tmp_path / f"{arch}-1.3" / f"{arch}.safetensors" for arch in ("unet_ff", "gan")]
+    made = [path.stat().st_mtime_ns for path in weights]
+    assert main(command) == 0
+    assert [path.stat().st_mtime_ns for path in weights] == made
+
+
+def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
+    bad = tmp_path / "mlp-1.1"
+    bad.mkdir()
+    (bad / "checkpoint.pt").write_bytes(b"nothing that torch could read")
+    command = ["--data", str(data), "--out", str(tmp_path), "--jobs", "1", *TINY,
+               "--archs", "mlp", "--expansions", "1.1", "1.3"]  # fmt: skip
+    assert main(command) == 1
+    table = capsys.readouterr().out.splitlines()
+    assert "failed: " in table[0]
+    assert "checkpoint.pt cannot be read" in table[0]
+    assert table[1].split()[1] == "finished"
+    (bad / "checkpoint.pt").unlink()
+    assert main(command) == 0
+
+
+class Dying(Run):
+    """A training whose process is killed."""
+
+    def train(self):
+        import os
+
+        os.kill(os.getpid(), 9)
+
+
+def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
+    one, other = run_of(data, tmp_path), run_of(data, tmp_path, expansion=1.3)
+    dying = Dying(one.config, one.training, one.data, one.out)
+    both = Study([dying, other], tmp_path)
+    both.train(jobs=1)
+    assert both.failures() == 1
+    assert "failed: its process died (-9)" in both.line(dying)
+    assert both.state[other] == "finished"
+
+
+def test_a_folder_without_frames_is_named_before_any_training(tmp_path, capsys):
+    assert main(["--data", str(tmp_path / "no"), "--out", str(tmp_path / "out"), *TINY]) == 2
+    assert "no holds no data set" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_weights_of_another_schedule_are_not_passed_over_in_silence(data, tmp_path, capsys):
+    one = run_of(data, tmp_path)
+    one.out.mkdir(parents=True)
+    facts = {"config": dataclasses.asdict(ImageTraining()), "network": {}}
+    save_weights(one.out / "mlp.safetensors", ImageNet(one.config), facts)
+    assert main(["--data", str(data), "--out", str(tmp_path), *TINY]) == 2
+    assert "was trained in another way" in capsys.readouterr().err
+
+
+def test_damaged_weights_are_named(data, tmp_path, capsys):
+    one = run_of(data, tmp_path)
+    one.out.mkdir(parents=True)
+    (one.out / "mlp.safetensors").write_bytes(b"short")
+    assert main(["--data", str(data), "--out", str(tmp_path), *TINY]) == 2
+    assert "damaged" in capsys.readouterr().err
+
+
+def test_an_interrupted_study_leaves_no_process(data, tmp_path, monkeypatch):
+    begun = []
+
+    def interrupted(sentinels, timeout):
+        begun.extend(study.multiprocessing.active_children())
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "wait", interrupted)
+    assert main(["--data", str(data), "--out", str(tmp_path), "--jobs", "1", *TINY]) == 130
+    assert len(begun) == 1
+    assert not begun[0].is_alive()
+
+
+@pytest.mark.parametrize("wrong", [["--jobs", "0"], ["--width", "9"]])
+def test_arguments_that_make_no_sense_are_refused(data, wrong, tmp_path, capsys):
+    assert main([*wrong, "--data", str(data), "--out", str(tmp_path)]) == 2
+    assert wrong[0] in capsys.readouterr().err
