@@ -52,7 +52,7 @@ class ImagePredictor:
         """
         square, grey = self._printed(known, pose)
         sure = SUREST if not known.unknown.all() else 0.0
-        p_free, p_occupied = self._chances[:, level_of(grey)]
+        p_free, p_occupied = self.chances(grey)
         parts = []
         for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
                                  (np.full(square.shape, sure, np.float32), True)):  # fmt: skip
@@ -68,6 +68,10 @@ class ImagePredictor:
         """
         square, grey = self._printed(known, pose)
         return paste(square, grey, known.frame, np.float32(0.0))
+
+    def chances(self, grey: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What greys in [-1, 1] mean: probabilities of free and of occupied, (2, ...)."""
+        return np.asarray(self._chances[:, level_of(grey)])
 
     def _printed(
         self, known: Grid, pose: NDArray[np.float64]
