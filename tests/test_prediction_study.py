@@ -11,6 +11,7 @@ from benchmarks.prediction.__main__ import main
 from benchmarks.prediction.contestants import contestants, reduced
 from benchmarks.prediction.evaluation import spaced
 from benchmarks.prediction.paper import SSIM
+from benchmarks.prediction.pictures import straight
 from benchmarks.prediction.similarity import LEVELS, beyond_crop, similarity
 from benchmarks.prediction.square import Square
 from benchmarks.statistics import grouped_mean
@@ -89,6 +90,13 @@ def done(sets, study, tmp_path_factory):
                  "--expansions", "1.1", "1.3", "--apart", "0", "--jobs", "1"]  # fmt: skip
     assert main(arguments) == 0
     return out, arguments, json.loads((out / "results.json").read_text())
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Without figures, which take most of the time."""
+    monkeypatch.setattr("benchmarks.prediction.figures.draw", lambda *_: [])
+    monkeypatch.setattr("benchmarks.prediction.hallway.write_hallway", lambda rows, out: out)
 
 
 def command(sets, out, *more):
@@ -201,20 +209,21 @@ def test_tables_have_the_papers_numbers_beside(done):
         assert f"{printed:.3f}" in line
 
 
-def test_what_is_finished_is_not_done_again_and_what_is_lost_is(done, monkeypatch):
+def test_what_is_finished_is_not_done_again_and_what_is_lost_is(done, undrawn):
     out, arguments, results = done
-    parts = sorted((out / "parts").glob("scores-*.npz"))
+    parts = sorted((out / "parts").iterdir())
     before = {path: path.stat().st_mtime_ns for path in parts}
-    parts[0].write_bytes(b"half")
-    parts[1].unlink()
+    lost = [path for path in parts if path.name.startswith("scores-")][:2]
+    lost[0].write_bytes(b"half")
+    lost[1].unlink()
     assert main(arguments) == 0
     again = json.loads((out / "results.json").read_text())
     assert again == results
     redone = {path for path, time in before.items() if path.stat().st_mtime_ns != time}
-    assert redone == set(parts[:2])
+    assert redone == set(lost)
 
 
-def test_a_folder_may_grow(sets, tmp_path):
+def test_a_folder_may_grow(sets, tmp_path, undrawn):
     assert main(command(sets, tmp_path, "--predictors", "none")) == 0
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "parts").iterdir()}
     assert (
@@ -245,7 +254,7 @@ def test_a_plug_in_that_breaks_the_contract_is_refused_in_a_line(sets, tmp_path,
     assert not (tmp_path / "results.json").exists()
 
 
-def test_nan_counts_as_not_known_and_is_shown(sets, tmp_path):
+def test_nan_counts_as_not_known_and_is_shown(sets, tmp_path, undrawn):
     assert main(command(sets, tmp_path, "--predictors", "test_prediction_study:Nan")) == 0
     row = json.loads((tmp_path / "results.json").read_text())["simulated"]["1.10"]
     assert row["test_prediction_study:Nan"]["nan_cells"] > 0
@@ -289,3 +298,16 @@ def test_a_training_as_printed_is_not_reduced():
     assert reduced(facts) is None
     facts["config"] = asdict(ImageTraining(batch=16))
     assert reduced(facts) == {"batch": 16}
+
+
+def test_every_figure_is_drawn(done):
+    out, _, _ = done
+    for name in ("ssim", "distance", "reliability", "simulated", "physical", "random", "worst",
+                 "maps-simulated", "maps-physical"):  # fmt: skip
+        assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list(out.glob("hallway.*"))) == 1
+
+
+def test_stretches_are_straight_where_the_heading_stays():
+    yaw = np.concatenate([np.full(20, 3.1), np.full(20, -3.1), np.linspace(-3.1, 0, 20)])
+    assert straight(yaw, 40, 0.2).tolist() == [0, 1]

@@ -93,6 +93,9 @@ def _run(args: argparse.Namespace) -> str:
     import torch
 
     from benchmarks.prediction.evaluation import Evaluation
+    from benchmarks.prediction.figures import draw
+    from benchmarks.prediction.hallway import write_hallway
+    from benchmarks.prediction.pictures import leader, pictures
     from benchmarks.prediction.report import costs_of, report
     from benchmarks.prediction.tables import tables_of
     from predictor.whole import write_whole
@@ -106,7 +109,12 @@ def _run(args: argparse.Namespace) -> str:
     results = report(evaluation)
     tables = tables_of(results)
     write_whole(args.out / "tables.md", tables.encode())
-    return tables + f"\n{args.out / 'results.json'}"
+    sheets = pictures(evaluation)
+    sets = [frames for frames in (evaluation.simulated, evaluation.physical) if frames is not None]
+    names = list(dict.fromkeys(one.name for one in evaluation.config.contestants))
+    paths = draw(args.out, results, sheets, sets, leader(names))
+    paths.append(write_hallway(sheets["hallway"], args.out))
+    return tables + "".join(f"\n{path}" for path in (args.out / "results.json", *paths))
 
 
 def _config(args: argparse.Namespace) -> Config:
