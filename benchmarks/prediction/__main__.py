@@ -97,7 +97,7 @@ def _run(args: argparse.Namespace) -> str:
     from benchmarks.prediction.hallway import write_hallway
     from benchmarks.prediction.pictures import leader, pictures
     from benchmarks.prediction.report import costs_of, report
-    from benchmarks.prediction.tables import tables_of
+    from benchmarks.prediction.tables import summary, tables_of
     from predictor.whole import write_whole
 
     torch.set_num_threads(1)
@@ -107,14 +107,14 @@ def _run(args: argparse.Namespace) -> str:
     costs_of(evaluation)
     evaluation.run(args.jobs)
     results = report(evaluation)
-    tables = tables_of(results)
-    write_whole(args.out / "tables.md", tables.encode())
+    write_whole(args.out / "tables.md", tables_of(results).encode())
     sheets = pictures(evaluation)
     sets = [frames for frames in (evaluation.simulated, evaluation.physical) if frames is not None]
     names = list(dict.fromkeys(one.name for one in evaluation.config.contestants))
     paths = draw(args.out, results, sheets, sets, leader(names))
     paths.append(write_hallway(sheets["hallway"], args.out))
-    return tables + "".join(f"\n{path}" for path in (args.out / "results.json", *paths))
+    paths = [args.out / "results.json", args.out / "tables.md", *paths]
+    return f"{summary(results)}\n\n" + "\n".join(map(str, paths))
 
 
 def _config(args: argparse.Namespace) -> Config:

@@ -24,12 +24,14 @@ class Answer:
 
     Attributes:
         image: greys in [0, 1]: free 1, not known 0.5, occupied 0.
+        kept: the same, in which what the predictor was given is as it was given.
         p_free: probability of free; only cells not seen count.
         p_occupied: likewise.
         nan_cells: how many were NaN, which count as not known.
     """
 
     image: NDArray[np.float64]
+    kept: NDArray[np.float64]
     p_free: NDArray[np.float32]
     p_occupied: NDArray[np.float32]
     nan_cells: int = 0
@@ -93,7 +95,7 @@ class _Baseline:
         crop = TERNARY[codes_of(square.crop.cells)]
         image = crop if self.copies else np.full_like(crop, 0.5)
         free, occupied = (np.full(crop.shape, rate, np.float32) for rate in self.rates)
-        return Answer(image, free, occupied)
+        return Answer(image, image, free, occupied)
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,9 @@ class _Printed:
         if not np.isfinite(grey).all():
             raise BadPredictionError("the network printed numbers that are not finite")
         p_free, p_occupied = self.predictor.chances(grey)
-        return Answer(0.5 + 0.5 * grey.astype(np.float64), p_free, p_occupied)
+        image = 0.5 + 0.5 * grey.astype(np.float64)
+        kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
+        return Answer(image, kept, p_free, p_occupied)
 
 
 @dataclass(frozen=True)
@@ -129,9 +133,8 @@ class _Believed:
         image = image_of(codes_of(square.window.cells), belief)
         # Checked, so these are arrays of the right shape.
         nan = np.isnan(np.asarray(raw.p_free) + np.asarray(raw.p_occupied) + raw.confidence)
-        return Answer(
-            image, belief.p_free, belief.p_occupied, int((nan & (square.ring >= 0)).sum())
-        )
+        nan &= square.ring >= 0
+        return Answer(image, image, belief.p_free, belief.p_occupied, int(nan.sum()))
 
 
 @lru_cache(maxsize=64)

@@ -24,6 +24,9 @@ TITLES = {
     "worst": "The worst squares of {leader}, one a drive",
 }
 """Of sheets; all are chosen by SSIM."""
+SIMILAR = {"ssim": "SSIM, whole square", "ssim_kept": "SSIM, what was seen put back",
+           "ssim_unseen": "SSIM, unseen outside the crop"}  # fmt: skip
+"""By expansion."""
 MEASURES = (("iou_free", "IoU of free"), ("iou_occupied", "IoU of occupied"), ("brier", "Brier"),
             ("ece", "calibration error"))  # fmt: skip
 """By distance beyond the frontier."""
@@ -107,11 +110,11 @@ def show(axis: Axes, row: Row, column: str) -> None:
 
 def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
     """SSIM over expansion, whole and on cells not seen, with what the paper prints."""
-    figure = new_figure(2.5 * len(places) + 1.6, 5.2)
-    axes = figure.subplots(2, len(places), squeeze=False, sharex=True, sharey="row")
+    figure = new_figure(2.5 * len(places) + 1.6, 2.4 * len(SIMILAR) + 0.4)
+    axes = figure.subplots(len(SIMILAR), len(places), squeeze=False, sharex=True, sharey="row")
     for column, (place, entry) in enumerate(places.items()):
         kind = "simulated" if place == "simulated" else "physical"
-        for axis, measure in zip(axes[:, column], ("ssim", "ssim_unseen"), strict=True):
+        for axis, measure in zip(axes[:, column], SIMILAR, strict=True):
             for name in _names(entry):
                 _line(axis, entry, name, measure)
             if measure == "ssim":
@@ -121,10 +124,9 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
                     axis.plot(*zip(*points, strict=True), color=colour, linestyle=":",
                               linewidth=1.0, label=f"the paper's {name}")  # fmt: skip
                 axis.set_title(place, fontsize=9)
-            else:
-                axis.set_xlabel("expansion")
-    axes[0, 0].set_ylabel("SSIM, whole square")
-    axes[1, 0].set_ylabel("SSIM, not seen outside the crop")
+            if column == 0:
+                axis.set_ylabel(SIMILAR[measure], fontsize=8)
+        axes[-1, column].set_xlabel("expansion")
     _legend(figure, axes)
     return figure
 
@@ -157,13 +159,13 @@ def reliability(places: dict[str, Any]) -> Figure:
     """Share of cells that were free, or occupied, of those said to be with each probability."""
     entry = places["simulated"]
     expansions = sorted({_nearest(list(entry), wanted) for wanted in (NEAR, FAR)})
-    shown = [(place, expansion) for place in places for expansion in expansions]
-    figure = new_figure(1.75 * len(shown) + 1.4, 4.4)
-    axes = figure.subplots(2, len(shown), squeeze=False, sharex=True, sharey=True)
-    for column, (place, expansion) in enumerate(shown):
-        for axis, name in zip(axes[:, column], ("free", "occupied"), strict=True):
+    shown = [(expansion, name) for expansion in expansions for name in ("free", "occupied")]
+    figure = new_figure(1.75 * len(places) + 1.5, 1.8 * len(shown) + 0.4)
+    axes = figure.subplots(len(shown), len(places), squeeze=False, sharex=True, sharey=True)
+    for column, (place, measured) in enumerate(places.items()):
+        for axis, (expansion, name) in zip(axes[:, column], shown, strict=True):
             axis.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
-            for predictor, row in places[place][expansion].items():
+            for predictor, row in measured[expansion].items():
                 curve = {key: np.array(values, dtype=np.float64)
                          for key, values in row["reliability"][name].items()}  # fmt: skip
                 given, came_true, share = (curve[key][curve["share"] >= SHARE]
@@ -179,8 +181,8 @@ def reliability(places: dict[str, Any]) -> Figure:
             axis.set_xticks([0, 0.5, 1], ["0", "½", "1"])
             axis.set_yticks([0, 0.5, 1], ["0", "½", "1"])
             if column == 0:
-                axis.set_ylabel(f"share that was {name}")
-        axes[0, column].set_title(f"{place}, {expansion}×", fontsize=8)
+                axis.set_ylabel(f"was {name}, {expansion}×", fontsize=8)
+        axes[0, column].set_title(place, fontsize=9)
         axes[-1, column].set_xlabel("probability given")
     _legend(figure, axes)
     return figure

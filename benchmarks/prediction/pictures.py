@@ -128,7 +128,7 @@ def _row(evaluation: Evaluation, asked: Asked, title: str) -> Row:
         if one.does(expansion):
             said = entrant(one, evaluation.rates[expansion]).answer(square).image
             images[one.name] = said
-            ssim[one.name] = similarity(said, square.image, square.unseen).ssim
+            ssim[one.name] = similarity(said, said, square.image, square.unseen).ssim
     images[TRUE] = square.image
     greys = {name: np.rint(255 * image).astype(np.uint8) for name, image in images.items()}
     return Row(title, float(square.pose[2]), greys, ssim)

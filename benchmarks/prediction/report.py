@@ -24,7 +24,7 @@ from predictor.whole import write_whole
 
 COMPARED = ("grey", "copy", "none", "unet_ff")
 """Those of them that are there are what every other is compared with."""
-ALIKE = ("ssim", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
+ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
 """Measures of images, one a frame."""
 SUMMED = ("brier", "nll")
 """Measures of cells not seen, kept as sums over a frame."""
@@ -152,9 +152,10 @@ def _measures(kept: Kept, scores: Scores) -> dict[str, Any]:
     return out | _cells(scores, slice(None)) | {"nan_cells": int(kept["nan_cells"].sum())}
 
 
-def _cells(scores: Scores, rings: slice) -> dict[str, float]:
+def _cells(scores: Scores, rings: slice) -> dict[str, Any]:
     """Scores of cells; `brier` and `ece` are means of those of free and of occupied."""
-    out = scores.measures(rings)
+    out: dict[str, Any] = scores.measures(rings)
+    out["cells"] = int(out["cells"])
     for name in ("brier", "ece"):
         out[name] = 0.5 * (out[f"{name}_free"] + out[f"{name}_occupied"])
     return out
@@ -201,4 +202,7 @@ def _plain(value: Any) -> Any:
         return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    if isinstance(value, float):
+        # Six digits: a file of a third the size.
+        return float(f"{value:.6g}") if np.isfinite(value) else None
+    return value

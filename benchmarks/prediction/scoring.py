@@ -62,7 +62,7 @@ class Tally:
 
     def add(self, square: Square, answer: Answer) -> None:
         """Score an answer."""
-        alike = similarity(answer.image, square.image, square.unseen)
+        alike = similarity(answer.image, answer.kept, square.image, square.unseen)
         before = self._sums()
         self.scores.add(answer.p_free, answer.p_occupied, square.truth == 0, square.truth == 1,
                         square.ring)  # fmt: skip

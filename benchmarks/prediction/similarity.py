@@ -35,24 +35,31 @@ class Similarity:
 
     Attributes:
         ssim: scikit-image's mean, which leaves out a rim of three cells.
+        ssim_kept: the same, of the image in which what was seen is as it was seen: what a planner
+            would get.
         ssim_unseen: mean of its map over cells not seen outside the 5 m crop; NaN if there is none.
         ssim_coarse: mean over all cells of the map of each cell's own resolution, see `LEVELS`.
         ssim_coarse_unseen: the same over the cells of `ssim_unseen`.
     """
 
     ssim: float
+    ssim_kept: float
     ssim_unseen: float
     ssim_coarse: float
     ssim_coarse_unseen: float
 
 
 def similarity(
-    image: NDArray[np.float64], truth: NDArray[np.float64], unseen: NDArray[np.bool_]
+    image: NDArray[np.float64],
+    kept: NDArray[np.float64],
+    truth: NDArray[np.float64],
+    unseen: NDArray[np.bool_],
 ) -> Similarity:
     """How alike an image and the true one are.
 
     Args:
         image: greys in [0, 1], (n, n), n even.
+        kept: the same, in which what was seen is as it was seen.
         truth: the same, ternary.
         unseen: cells not seen, outside the crop.
     """
@@ -66,8 +73,10 @@ def similarity(
             _, at_block = structural_similarity(*blocks, full=True, **SETTINGS)
             coarse[there] = _spread(at_block, block, len(truth))[there]
     some = bool(unseen.any())
+    same = kept is image
     return Similarity(
         float(whole),
+        float(whole if same else structural_similarity(kept, truth, **SETTINGS)),
         float(fine[unseen].mean()) if some else np.nan,
         float(coarse.mean()),
         float(coarse[unseen].mean()) if some else np.nan,

@@ -11,6 +11,7 @@ Rows = dict[str, dict[str, Any]]
 """Predictor → measures."""
 IMAGES = {
     "ssim": "SSIM of the whole square",
+    "ssim_kept": "SSIM of the whole square, what was seen put back",
     "ssim_unseen": "SSIM on cells not seen, outside the crop",
     "ssim_coarse": "SSIM, coarser the farther",
     "ssim_coarse_unseen": "SSIM, coarser the farther, on cells not seen outside the crop",
@@ -27,29 +28,38 @@ each baseline, with 95 % intervals over drives (simulated) and over blocks of {b
 """
 
 
+def summary(results: dict[str, Any]) -> str:
+    """Whether the paper's networks are above the baselines, and what networks they are."""
+    return "\n".join(
+        (
+            ABOVE.format(block=results["settings"]["block"]),
+            _verdicts(_places(results), results["predictors"]),
+            "\n## The networks\n",
+            _trainings(results["predictors"]),
+        )
+    )
+
+
 def tables_of(results: dict[str, Any]) -> str:
     """All tables of a results.json of `benchmarks.prediction`."""
-    places = {"simulated": results["simulated"], **results["physical"]}
-    block = results["settings"]["block"]
-    parts = [
-        ABOVE.format(block=block),
-        _verdicts(places, results["predictors"]),
-        "\n## The networks\n",
-        _trainings(results["predictors"]),
-    ]
-    for place, entry in places.items():
+    parts = [summary(results)]
+    for place, entry in _places(results).items():
         kind = "simulated" if place == "simulated" else "physical"
         parts.append(f"\n## {place}\n\n{_size(entry)}")
         for measure, title in IMAGES.items():
             paper = results["paper"][kind] if measure == "ssim" else {}
             parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper)}")
-        for measure in ("ssim", "ssim_unseen"):
+        for measure in ("ssim", "ssim_kept", "ssim_unseen"):
             for other in BASELINES:
                 title = f"{IMAGES[measure]}: difference to `{other}`"
                 parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
         for expansion, rows in entry.items():
             parts.append(f"\n### Cells not seen, {expansion}×\n\n{_cells(rows)}")
     return "\n".join(parts) + "\n"
+
+
+def _places(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
+    return {"simulated": results["simulated"], **results["physical"]}
 
 
 def _size(entry: dict[str, Rows]) -> str:
@@ -64,8 +74,8 @@ def _names(entry: dict[str, Rows]) -> list[str]:
 
 def _verdicts(places: dict[str, dict[str, Rows]], predictors: dict[str, Any]) -> str:
     head = ["where", "expansion", "network", "SSIM"]
-    measures = ("ssim", "ssim_unseen")
-    head += [f"{what} to `{other}`" for what in ("whole", "unseen") for other in BASELINES]
+    measures = {"ssim": "whole", "ssim_kept": "seen put back", "ssim_unseen": "unseen"}
+    head += [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
     rows = [head]
     for place, entry in places.items():
         for expansion, measured in entry.items():
