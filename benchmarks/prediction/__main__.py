@@ -68,9 +68,9 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "has made, or logs themselves, of which a set is made in DIR/physical (default: "
         f"{PHYSICAL}, if it is there)")  # fmt: skip
     add("--predictors", nargs="+", default=list(PREDICTORS), metavar="P", help="none, extend, "
-        "compact, module:Class, weights FILE.safetensors, or a folder of predictor.study, of which "
-        "each network is asked at the expansion that it was trained for; NAME=P to rename "
-        f"(default: {' '.join(PREDICTORS)})")  # fmt: skip
+        "compact, module:Class, weights FILE.safetensors, a folder of predictor.study, of which "
+        "each network is asked at the expansion that it was trained for, or fused:FOLDER/ARCH, all "
+        f"of them in one; NAME=P to rename (default: {' '.join(PREDICTORS)})")  # fmt: skip
     add("--expansions", nargs="+", type=float, default=list(EXPANSIONS), metavar="X",
         help="side of the predicted square over 5 m, of 1.00, 1.02, … 2.00 (default: "
         f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip

@@ -11,7 +11,7 @@ from typing import Any
 from predictor.frames import checksum
 from predictor.image_config import PRESETS
 from predictor.provenance import fingerprint_of
-from predictor.registry import SUFFIX, PredictorError, load_predictor
+from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 
 BASELINES = ("copy", "grey")
 """The input as it is, unknown around; and an image that is grey all over. Always compared."""
@@ -42,8 +42,8 @@ def contestants(wanted: Sequence[str], expansions: Sequence[float]) -> list[Cont
     """All that are compared: the baselines, then those wanted, in their order.
 
     Args:
-        wanted: each a predictor's name, `module:Class`, a file of weights, or a folder of
-            `predictor.study`; NAME= before it renames it, and stands before all of a folder.
+        wanted: each what `predictor.load_predictor` takes, or a folder of `predictor.study`; NAME=
+            before it renames it, and stands before all of a folder.
         expansions: of the squares.
 
     Raises:
@@ -102,7 +102,7 @@ def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Con
 def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
     predictor = load_predictor(spec)
     expansion = _expansion_of(predictor)
-    name = label or (Path(spec).stem if spec.endswith(SUFFIX) else spec)
+    name = label or _short(spec)
     one = Contestant(name, spec, expansion, _identity(predictor))
     if name in BASELINES:
         raise PredictorError(f"{spec} cannot be called {name}, for a baseline is")
@@ -110,6 +110,13 @@ def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
         raise PredictorError(f"{spec} holds weights for an expansion of {expansion:g}: add it to "
                              "--expansions")  # fmt: skip
     return one
+
+
+def _short(spec: str) -> str:
+    """What a predictor is called that nobody has named."""
+    if spec.startswith(FUSED):
+        return f"fused_{Path(spec).name}"
+    return Path(spec).stem if spec.endswith(SUFFIX) else spec
 
 
 def _expansion_of(predictor: Any) -> float | None:

@@ -16,7 +16,9 @@ from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import Square
 from predictor.compact import SHIPPED, Compact
 from predictor.compact_net import CompactNet
+from predictor.fused import Fused
 from predictor.image_net import ImageNet
+from predictor.image_predictor import ImagePredictor
 from predictor.prediction import BadPredictionError, checked
 from predictor.registry import load_predictor
 from predictor.weights import load_weights
@@ -41,7 +43,7 @@ def cost_of(contestant: Contestant, squares: list[Square]) -> dict[str, Any] | N
     taken = []
     for number in range(BEFORE + TIMED):
         square = squares[number % len(squares)]
-        known = square.crop if is_printed(contestant) else square.window
+        known = square.crop if is_printed(predictor) else square.window
         begin = time.perf_counter()
         try:
             prediction = predictor.predict(known, square.pose)
@@ -69,18 +71,32 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | Non
         predictor: the same.
         n: side of the predicted square [cells].
     """
-    weights = SHIPPED if contestant.spec == "compact" else Path(contestant.spec)
-    if is_printed(contestant):
-        net: Any = load_weights(weights, ImageNet)[0]
-        given = torch.zeros(1, 1, net.config.side, net.config.side)
+    if isinstance(predictor, Fused):
+        # Wider networks than the square needs are not asked.
+        narrower = sum(100 * part.config.expansion < n - 1e-6 for part in predictor.parts)
+        sizes = [_of_image(path) for path in predictor.weights[: narrower + 1]]
+    elif isinstance(predictor, ImagePredictor):
+        sizes = [_of_image(Path(contestant.spec))]
     elif isinstance(predictor, Compact):
-        net = load_weights(weights, CompactNet)[0]
+        net = load_weights(
+            SHIPPED if contestant.spec == "compact" else Path(contestant.spec), CompactNet
+        )[0]
         side = n + -n % net.config.multiple
-        given = torch.zeros(1, 2, side, side)
+        sizes = [_counted(net, torch.zeros(1, 2, side, side))]
     else:
         return {"parameters": None, "macs": None}
+    parameters, macs = map(sum, zip(*sizes, strict=True))
+    return {"parameters": parameters, "macs": macs}
+
+
+def _of_image(weights: Path) -> tuple[int, int]:
+    net = load_weights(weights, ImageNet)[0]
+    return _counted(net, torch.zeros(1, 1, net.config.side, net.config.side))
+
+
+def _counted(net: torch.nn.Module, given: torch.Tensor) -> tuple[int, int]:
+    """Parameters, and multiply-accumulates of one run."""
     with torch.inference_mode(), FlopCounterMode(display=False) as counter:
         net(given)
     # A multiplication and an addition count as two there.
-    return {"parameters": sum(p.numel() for p in net.parameters()),
-            "macs": counter.get_total_flops() // 2}  # fmt: skip
+    return sum(p.numel() for p in net.parameters()), counter.get_total_flops() // 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from benchmarks.prediction.contestants import Contestant
 from benchmarks.prediction.similarity import TERNARY
 from benchmarks.prediction.square import Square
 from predictor.frames import codes_of
+from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
 from predictor.registry import load_predictor
@@ -60,14 +61,14 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
     if contestant.name in ("copy", "grey"):
         return _Baseline(contestant.name == "copy", rates)
     predictor = _loaded(contestant.spec)
-    if isinstance(predictor, ImagePredictor):
+    if is_printed(predictor):
         return _Printed(predictor)
     return _Believed(predictor)
 
 
-def is_printed(contestant: Contestant) -> bool:
-    """Whether it is a network that prints a grey image."""
-    return contestant.expansion is not None
+def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
+    """Whether a predictor is made of networks that print a grey image."""
+    return isinstance(predictor, ImagePredictor | Fused)
 
 
 def image_of(known: NDArray[np.uint8], belief: Prediction) -> NDArray[np.float64]:
@@ -102,15 +103,13 @@ class _Baseline:
 class _Printed:
     """A network of the paper: its raw image is scored, and what its greys mean."""
 
-    predictor: ImagePredictor
+    predictor: ImagePredictor | Fused
 
     def answer(self, square: Square) -> Answer:
-        of_crop = self.predictor.config.given == "crop"
-        known = square.crop if of_crop else square.window
-        grey = self.predictor.image(known, square.pose)
+        known = square.crop if self.predictor.given == "crop" else square.window
+        grey, p_free, p_occupied, _ = self.predictor.printed(known, square.pose)
         if not np.isfinite(grey).all():
             raise BadPredictionError("the network printed numbers that are not finite")
-        p_free, p_occupied = self.predictor.chances(grey)
         image = 0.5 + 0.5 * grey.astype(np.float64)
         kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
         return Answer(image, kept, p_free, p_occupied)
