@@ -9,11 +9,13 @@ from generated_frames import generated, write_frames
 
 from benchmarks.prediction.__main__ import main
 from benchmarks.prediction.contestants import contestants, reduced
+from benchmarks.prediction.entrants import entrant
 from benchmarks.prediction.evaluation import spaced
 from benchmarks.prediction.paper import SSIM
 from benchmarks.prediction.pictures import straight
 from benchmarks.prediction.similarity import LEVELS, beyond_crop, similarity
 from benchmarks.prediction.square import Square
+from benchmarks.prediction.transients import Count, found, with_transients
 from benchmarks.statistics import grouped_mean
 from predictor import Prediction, PredictorError
 from predictor.frames import Frames
@@ -192,6 +194,8 @@ def test_results_have_all_that_was_asked(done):
     assert facts["network"]["side"] == 64
     assert results["simulated"]["1.10"]["unet_ff"]["cost"]["macs"] > 0
     assert results["simulated"]["1.10"]["copy"]["cost"] is None
+    assert results["transients"]["simulated"]["1.10"]["mlp"]["cells"] > 0
+    assert results["transients"]["hall"]["1.10"]["mlp"]["filtered"] is None
 
 
 def test_baselines_say_what_unseen_cells_are_on_the_validation_drives(done):
@@ -306,9 +310,34 @@ def test_a_training_as_printed_is_not_reduced():
 def test_every_figure_is_drawn(done):
     out, _, _ = done
     for name in ("ssim", "distance", "reliability", "simulated", "physical", "random", "worst",
-                 "maps-simulated", "maps-physical"):  # fmt: skip
+                 "transients", "maps-simulated", "maps-physical"):  # fmt: skip
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert len(list(out.glob("hallway.*"))) == 1
+
+
+def test_transients_are_put_where_free_space_was_seen_and_found_again(sets):
+    frames = Frames.load(sets / "simulated", "test")
+    square = Square.of(frames, 2, 1.3)
+    given, put = with_transients(square, seed=0)
+    assert put.any()
+    assert square.crop.free[put].all()
+    assert given.crop.occupied[put].all()
+    assert (given.crop.cells[~put] == square.crop.cells[~put]).all()
+    assert not found(square).any()
+    assert (found(given) == put).all()
+
+
+def test_a_network_that_copies_filters_nothing_and_one_that_whitens_all_keeps_no_wall(sets):
+    square = Square.of(Frames.load(sets / "simulated", "test"), 2, 1.3)
+    counts = {}
+    for name in ("copy", "grey"):
+        counts[name] = Count()
+        speaker = entrant(contestants([], (1.3,))[name == "grey"], (0.5, 0.1))
+        counts[name].add(speaker, square, put_in=True, seed=0)
+    assert counts["copy"].shares(True) | {"cells": 0, "wall_cells": 0} == {
+        "cells": 0, "filtered": 0.0, "free_without": 1.0, "wall_cells": 0, "walls_kept": 1.0
+    }  # fmt: skip
+    assert counts["grey"].shares(True)["walls_kept"] == 0.0
 
 
 def test_stretches_are_straight_where_the_heading_stays():

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction.contestants import Contestant
+from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.similarity import TERNARY
 from benchmarks.prediction.square import Square
 from predictor.frames import codes_of
@@ -58,7 +58,7 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
         rates: shares of free and of occupied among cells not seen, which is what the baselines
             say of these.
     """
-    if contestant.name in ("copy", "grey"):
+    if contestant.name in BASELINES:
         return _Baseline(contestant.name == "copy", rates)
     predictor = _loaded(contestant.spec)
     if is_printed(predictor):
@@ -69,6 +69,11 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
 def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
     """Whether a predictor is made of networks that print a grey image."""
     return isinstance(predictor, ImagePredictor | Fused)
+
+
+def prints(contestant: Contestant) -> bool:
+    """Whether a contestant is such a predictor."""
+    return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
 
 
 def image_of(known: NDArray[np.uint8], belief: Prediction) -> NDArray[np.float64]:
@@ -136,6 +141,6 @@ class _Believed:
         return Answer(image, image, belief.p_free, belief.p_occupied, int(nan.sum()))
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def _loaded(spec: str) -> Predictor:
     return load_predictor(spec)

@@ -132,7 +132,8 @@ class Evaluation:
         def path(stretch: Stretch, one: Contestant) -> Path:
             return self.store.scores_path(stretch, sha256[stretch.folder, stretch.drive], one)
 
-        every = [stretch for drive in self.drives for expansion in self.config.expansions
+        # By expansion first: the networks of one are kept in memory, those of all would fill it.
+        every = [stretch for expansion in self.config.expansions for drive in self.drives
                  for stretch in self.stretches(drive, expansion)]  # fmt: skip
         todo = []
         for stretch in every:
@@ -167,6 +168,11 @@ class Evaluation:
         test = Frames.load(self.config.data, "test")
         chosen = np.unique(np.linspace(0, len(test) - 1, count).astype(int))
         return [Square.of(test, int(index), expansion) for index in chosen]
+
+
+def key_of(expansion: float) -> str:
+    """An expansion as results name it."""
+    return f"{expansion:.2f}"
 
 
 def sets_of(evaluation: Evaluation) -> dict[str, Any]:

@@ -22,8 +22,9 @@ TITLES = {
     "physical": "A median square of {leader} on the real drives",
     "random": "Random squares of the test drives",
     "worst": "The worst squares of {leader}, one a drive",
+    "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
-"""Of sheets; all are chosen by SSIM."""
+"""Of sheets; median and worst by SSIM."""
 SIMILAR = {"ssim": "SSIM, whole square", "ssim_kept": "SSIM, what was seen put back",
            "ssim_unseen": "SSIM, unseen outside the crop"}  # fmt: skip
 """By expansion."""

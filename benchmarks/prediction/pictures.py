@@ -16,6 +16,7 @@ from benchmarks.prediction.scoring import Kept, drive_of
 from benchmarks.prediction.similarity import TERNARY, similarity
 from benchmarks.prediction.square import Square
 from benchmarks.prediction.store import read_arrays, write_arrays
+from benchmarks.prediction.transients import with_transients
 from predictor.frames import codes_of
 
 SHOWN = 5
@@ -51,7 +52,8 @@ class Row:
 
 Sheets = dict[str, list[Row]]
 """Name → what is on it: "simulated" and "physical" are the paper's figure, "random" and "worst"
-what they say, "hallway" the frames of the video."""
+what they say, "transients" some of the random ones with obstacles put in, "hallway" the frames of
+the video."""
 Asked = tuple[Drive, int, float]
 """A drive, the number of a frame in it, and an expansion."""
 
@@ -113,16 +115,19 @@ def _made(evaluation: Evaluation, chosen: dict[str, list[tuple[Asked, str]]]) ->
     total = sum(map(len, chosen.values()))
     with tqdm(total=total, desc="pictures", unit="square") as bar:
 
-        def row(asked: Asked, title: str) -> Row:
+        def row(asked: Asked, title: str, transient: bool) -> Row:
             bar.update()
-            return _row(evaluation, asked, title)
+            return _row(evaluation, asked, title, transient)
 
-        return {name: [row(*each) for each in rows] for name, rows in chosen.items()}
+        return {name: [row(*each, name == "transients") for each in rows]
+                for name, rows in chosen.items()}  # fmt: skip
 
 
-def _row(evaluation: Evaluation, asked: Asked, title: str) -> Row:
+def _row(evaluation: Evaluation, asked: Asked, title: str, transient: bool) -> Row:
     drive, index, expansion = asked
     square = Square.of(drive_of(drive.folder, drive.number), index, expansion)
+    if transient:
+        square, _ = with_transients(square, seed=index)
     images, ssim = {GIVEN: TERNARY[codes_of(square.crop.cells)]}, {}
     for one in _shown(evaluation):
         if one.does(expansion):
@@ -151,6 +156,7 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[tuple[Asked, str]]]:
     drawn = sorted(rng.choice(len(every), min(SHOWN, len(every)), replace=False))
     out["random"] = [((*every[i], near), _told(*every[i])) for i in drawn]
     scored = [drive for drive in evaluation.drives if drive.place == "simulated"]
+    out["transients"] = [((*every[i], near), _told(*every[i])) for i in drawn[:3]]
     out["worst"] = [((*one, far), _told(*one)) for one in _worst(evaluation, scored, far)]
     drive, stretch = _hallway(scored)
     middle = min(expansions, key=lambda x: abs(x - 1.5))

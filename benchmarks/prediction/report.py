@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from benchmarks.prediction import similarity
 from benchmarks.prediction.contestants import BASELINES, Contestant, reduced
 from benchmarks.prediction.cost import cost_of
-from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, sets_of
+from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, key_of, sets_of
 from benchmarks.prediction.paper import SSIM
 from benchmarks.prediction.scoring import OF_A_FRAME, Kept, scores_of
+from benchmarks.prediction.transients import transients
 from benchmarks.statistics import grouped_mean
 from benchmarks.store import machine
 from predictor.registry import load_predictor
@@ -28,11 +29,6 @@ ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen"
 """Measures of images, one a frame."""
 SUMMED = ("brier", "nll")
 """Measures of cells not seen, kept as sums over a frame."""
-
-
-def key_of(expansion: float) -> str:
-    """An expansion as results name it."""
-    return f"{expansion:.2f}"
 
 
 def report(evaluation: Evaluation) -> dict[str, Any]:
@@ -61,6 +57,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "machine": machine(),
         "predictors": _facts(config.contestants),
         "paper": SSIM,
+        "transients": transients(evaluation),
         "simulated": places.pop("simulated"),
         "physical": places,
     }  # fmt: skip

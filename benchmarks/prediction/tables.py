@@ -55,6 +55,7 @@ def tables_of(results: dict[str, Any]) -> str:
                 parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
         for expansion, rows in entry.items():
             parts.append(f"\n### Cells not seen, {expansion}×\n\n{_cells(rows)}")
+    parts += ["\n## Transients\n", _transients(results["transients"])]
     return "\n".join(parts) + "\n"
 
 
@@ -100,6 +101,18 @@ def _trainings(predictors: dict[str, Any]) -> str:
                 rows.append([f"`{name}`", expansion, told or "as printed",
                              facts["fingerprint"][:12]])  # fmt: skip
     return markdown(rows) if len(rows) > 1 else "None."
+
+
+def _transients(places: dict[str, Any]) -> str:
+    columns = ("cells", "filtered", "free_without", "wall_cells", "walls_kept")
+    rows = [["where", "expansion", "network", *(name.replace("_", " ") for name in columns)]]
+    for place, entry in places.items():
+        for expansion, measured in entry.items():
+            for name, shares in measured.items():
+                found = [_number(shares[column], ",d" if "cells" in column else ".3f")
+                         for column in columns]  # fmt: skip
+                rows.append([place, expansion, f"`{name}`", *found])
+    return markdown(rows) if len(rows) > 1 else "No network was asked."
 
 
 def _by_expansion(entry: dict[str, Rows], measure: str, paper: dict[str, dict[str, float]]) -> str:
