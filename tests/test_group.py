@@ -3,6 +3,7 @@
 import os
 import socket
 
+import pytest
 import torch
 import torch.distributed as dist
 import torch.multiprocessing as mp
@@ -59,6 +60,7 @@ def save_steps(group, path):
     torch.save({arch: stepped(group, arch) for arch in ARCHS}, path / f"{group.rank}.pt")
 
 
+@pytest.mark.slow
 def test_two_processes_take_the_step_of_one(tmp_path):
     two(save_steps, tmp_path)
     for arch in ARCHS:
@@ -80,6 +82,7 @@ def normalise(group, path):
     torch.save((out.detach(), mine.grad, norm.running_var), path / f"{group.rank}.pt")
 
 
+@pytest.mark.slow
 def test_normalisation_is_over_all_processes(tmp_path):
     two(normalise, tmp_path)
     theirs = [torch.load(tmp_path / f"{rank}.pt", weights_only=True) for rank in (0, 1)]

@@ -35,6 +35,7 @@ def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
     assert {expansion for _, expansion in ORDER} == set(EXPANSIONS)
 
 
+@pytest.mark.slow
 def test_one_command_trains_them_all_and_passes_over_them_the_next_time(data, tmp_path, capsys):
     command = ["--data", str(data), "--out", str(tmp_path), "--jobs", "2", *TINY,
                "--archs", "unet_ff", "gan", "--expansions", "1.3"]  # fmt: skip
@@ -52,6 +53,7 @@ def test_one_command_trains_them_all_and_passes_over_them_the_next_time(data, tm
     assert [path.stat().st_mtime_ns for path in weights] == made
 
 
+@pytest.mark.slow
 def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
     bad = tmp_path / "mlp-1.1"
     bad.mkdir()
@@ -76,6 +78,7 @@ class Dying(Run):
         os.kill(os.getpid(), 9)
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
     one, other = run_of(data, tmp_path), run_of(data, tmp_path, expansion=1.3)
     dying = Dying(one.config, one.training, one.data, one.out)
