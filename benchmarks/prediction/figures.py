@@ -95,16 +95,27 @@ def show(axis: Axes, row: Row, column: str) -> None:
     axis.plot([edge, n - edge, n - edge, edge, edge], [edge, edge, n - edge, n - edge, edge],
               color="#0072B2", linewidth=0.7, linestyle=(0, (3, 2)))  # fmt: skip
     if column == GIVEN:
-        length = 0.08 * n
-        x, y = n / 2 - 0.5 * length * np.cos(row.yaw), n / 2 - 0.5 * length * np.sin(row.yaw)
-        axis.arrow(x, y, length * np.cos(row.yaw), length * np.sin(row.yaw), color="#D55E00",
-                   width=0.012 * n, head_width=0.06 * n, length_includes_head=True)  # fmt: skip
+        draw_car(axis, row)
     axis.set_xticks([])
     axis.set_yticks([])
     axis.set_xlim(0, n)
     axis.set_ylim(0, n)
     for spine in axis.spines.values():
         spine.set_color("#AAAAAA")
+    write_ssim(axis, row, column)
+
+
+def draw_car(axis: Axes, row: Row) -> None:
+    """An arrow in the middle, the way the car looks."""
+    n = len(row.images[GIVEN])
+    length = 0.08 * n
+    x, y = n / 2 - 0.5 * length * np.cos(row.yaw), n / 2 - 0.5 * length * np.sin(row.yaw)
+    axis.arrow(x, y, length * np.cos(row.yaw), length * np.sin(row.yaw), color="#D55E00",
+               width=0.012 * n, head_width=0.06 * n, length_includes_head=True)  # fmt: skip
+
+
+def write_ssim(axis: Axes, row: Row, column: str) -> None:
+    """SSIM below a prediction."""
     if column in row.ssim:
         axis.set_xlabel(f"{row.ssim[column]:.3f}", fontsize=6.5, color=INK, labelpad=1.5)
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.palette import INK
-from benchmarks.prediction.figures import show
+from benchmarks.prediction.figures import draw_car, show, write_ssim
 from benchmarks.prediction.pictures import GIVEN, TRUE, Row
 from benchmarks.video import kind_for, write_video
 
@@ -32,11 +32,18 @@ def write_hallway(rows: list[Row], out: Path) -> Path:
     axes = figure.subplots(1, len(columns), squeeze=False)[0]
     figure.subplots_adjust(0.01, 0.09, 0.99, 0.88, wspace=0.04)
 
+    for axis, column in zip(axes, columns, strict=True):
+        show(axis, rows[0], column)
+        axis.set_title(column, fontsize=9, color=INK)
+
     def frame(number: int) -> NDArray[np.uint8]:
+        row = rows[number]
         for axis, column in zip(axes, columns, strict=True):
-            axis.clear()
-            show(axis, rows[number], column)
-            axis.set_title(column, fontsize=9, color=INK)
+            axis.images[0].set_data(row.images[column])
+            write_ssim(axis, row, column)
+        for arrow in axes[0].patches:
+            arrow.remove()
+        draw_car(axes[0], row)
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
