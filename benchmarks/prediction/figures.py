@@ -172,7 +172,7 @@ def reliability(places: dict[str, Any]) -> Figure:
     entry = places["simulated"]
     expansions = sorted({_nearest(list(entry), wanted) for wanted in (NEAR, FAR)})
     shown = [(expansion, name) for expansion in expansions for name in ("free", "occupied")]
-    figure = new_figure(1.75 * len(places) + 1.5, 1.8 * len(shown) + 0.4)
+    figure = new_figure(1.75 * len(places) + 1.9, 1.8 * len(shown) + 0.4, maps=True)
     axes = figure.subplots(len(shown), len(places), squeeze=False, sharex=True, sharey=True)
     for column, (place, measured) in enumerate(places.items()):
         for axis, (expansion, name) in zip(axes[:, column], shown, strict=True):
