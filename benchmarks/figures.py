@@ -44,7 +44,7 @@ def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = 
         ("trajectories.png", lambda: trajectories(run, shown)),
         ("moment.png", lambda: moment(run, episode, arm)),
     ]
-    return _save(figures, out)
+    return save_figures(figures, out)
 
 
 def draw_together(runs: Sequence[Run], out: Path, episode: int | None = None) -> list[Path]:
@@ -53,11 +53,19 @@ def draw_together(runs: Sequence[Run], out: Path, episode: int | None = None) ->
     Raises:
         RunError: if a run lacks the episode, or a trace is broken.
     """
-    return _save([("speed_profiles.png", lambda: speed_profile(runs, episode))], out)
+    return save_figures([("speed_profiles.png", lambda: speed_profile(runs, episode))], out)
 
 
-def _save(figures: list[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
-    """Write figures whole: all of them are drawn before any file takes its name."""
+def save_figures(figures: list[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
+    """Write figures whole: all of them are drawn before any file takes its name.
+
+    Args:
+        figures: names of files, and what draws each.
+        out: folder; made if it is missing.
+
+    Returns:
+        The files.
+    """
     out.mkdir(parents=True, exist_ok=True)
     made: list[tuple[Path, Path]] = []
     try:

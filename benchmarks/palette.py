@@ -28,6 +28,21 @@ ARM_COLOURS = {
 OTHER_ARM = "#E69F00"
 """An arm without a colour of its own."""
 
+PREDICTOR_COLOURS = {
+    "unet_ff": "#0072B2",
+    "resnet_ff": "#56B4E9",
+    "gan": "#CC79A7",
+    "mlp": "#B8A000",
+    "compact": "#D55E00",
+    "extend": "#009E73",
+    "copy": "#222222",
+    "grey": "#999999",
+    "none": "#6B5B4B",
+}
+"""The same source, darkened where a line would be lost on white."""
+OTHER_PREDICTORS = ("#E69F00", "#882255", "#44AA99", "#332288")
+"""Those without a colour of their own; after P. Tol's `muted` scheme."""
+
 LIMIT_COLOURS = {
     "top speed": "#44BB99",
     "acceleration": "#99DDFF",
@@ -71,6 +86,11 @@ def new_figure(width: float, height: float, maps: bool = False, dpi: int = 150) 
 def arm_colour(arm: str) -> str:
     """The colour of an arm, the same in every figure."""
     return ARM_COLOURS.get(arm, OTHER_ARM)
+
+
+def predictor_colour(name: str) -> str:
+    """The colour of a predictor, the same in every figure."""
+    return PREDICTOR_COLOURS.get(name, OTHER_PREDICTORS[sum(name.encode()) % len(OTHER_PREDICTORS)])
 
 
 def limit_colour(limit: str) -> str:

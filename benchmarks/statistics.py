@@ -51,6 +51,34 @@ def bootstrap(
     return float(low), float(high)
 
 
+def grouped_mean(
+    groups: NDArray[np.int64],
+    sums: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    rounds: int = 2000,
+) -> dict[str, float] | None:
+    """A weighted mean with its 95 % interval, groups resampled; None without any weight.
+
+    Args:
+        groups: to which each entry belongs, (n,); those of one group are drawn together.
+        sums: of what is averaged, times the weight, (n,); where it is NaN, there is no entry.
+        weights: (n,).
+        rounds: resamplings; their seed is fixed, so that two means are compared on the same ones.
+    """
+    there = np.isfinite(sums) & (weights > 0)
+    if not there.any():
+        return None
+    _, of = np.unique(groups[there], return_inverse=True)
+    count = int(of.max()) + 1
+    parts = np.stack([np.bincount(of, values[there]) for values in (sums, weights)])
+    drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), rounds)
+    top, bottom = parts @ drawn.T
+    low, high = np.percentile(top / bottom, [2.5, 97.5])
+    total = parts.sum(axis=1)
+    return {"value": float(total[0] / total[1]), "low": float(low), "high": float(high),
+            "groups": count}  # fmt: skip
+
+
 def paired_speed(arms: dict[str, list[Result]], arm: str) -> dict[str, Any]:
     """An arm's speed over all paired episodes, with its interval over worlds [m/s]."""
     results = arms[arm]

@@ -162,6 +162,15 @@ class Frames:
             out[place] = self._padded[self.trajectory[frame]][row : row + side, col : col + side]
         return out
 
+    def alone(self, number: int) -> Frames:
+        """One trajectory of these, of which alone the images are read."""
+        of_it = self.trajectory == number
+        rows = {name: getattr(self, name)[of_it]
+                for name in ("states", "actions", "times", "corners")}  # fmt: skip
+        return Frames(folder=self.folder, about=[self.about[number]], maps=[self.maps[number]],
+                      trajectory=np.zeros(of_it.sum(), dtype=np.intp),
+                      origins=self.origins[number : number + 1], **rows)  # fmt: skip
+
     @property
     def worlds(self) -> frozenset[str]:
         """Hashes of the buildings."""

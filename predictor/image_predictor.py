@@ -50,15 +50,12 @@ class ImagePredictor:
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
-        square, grey = self._printed(known, pose)
-        sure = SUREST if not known.unknown.all() else 0.0
-        p_free, p_occupied = self._chances[:, level_of(grey)]
-        parts = []
-        for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
-                                 (np.full(square.shape, sure, np.float32), True)):  # fmt: skip
-            believed = paste(square, values, known.frame, np.float32(0.0))
-            parts.append(np.where(known.unknown, believed, observed).astype(np.float32))
-        return Prediction(known.frame, *parts)
+        return believed(known, self.printed(known, pose))
+
+    @property
+    def given(self) -> str:
+        """What the network is given of a window, see `predictor.image_config`."""
+        return self.config.given
 
     def image(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
         """What the network prints, raw: greys in [-1, 1] on the frame of `known`, outside 0.
@@ -68,6 +65,20 @@ class ImagePredictor:
         """
         square, grey = self._printed(known, pose)
         return paste(square, grey, known.frame, np.float32(0.0))
+
+    def printed(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
+        """What the network prints and what it means, on the frame of `known`.
+
+        Returns:
+            Grey in [-1, 1], p_free, p_occupied, and 1 inside the square that it speaks of; outside
+            all are 0: (4, rows, columns).
+
+        Raises:
+            ValueError: if the window is empty or the pose not finite.
+        """
+        square, grey = self._printed(known, pose)
+        layers = (grey, *self._chances[:, level_of(grey)], np.ones_like(grey))
+        return np.stack([paste(square, layer, known.frame, np.float32(0.0)) for layer in layers])
 
     def _printed(
         self, known: Grid, pose: NDArray[np.float64]
@@ -89,6 +100,16 @@ class ImagePredictor:
         image = image_of(np.rot90(codes, turns), self.config.side)
         printed = cells_of(self._run(image[None])[0], square.shape[0])
         return square, np.rot90(printed, -turns)
+
+
+def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
+    """A prediction out of what was printed, see `ImagePredictor.printed`; what was seen stays."""
+    _, p_free, p_occupied, said = printed
+    sure = said * np.float32(0.0 if known.unknown.all() else SUREST)
+    parts = [np.where(known.unknown, values, observed).astype(np.float32)
+             for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
+                                      (sure, True))]  # fmt: skip
+    return Prediction(known.frame, *parts)
 
 
 class _Printed(nn.Module):

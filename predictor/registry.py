@@ -18,6 +18,8 @@ GROUP = "foresee.predictors"
 """The entry point group in which a package offers predictors."""
 SUFFIX = ".safetensors"
 """What the name of a file of weights ends in."""
+FUSED = "fused:"
+"""Before a study's folder and an architecture: its networks in one."""
 
 
 class PredictorError(ValueError):
@@ -34,8 +36,9 @@ def load_predictor(spec: str) -> Predictor:
 
     Args:
         spec: a name out of `available()`, or `package.module:Class`, or the path of a .safetensors
-            file that `predictor.train` has written. The module is looked for where Python looks
-            and in the current working directory; the class, or any other factory, is called
+            file that `predictor.train` has written, or `fused:FOLDER/ARCH` for all that
+            `predictor.study` has trained of an architecture. The module is looked for where Python
+            looks and in the current working directory; the class, or any other factory, is called
             without arguments.
 
     Raises:
@@ -43,6 +46,8 @@ def load_predictor(spec: str) -> Predictor:
     """
     if spec.endswith(SUFFIX):
         factory: Any = partial(_of_weights, Path(spec))
+    elif spec.startswith(FUSED):
+        factory = partial(_fused, spec.removeprefix(FUSED))
     else:
         factory = _imported(spec) if ":" in spec else _named(spec)
     if not callable(factory):
@@ -98,6 +103,12 @@ def _of_weights(path: Path) -> Predictor:
         return ImagePredictor(path)
     known = ", ".join((*CompactNet.ARCHITECTURES, *ImageNet.ARCHITECTURES))
     raise WeightsError(f"{path} holds weights of {architecture!r}, known are {known}")
+
+
+def _fused(spec: str) -> Predictor:
+    from predictor.fused import Fused
+
+    return Fused.of_study(spec)
 
 
 def _imported(spec: str) -> Any:

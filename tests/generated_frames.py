@@ -55,11 +55,14 @@ def generated(count: int, seed: int) -> GeneratedFrames:
     return GeneratedFrames(about, np.zeros(count, np.intp), estimated, seen, whole)
 
 
-def write_frames(folder: Path, splits: dict[str, GeneratedFrames]) -> None:
-    """Write sets of frames as `predictor.frames` reads them, a split a trajectory."""
+def write_frames(folder: Path, splits: dict[str, GeneratedFrames], kind: str = "simulated") -> None:
+    """Write sets of frames as `predictor.frames` reads them, a split a trajectory.
+
+    In a physical set a split is a site.
+    """
     from predictor.frame_set import FrameSet, write_trajectory
 
-    made = FrameSet(folder, "simulated", {}, list(splits))
+    made = FrameSet(folder, kind, {}, list(splits))
     for split, frames in splits.items():
         count = len(frames)
         arrays = {
@@ -72,5 +75,6 @@ def write_frames(folder: Path, splits: dict[str, GeneratedFrames]) -> None:
             "origin": np.zeros(2),
             "corners": np.array([[200 * i, 0] for i in range(count)], dtype=np.int32),
         }
-        about = {"split": split, "map": split, "world": frames.about[0]["world"]}
+        of = split if kind == "simulated" else kind
+        about = {"split": of, "map": split, "world": frames.about[0]["world"]}
         made.add(split, write_trajectory(folder, split, arrays, about))

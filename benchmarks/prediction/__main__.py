@@ -1,0 +1,146 @@
+"""The command line of the prediction study's evaluation.
+
+python -m benchmarks.prediction --help
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from predictor.image_config import EXPANSIONS
+
+if TYPE_CHECKING:
+    from benchmarks.prediction.evaluation import Config
+
+PHYSICAL = Path("data/physical")
+"""The set of logs that is taken if there is one and none is named."""
+PREDICTORS = ("none", "extend", "compact")
+"""Asked unless others are named."""
+DESCRIPTION = """\
+Compare predictors on the data of the prediction study: how alike their images are to the truth
+(SSIM), and how good their probabilities are on cells not seen, at each expansion of the 5 m crop,
+in simulation and on real logs, beside what the paper prints. `copy`, the input as it is, and
+`grey`, an image of no knowledge, are always compared. Interrupted, it goes on where it was: give
+the same command again. More predictors, expansions and logs may be added to a folder at any time.
+"""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
+    args = _parsed(argv)
+    # First: it keeps libraries to one thread a process, whatever --jobs is.
+    import benchmarks.workers  # noqa: F401
+    from benchmarks.prediction.scoring import ScoringError
+    from benchmarks.workers import WorkersError
+    from predictor.frames import FramesError
+    from predictor.laser_log import LogError
+    from predictor.registry import PredictorError
+
+    try:
+        print(_run(args))
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    except (FramesError, LogError, PredictorError, ScoringError, OSError, WorkersError) as error:
+        print(f"benchmarks.prediction: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parsed(argv: list[str] | None) -> argparse.Namespace:
+    from benchmarks.settings import OneLineParser
+
+    parser = OneLineParser(
+        prog="benchmarks.prediction", description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    add = parser.add_argument
+    add("--out", type=Path, default=Path("results/prediction"), metavar="DIR",
+        help="results.json, tables.md and the figures go here (default: %(default)s)")  # fmt: skip
+    add("--data", type=Path, default=Path("data/simulated"), metavar="DIR",
+        help="simulated set of predictor.dataset: its splits test and more are scored (default: "
+        "%(default)s)")  # fmt: skip
+    add("--logs", type=Path, nargs="+", metavar="PATH", help="a set that predictor.dataset --log "
+        "has made, or logs themselves, of which a set is made in DIR/physical (default: "
+        f"{PHYSICAL}, if it is there)")  # fmt: skip
+    add("--predictors", nargs="+", default=list(PREDICTORS), metavar="P", help="none, extend, "
+        "compact, module:Class, weights FILE.safetensors, a folder of predictor.study, of which "
+        "each network is asked at the expansion that it was trained for, or fused:FOLDER/ARCH, all "
+        f"of them in one; NAME=P to rename (default: {' '.join(PREDICTORS)})")  # fmt: skip
+    add("--expansions", nargs="+", type=float, default=list(EXPANSIONS), metavar="X",
+        help="side of the predicted square over 5 m, of 1.00, 1.02, … 2.00 (default: "
+        f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip
+    add("--apart", type=float, default=0.5, metavar="M", help="a frame is scored when the car has "
+        "driven this far since the last [m]; 0: all frames (default: %(default)s)")  # fmt: skip
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    args = parser.parse_args(argv)
+    if args.jobs < 1:
+        parser.error(f"--jobs is {args.jobs}, it must be at least 1")
+    if not 0.0 <= args.apart <= 1000.0:
+        parser.error(f"--apart is {args.apart:g}, it must lie between 0 and 1000 m")
+    for expansion in args.expansions:
+        cells = 100 * expansion
+        if not 102 <= cells <= 200 or abs(cells / 2 - round(cells / 2)) > 1e-6:
+            parser.error(f"--expansions: {expansion:g} is none of 1.02, 1.04, … 2.00")
+    return args
+
+
+def _run(args: argparse.Namespace) -> str:
+    import torch
+
+    from benchmarks.prediction.evaluation import Evaluation
+    from benchmarks.prediction.figures import draw
+    from benchmarks.prediction.hallway import write_hallway
+    from benchmarks.prediction.pictures import leader, pictures
+    from benchmarks.prediction.report import costs_of, report
+    from benchmarks.prediction.tables import summary, tables_of
+    from predictor.whole import write_whole
+
+    torch.set_num_threads(1)
+    args.out.mkdir(parents=True, exist_ok=True)
+    evaluation = Evaluation(_config(args), args.out)
+    # Before hours of work: it shows who breaks the contract, on a machine that is still idle.
+    costs_of(evaluation)
+    evaluation.run(args.jobs)
+    results = report(evaluation)
+    write_whole(args.out / "tables.md", tables_of(results).encode())
+    sheets = pictures(evaluation)
+    sets = [frames for frames in (evaluation.simulated, evaluation.physical) if frames is not None]
+    names = list(dict.fromkeys(one.name for one in evaluation.config.contestants))
+    paths = draw(args.out, results, sheets, sets, leader(names))
+    paths.append(write_hallway(sheets["hallway"], args.out))
+    paths = [args.out / "results.json", args.out / "tables.md", *paths]
+    return f"{summary(results)}\n\n" + "\n".join(map(str, paths))
+
+
+def _config(args: argparse.Namespace) -> Config:
+    from benchmarks.prediction.contestants import contestants
+    from benchmarks.prediction.evaluation import Config
+
+    expansions = tuple(sorted({round(float(x), 2) for x in args.expansions}))
+    who = tuple(contestants(args.predictors, expansions))
+    return Config(args.data, _logs(args), expansions, args.apart, who)
+
+
+def _logs(args: argparse.Namespace) -> Path | None:
+    """The folder of the physical set, which is made if logs are named."""
+    from predictor.bags import BagConfig
+    from predictor.dataset import make_physical
+    from predictor.frames import MANIFEST
+
+    logs: list[Any] | None = args.logs
+    if logs is None:
+        return PHYSICAL if (PHYSICAL / MANIFEST).is_file() else None
+    if len(logs) == 1 and (logs[0] / MANIFEST).is_file():
+        return Path(logs[0])
+    folder = Path(args.out) / "physical"
+    make_physical(folder, logs, BagConfig(), args.jobs)
+    return folder
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""What a prediction costs: parameters, multiply-accumulates, milliseconds."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.utils.flop_counter import FlopCounterMode
+
+from benchmarks.prediction.contestants import BASELINES, Contestant
+from benchmarks.prediction.entrants import is_printed
+from benchmarks.prediction.scoring import ScoringError
+from benchmarks.prediction.square import Square
+from predictor.compact import SHIPPED, Compact
+from predictor.compact_net import CompactNet
+from predictor.fused import Fused
+from predictor.image_net import ImageNet
+from predictor.image_predictor import ImagePredictor
+from predictor.prediction import BadPredictionError, checked
+from predictor.registry import load_predictor
+from predictor.weights import load_weights
+
+TIMED, BEFORE = 100, 3
+"""Predictions that are timed, and those made before, in which libraries get ready."""
+
+
+def cost_of(contestant: Contestant, squares: list[Square]) -> dict[str, Any] | None:
+    """What a contestant's predictions cost, made one after the other on one thread.
+
+    Args:
+        contestant: who; None is returned for a baseline, which predicts nothing.
+        squares: that it is asked about, in turn.
+
+    Raises:
+        ScoringError: if it breaks the contract of predictors.
+    """
+    if contestant.name in BASELINES:
+        return None
+    predictor = load_predictor(contestant.spec)
+    taken = []
+    for number in range(BEFORE + TIMED):
+        square = squares[number % len(squares)]
+        known = square.crop if is_printed(predictor) else square.window
+        begin = time.perf_counter()
+        try:
+            prediction = predictor.predict(known, square.pose)
+            taken.append(1e3 * (time.perf_counter() - begin))
+            checked(prediction, known)
+        except Exception as error:
+            line = " ".join(f"{type(error).__name__}: {error}".split())
+            line = line.removeprefix(f"{BadPredictionError.__name__}: ")
+            raise ScoringError(f"{contestant.name}: {line}") from error
+    timed = np.array(taken[BEFORE:])
+    return {
+        "ms_median": float(np.median(timed)),
+        "ms_p99": float(np.percentile(timed, 99)),
+        "predictions": TIMED,
+        "threads": 1,
+        **_size(contestant, predictor, len(squares[0].truth)),
+    }
+
+
+def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | None]:
+    """Parameters and multiply-accumulates of a network; None of what is none of ours.
+
+    Args:
+        contestant: who.
+        predictor: the same.
+        n: side of the predicted square [cells].
+    """
+    if isinstance(predictor, Fused):
+        # Wider networks than the square needs are not asked.
+        narrower = sum(100 * part.config.expansion < n - 1e-6 for part in predictor.parts)
+        sizes = [_of_image(path) for path in predictor.weights[: narrower + 1]]
+    elif isinstance(predictor, ImagePredictor):
+        sizes = [_of_image(Path(contestant.spec))]
+    elif isinstance(predictor, Compact):
+        net = load_weights(
+            SHIPPED if contestant.spec == "compact" else Path(contestant.spec), CompactNet
+        )[0]
+        side = n + -n % net.config.multiple
+        sizes = [_counted(net, torch.zeros(1, 2, side, side))]
+    else:
+        return {"parameters": None, "macs": None}
+    parameters, macs = map(sum, zip(*sizes, strict=True))
+    return {"parameters": parameters, "macs": macs}
+
+
+def _of_image(weights: Path) -> tuple[int, int]:
+    net = load_weights(weights, ImageNet)[0]
+    return _counted(net, torch.zeros(1, 1, net.config.side, net.config.side))
+
+
+def _counted(net: torch.nn.Module, given: torch.Tensor) -> tuple[int, int]:
+    """Parameters, and multiply-accumulates of one run."""
+    with torch.inference_mode(), FlopCounterMode(display=False) as counter:
+        net(given)
+    # A multiplication and an addition count as two there.
+    return sum(p.numel() for p in net.parameters()), counter.get_total_flops() // 2

@@ -1,0 +1,146 @@
+"""What each contestant says of a square: a grey image, and probabilities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Protocol, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.prediction.contestants import BASELINES, Contestant
+from benchmarks.prediction.similarity import TERNARY
+from benchmarks.prediction.square import Square
+from predictor.frames import codes_of
+from predictor.fused import Fused
+from predictor.image_predictor import ImagePredictor
+from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
+from predictor.registry import load_predictor
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What is said of a square, (n, n) each.
+
+    Attributes:
+        image: greys in [0, 1]: free 1, not known 0.5, occupied 0.
+        kept: the same, in which what the predictor was given is as it was given.
+        p_free: probability of free; only cells not seen count.
+        p_occupied: likewise.
+        nan_cells: how many were NaN, which count as not known.
+    """
+
+    image: NDArray[np.float64]
+    kept: NDArray[np.float64]
+    p_free: NDArray[np.float32]
+    p_occupied: NDArray[np.float32]
+    nan_cells: int = 0
+
+
+class Entrant(Protocol):
+    """A contestant that is ready."""
+
+    def answer(self, square: Square) -> Answer:
+        """What it says.
+
+        Raises:
+            BadPredictionError: if it breaks the contract of predictors.
+        """
+        ...
+
+
+def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
+    """Make a contestant ready.
+
+    Args:
+        contestant: who.
+        rates: shares of free and of occupied among cells not seen, which is what the baselines
+            say of these.
+    """
+    if contestant.name in BASELINES:
+        return _Baseline(contestant.name == "copy", rates)
+    predictor = _loaded(contestant.spec)
+    if is_printed(predictor):
+        return _Printed(predictor)
+    return _Believed(predictor)
+
+
+def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
+    """Whether a predictor is made of networks that print a grey image."""
+    return isinstance(predictor, ImagePredictor | Fused)
+
+
+def prints(contestant: Contestant) -> bool:
+    """Whether a contestant is such a predictor."""
+    return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
+
+
+def image_of(known: NDArray[np.uint8], belief: Prediction) -> NDArray[np.float64]:
+    """The image of a belief: of each cell not seen the median of its three possible greys.
+
+    That is what the L1 loss makes a network of the paper print.
+
+    Args:
+        known: codes of what was seen, (n, n).
+        belief: what is believed.
+    """
+    median = np.where(belief.p_free > 0.5, 1.0, np.where(belief.p_occupied > 0.5, 0.0, 0.5))
+    return np.where(known == 2, median, TERNARY[known])
+
+
+@dataclass(frozen=True)
+class _Baseline:
+    """The crop as it is, or nothing; see `predictor.grey_map`: its one grey of cells not seen
+    means what such cells are on the validation drives."""
+
+    copies: bool
+    rates: tuple[float, float]
+
+    def answer(self, square: Square) -> Answer:
+        crop = TERNARY[codes_of(square.crop.cells)]
+        image = crop if self.copies else np.full_like(crop, 0.5)
+        free, occupied = (np.full(crop.shape, rate, np.float32) for rate in self.rates)
+        return Answer(image, image, free, occupied)
+
+
+@dataclass(frozen=True)
+class _Printed:
+    """A network of the paper: its raw image is scored, and what its greys mean."""
+
+    predictor: ImagePredictor | Fused
+
+    def answer(self, square: Square) -> Answer:
+        known = square.crop if self.predictor.given == "crop" else square.window
+        grey, p_free, p_occupied, _ = self.predictor.printed(known, square.pose)
+        if not np.isfinite(grey).all():
+            raise BadPredictionError("the network printed numbers that are not finite")
+        image = 0.5 + 0.5 * grey.astype(np.float64)
+        kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
+        return Answer(image, kept, p_free, p_occupied)
+
+
+@dataclass(frozen=True)
+class _Believed:
+    """Any predictor, given what a planner would give it."""
+
+    predictor: Predictor
+
+    def answer(self, square: Square) -> Answer:
+        try:
+            raw = self.predictor.predict(square.window, square.pose)
+        except Exception as error:
+            # A stranger's code may raise whatever it likes.
+            line = " ".join(f"{type(error).__name__}: {error}".split())
+            raise BadPredictionError(f"predict() raised {line}") from error
+        belief = checked(raw, square.window)
+        image = image_of(codes_of(square.window.cells), belief)
+        # Checked, so these are arrays of the right shape.
+        nan = np.isnan(np.asarray(raw.p_free) + np.asarray(raw.p_occupied) + raw.confidence)
+        nan &= square.ring >= 0
+        return Answer(image, image, belief.p_free, belief.p_occupied, int(nan.sum()))
+
+
+@lru_cache(maxsize=8)
+def _loaded(spec: str) -> Predictor:
+    return load_predictor(spec)

@@ -1,0 +1,226 @@
+"""An evaluation: which squares are looked at, who is asked about them, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.prediction.contestants import Contestant
+from benchmarks.prediction.scoring import Kept, Stretch, rates_of, score
+from benchmarks.prediction.square import Square
+from benchmarks.prediction.store import Store, read_arrays, write_arrays
+from predictor.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
+
+SPLITS = ("test", "more")
+"""Of a simulated set, that are scored."""
+TOGETHER = 100
+"""Frames that are scored in one go."""
+BLOCK = 10.0
+"""Of a real drive, that is resampled as one [m]: the side of the widest square, so that squares in
+blocks that are no neighbours have no cell in common, unless the drive comes back."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """What is evaluated.
+
+    Attributes:
+        data: folder of the simulated set.
+        logs: folder of the physical set; None: there is none.
+        expansions: of the squares.
+        apart: a square is looked at when the car has driven this far since the last [m].
+        contestants: who is asked.
+    """
+
+    data: Path
+    logs: Path | None
+    expansions: tuple[float, ...]
+    apart: float
+    contestants: tuple[Contestant, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive that is scored.
+
+    Attributes:
+        place: "simulated", or the site.
+        folder: of its set.
+        number: in its set.
+        about: what the manifest says of it.
+        chosen: numbers of the frames looked at, (k,).
+        ways: driven up to each of them [m], (k,).
+    """
+
+    place: str
+    folder: Path
+    number: int
+    about: dict[str, Any]
+    chosen: NDArray[np.intp]
+    ways: NDArray[np.float64]
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """Which frames are resampled together, (k,): all of a simulated drive."""
+        if self.place == "simulated":
+            return np.full(len(self.chosen), self.number)
+        return (self.ways / BLOCK).astype(np.int64)
+
+
+class Evaluation:
+    """An evaluation in a folder.
+
+    Args:
+        config: what is evaluated.
+        out: the folder.
+
+    Raises:
+        FramesError: if a set cannot be read, or is not of the kind that it should be.
+    """
+
+    def __init__(self, config: Config, out: Path) -> None:
+        self.config, self.out = config, out
+        self.simulated = _of_kind(config.data, "simulated")
+        self.physical = None if config.logs is None else _of_kind(config.logs, "physical")
+        self.drives = [drive for frames in filter(None, (self.simulated, self.physical))
+                       for drive in _drives(frames, config.apart)]  # fmt: skip
+        self.store = Store(out / "parts")
+
+    @property
+    def places(self) -> list[str]:
+        """ "simulated", and the sites."""
+        return list(dict.fromkeys(drive.place for drive in self.drives))
+
+    @cached_property
+    def rates(self) -> dict[float, tuple[float, float]]:
+        """Of each expansion the shares of free and occupied cells on the validation drives."""
+        validation = Frames.load(self.config.data, "validation")
+        return {expansion: rates_of(validation, expansion) for expansion in self.config.expansions}
+
+    def who(self, expansion: float) -> list[Contestant]:
+        """Those who can predict squares of an expansion."""
+        return [one for one in self.config.contestants if one.does(expansion)]
+
+    def stretches(self, drive: Drive, expansion: float) -> list[Stretch]:
+        """All of a drive, in pieces."""
+        return [
+            Stretch(drive.folder, drive.number, tuple(map(int, drive.chosen[i : i + TOGETHER])),
+                    expansion, self.rates[expansion], tuple(self.who(expansion)))
+            for i in range(0, len(drive.chosen), TOGETHER)
+        ]  # fmt: skip
+
+    def run(self, jobs: int) -> None:
+        """Score what is missing, with a progress bar over answers.
+
+        Raises:
+            ScoringError: if a predictor breaks its contract.
+            WorkersError: if processes keep dying.
+        """
+        from tqdm import tqdm
+
+        from benchmarks.store import commit
+        from benchmarks.workers import finished
+
+        sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
+
+        def path(stretch: Stretch, one: Contestant) -> Path:
+            return self.store.scores_path(stretch, sha256[stretch.folder, stretch.drive], one)
+
+        # By expansion first: the networks of one are kept in memory, those of all would fill it.
+        every = [stretch for expansion in self.config.expansions for drive in self.drives
+                 for stretch in self.stretches(drive, expansion)]  # fmt: skip
+        todo = []
+        for stretch in every:
+            left = [one for one in stretch.contestants if read_arrays(path(stretch, one)) is None]
+            if left:
+                todo.append(replace(stretch, contestants=tuple(left)))
+        total = sum(len(stretch.frames) * len(stretch.contestants) for stretch in every)
+        missing = sum(len(stretch.frames) * len(stretch.contestants) for stretch in todo)
+        with tqdm(total=total, initial=total - missing, unit="answer", smoothing=0.05) as bar:
+            for stretch, kept in finished(score, todo, jobs):
+                for one, arrays in kept.items():
+                    write_arrays(path(stretch, one), arrays, {"commit": commit()})
+                bar.update(len(stretch.frames) * len(stretch.contestants))
+
+    def kept(
+        self, drive: Drive, expansion: float, one: Contestant
+    ) -> Iterator[tuple[Kept, dict[str, Any]]]:
+        """What was kept of a contestant's answers along a drive, and facts, in order.
+
+        Raises:
+            FileNotFoundError: if something has not been scored.
+        """
+        for stretch in self.stretches(drive, expansion):
+            path = self.store.scores_path(stretch, drive.about["sha256"], one)
+            piece = read_arrays(path)
+            if piece is None:
+                raise FileNotFoundError(f"{path} has gone: give the same command again")
+            yield piece
+
+    def examples(self, expansion: float, count: int = 20) -> list[Square]:
+        """Squares spread evenly over the test drives, to measure costs on."""
+        test = Frames.load(self.config.data, "test")
+        chosen = np.unique(np.linspace(0, len(test) - 1, count).astype(int))
+        return [Square.of(test, int(index), expansion) for index in chosen]
+
+
+def key_of(expansion: float) -> str:
+    """An expansion as results name it."""
+    return f"{expansion:.2f}"
+
+
+def sets_of(evaluation: Evaluation) -> dict[str, Any]:
+    """What the sets are, for the results."""
+    config = evaluation.config
+    out = {}
+    for kind, folder in (("simulated", config.data), ("physical", config.logs)):
+        if folder is not None:
+            manifest = read_manifest(folder)
+            out[kind] = {"manifest_sha256": checksum(folder / MANIFEST)} | {
+                name: manifest.get(name) for name in ("version", "settings", "trajectories")
+            }
+    return out
+
+
+def _of_kind(folder: Path, kind: str) -> Frames:
+    frames = Frames.load(folder)
+    theirs = read_manifest(folder).get("kind")
+    if theirs != kind:
+        raise FramesError(f"{folder} holds a {theirs} set, not a {kind} one")
+    return frames
+
+
+def _drives(frames: Frames, apart: float) -> list[Drive]:
+    """The drives of a set that are scored, and their frames."""
+    out = []
+    for number, about in enumerate(frames.about):
+        if about["split"] not in (*SPLITS, "physical"):
+            continue
+        states = frames.states[frames.trajectory == number]
+        ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T)))
+        chosen = spaced(ways, apart)
+        place = about["map"] if about["split"] == "physical" else "simulated"
+        out.append(Drive(place, frames.folder, number, about, chosen, ways[chosen]))
+    return out
+
+
+def spaced(ways: NDArray[np.float64], apart: float) -> NDArray[np.intp]:
+    """The first place of a drive, and each that lies at least so far on from the last chosen.
+
+    Args:
+        ways: driven up to each place, (n,) [m].
+        apart: [m]; 0: all places.
+    """
+    chosen, last = [], -np.inf
+    for index, way in enumerate(ways):
+        # A tenth of a millimetre short is not short: steps of 5 cm add up to less than they are.
+        if way - last >= apart - 1e-4:
+            chosen.append(index)
+            last = way
+    return np.array(chosen, dtype=np.intp)

@@ -1,0 +1,205 @@
+"""Results of an evaluation: means with intervals, scores of cells, and what they hang on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.prediction import similarity
+from benchmarks.prediction.contestants import BASELINES, Contestant, reduced
+from benchmarks.prediction.cost import cost_of
+from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, key_of, sets_of
+from benchmarks.prediction.paper import SSIM
+from benchmarks.prediction.scoring import OF_A_FRAME, Kept, scores_of
+from benchmarks.prediction.transients import transients
+from benchmarks.statistics import grouped_mean
+from benchmarks.store import machine
+from predictor.registry import load_predictor
+from predictor.scores import EDGES, RINGS, Scores
+from predictor.whole import write_whole
+
+COMPARED = ("grey", "copy", "none", "unet_ff")
+"""Those of them that are there are what every other is compared with."""
+ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
+"""Measures of images, one a frame."""
+SUMMED = ("brier", "nll")
+"""Measures of cells not seen, kept as sums over a frame."""
+
+
+def report(evaluation: Evaluation) -> dict[str, Any]:
+    """All results of an evaluation whose frames are all scored; written to results.json too.
+
+    Raises:
+        ScoringError: if a predictor breaks its contract while its cost is measured.
+    """
+    costs = costs_of(evaluation)
+    places: dict[str, Any] = {place: {} for place in evaluation.places}
+    commits: set[str] = set()
+    for place in places:
+        drives = [drive for drive in evaluation.drives if drive.place == place]
+        for expansion in evaluation.config.expansions:
+            places[place][key_of(expansion)] = _rows(evaluation, drives, expansion, costs, commits)
+    config = evaluation.config
+    results = {
+        "settings": {
+            "expansions": list(config.expansions), "apart": config.apart, "block": BLOCK,
+            "ssim": similarity.SETTINGS, "ssim_coarse": similarity.LEVELS,
+            "rings": EDGES, "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
+        },
+        "sets": sets_of(evaluation),
+        "version": version("foresee"),
+        "commits": sorted(commits),
+        "machine": machine(),
+        "predictors": _facts(config.contestants),
+        "paper": SSIM,
+        "transients": transients(evaluation),
+        "simulated": places.pop("simulated"),
+        "physical": places,
+    }  # fmt: skip
+    results = _plain(results)
+    write_whole(evaluation.out / "results.json", json.dumps(results, indent=1).encode())
+    return results
+
+
+def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], dict[str, Any] | None]:
+    """What each predictor costs at each expansion; measured once a machine, with a progress bar.
+
+    This comes first: it also shows at once who breaks the contract of predictors.
+
+    Raises:
+        ScoringError: if one does.
+    """
+    from tqdm import tqdm
+
+    out: dict[tuple[str, str], dict[str, Any] | None] = {}
+    pairs = [(x, one) for x in evaluation.config.expansions for one in evaluation.who(x)]
+    for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
+        path = evaluation.store.path("cost", one.identity, expansion, machine())
+        path = path.with_suffix(".json")
+        try:
+            cost = json.loads(path.read_text())
+        except (OSError, ValueError):
+            cost = cost_of(one, evaluation.examples(expansion))
+            write_whole(path, json.dumps(cost).encode())
+        out[key_of(expansion), one.name] = cost
+    return out
+
+
+def _rows(
+    evaluation: Evaluation,
+    drives: list[Drive],
+    expansion: float,
+    costs: dict[tuple[str, str], dict[str, Any] | None],
+    commits: set[str],
+) -> dict[str, Any]:
+    """Everyone's measures on some drives at one expansion."""
+    blocks = _numbered(drives)
+    rows: dict[str, Any] = {}
+    frames: dict[str, Kept] = {}
+    for one in evaluation.who(expansion):
+        parts, whole = [], Scores()
+        of_split: dict[str, Scores] = {}
+        splits = []
+        for drive in drives:
+            for arrays, facts in evaluation.kept(drive, expansion, one):
+                commits.add(str(facts["commit"]))
+                parts.append({name: arrays[name] for name in OF_A_FRAME})
+                splits += [drive.about["split"]] * len(arrays["ssim"])
+                whole += scores_of(arrays)
+                of_split.setdefault(drive.about["split"], Scores()).__iadd__(scores_of(arrays))
+        kept = {name: np.concatenate([part[name] for part in parts]) for name in OF_A_FRAME}
+        frames[one.name] = kept
+        rows[one.name] = _measures(kept, whole) | {
+            "drives": len(drives),
+            "rings": [{"from": EDGES[i], **_cells(whole, slice(i, i + 1))} for i in range(RINGS)],
+            "reliability": {name: _curve(whole, name) for name in ("free", "occupied")},
+            "cost": costs[key_of(expansion), one.name],
+        }
+        if len(of_split) > 1:
+            for name in SPLITS:
+                chosen = np.array(splits) == name
+                part = {measure: values[chosen] for measure, values in kept.items()}
+                rows[one.name][name] = _measures(part, of_split[name])
+    for name, row in rows.items():
+        row["above"] = {
+            other: _difference(frames[name], frames[other], blocks)
+            for other in COMPARED
+            if other in frames and other != name
+        }
+    return rows
+
+
+def _numbered(drives: Iterable[Drive]) -> NDArray[np.int64]:
+    """A number for each block of each drive, of each frame, (n,)."""
+    labels = [(drive.number, int(block)) for drive in drives for block in drive.blocks]
+    return np.unique(np.array(labels), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _measures(kept: Kept, scores: Scores) -> dict[str, Any]:
+    """Means over frames and scores of cells."""
+    out: dict[str, Any] = {"frames": len(kept["ssim"])}
+    for name in ALIKE:
+        values = kept[name][np.isfinite(kept[name])]
+        out[name] = float(values.mean()) if len(values) else np.nan
+    return out | _cells(scores, slice(None)) | {"nan_cells": int(kept["nan_cells"].sum())}
+
+
+def _cells(scores: Scores, rings: slice) -> dict[str, Any]:
+    """Scores of cells; `brier` and `ece` are means of those of free and of occupied."""
+    out: dict[str, Any] = scores.measures(rings)
+    out["cells"] = int(out["cells"])
+    for name in ("brier", "ece"):
+        out[name] = 0.5 * (out[f"{name}_free"] + out[f"{name}_occupied"])
+    return out
+
+
+def _curve(scores: Scores, name: str) -> dict[str, list[float]]:
+    given, came_true, share = scores.reliability(name)
+    return {"given": given.tolist(), "came_true": came_true.tolist(), "share": share.tolist()}
+
+
+def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
+    """My measures less theirs on the same squares, with intervals over blocks."""
+    one = np.ones(len(blocks))
+    out = {name: grouped_mean(blocks, mine[name] - theirs[name], one) for name in ALIKE}
+    cells = mine["cells"]
+    return out | {name: grouped_mean(blocks, mine[name] - theirs[name], cells) for name in SUMMED}
+
+
+def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
+    """Where each predictor comes from: by name, and by expansion where it does one alone."""
+    out: dict[str, Any] = {}
+    for one in contestants:
+        facts: dict[str, Any] = {"spec": one.spec, "identity": one.identity}
+        if one.name not in BASELINES:
+            facts |= _training(load_predictor(one.spec), one)
+        if one.expansion is None:
+            out[one.name] = facts
+        else:
+            out.setdefault(one.name, {})[key_of(one.expansion)] = facts
+    return out
+
+
+def _training(predictor: Any, one: Contestant) -> dict[str, Any]:
+    """What weights say of their training; `reduced` is null where it was the paper's."""
+    facts = getattr(predictor, "facts", {})
+    names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
+    told = {name: facts[name] for name in names if name in facts}
+    return told | ({"reduced": reduced(facts)} if one.expansion is not None else {})
+
+
+def _plain(value: Any) -> Any:
+    """The same for JSON, which has no NaN and no infinity: null."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        # Six digits: a file of a third the size.
+        return float(f"{value:.6g}") if np.isfinite(value) else None
+    return value

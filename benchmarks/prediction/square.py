@@ -1,0 +1,67 @@
+"""One frame at one expansion: what is known of the expanded square, and what is true there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.prediction.similarity import TERNARY, beyond_crop
+from predictor.frames import CROP, NOTHING, RESOLUTION, SIDE, Frames, cells_of
+from predictor.grid import Grid, GridFrame
+from predictor.scores import rings_of
+
+
+@dataclass(frozen=True, eq=False)
+class Square:
+    """A frame at an expansion.
+
+    Attributes:
+        crop: the 5 m crop that the whole LIDAR has seen, unknown around: what the paper gives.
+        window: all that a LIDAR confined to its 5 m window has seen of the square: what a planner
+            has.
+        pose: of the car, x, y, yaw [m, m, rad]; x and y are the middle of the square, from which
+            the car is half a cell away at most.
+        truth: codes, (n, n).
+        image: the truth as the paper's ternary image.
+        ring: of cells seen neither in the crop nor in the window, by distance beyond the frontier,
+            as `predictor.scores.rings_of`; -1: seen. The same for all predictors.
+        unseen: those of them outside the crop.
+    """
+
+    crop: Grid
+    window: Grid
+    pose: NDArray[np.float64]
+    truth: NDArray[np.uint8]
+    image: NDArray[np.float64]
+    ring: NDArray[np.int8]
+    unseen: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, frames: Frames, index: int, expansion: float) -> Square:
+        """The square around a frame.
+
+        Raises:
+            FramesError: if there is no square of this expansion.
+        """
+        truth = frames.truth(index, expansion)
+        n = len(truth)
+        inset, edge = (SIDE - n) // 2, (n - CROP) // 2
+        window = frames.remembered[index][inset : inset + n, inset : inset + n]
+        crop = np.pad(frames.estimated[index], edge, constant_values=NOTHING)
+        row, col = frames.corners[index] + inset
+        x, y = frames.origins[frames.trajectory[index]] + RESOLUTION * np.array([col, row])
+        frame = GridFrame(RESOLUTION, (float(x), float(y)), (n, n))
+        middle = RESOLUTION * n / 2
+        seen = Grid(frame, cells_of(np.where(window == NOTHING, crop, window)))
+        ring = rings_of(seen)
+        return cls(
+            crop=Grid(frame, cells_of(crop)),
+            window=Grid(frame, cells_of(window)),
+            pose=np.array([x + middle, y + middle, frames.states[index, 2]]),
+            truth=truth,
+            image=TERNARY[truth],
+            ring=ring,
+            unseen=(ring >= 0) & (beyond_crop(n) > 0),
+        )

@@ -1,0 +1,169 @@
+"""Results of an evaluation as Markdown, with the paper's own numbers beside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchmarks.prediction.contestants import BASELINES
+from benchmarks.tables import interval, markdown
+
+Rows = dict[str, dict[str, Any]]
+"""Predictor → measures."""
+IMAGES = {
+    "ssim": "SSIM of the whole square",
+    "ssim_kept": "SSIM of the whole square, what was seen put back",
+    "ssim_unseen": "SSIM on cells not seen, outside the crop",
+    "ssim_coarse": "SSIM, coarser the farther",
+    "ssim_coarse_unseen": "SSIM, coarser the farther, on cells not seen outside the crop",
+}
+CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll", "ece_free",
+         "ece_occupied", "ece")  # fmt: skip
+
+ABOVE = """\
+## Above the baselines
+
+The best of the paper's networks at each expansion, by SSIM of the whole square; its difference to
+each baseline, with 95 % intervals over drives (simulated) and over blocks of {block:g} m
+(physical).
+"""
+
+
+def summary(results: dict[str, Any]) -> str:
+    """Whether the paper's networks are above the baselines, and what networks they are."""
+    return "\n".join(
+        (
+            ABOVE.format(block=results["settings"]["block"]),
+            _verdicts(_places(results), results["predictors"]),
+            "\n## The networks\n",
+            _trainings(results["predictors"]),
+        )
+    )
+
+
+def tables_of(results: dict[str, Any]) -> str:
+    """All tables of a results.json of `benchmarks.prediction`."""
+    parts = [summary(results)]
+    for place, entry in _places(results).items():
+        kind = "simulated" if place == "simulated" else "physical"
+        parts.append(f"\n## {place}\n\n{_size(entry)}")
+        for measure, title in IMAGES.items():
+            paper = results["paper"][kind] if measure == "ssim" else {}
+            parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper)}")
+        for measure in ("ssim", "ssim_kept", "ssim_unseen"):
+            for other in BASELINES:
+                title = f"{IMAGES[measure]}: difference to `{other}`"
+                parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
+        for expansion, rows in entry.items():
+            parts.append(f"\n### Cells not seen, {expansion}×\n\n{_cells(rows)}")
+    parts += ["\n## Transients\n", _transients(results["transients"])]
+    return "\n".join(parts) + "\n"
+
+
+def _places(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
+    return {"simulated": results["simulated"], **results["physical"]}
+
+
+def _size(entry: dict[str, Rows]) -> str:
+    """How much was looked at."""
+    row = next(iter(next(iter(entry.values())).values()))
+    return f"{row['frames']} frames of {row['drives']} drive{'s' * (row['drives'] > 1)}."
+
+
+def _names(entry: dict[str, Rows]) -> list[str]:
+    return list(dict.fromkeys(name for rows in entry.values() for name in rows))
+
+
+def _verdicts(places: dict[str, dict[str, Rows]], predictors: dict[str, Any]) -> str:
+    head = ["where", "expansion", "network", "SSIM"]
+    measures = {"ssim": "whole", "ssim_kept": "seen put back", "ssim_unseen": "unseen"}
+    head += [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
+    rows = [head]
+    for place, entry in places.items():
+        for expansion, measured in entry.items():
+            networks = [name for name in measured if expansion in predictors[name]]
+            if not networks:
+                continue
+            best = max(networks, key=lambda name: measured[name]["ssim"])
+            above = measured[best]["above"]
+            found = [above[other][measure] for measure in measures for other in BASELINES]
+            rows.append([place, expansion, f"`{best}`", _number(measured[best]["ssim"]),
+                         *map(_interval, found)])  # fmt: skip
+    return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
+
+
+def _trainings(predictors: dict[str, Any]) -> str:
+    rows = [["network", "expansion", "other than the paper's", "fingerprint"]]
+    for name, entry in predictors.items():
+        for expansion, facts in entry.items():
+            if isinstance(facts, dict) and "reduced" in facts:
+                other = facts["reduced"] or {}
+                told = ", ".join(f"{what} {value}" for what, value in other.items())
+                rows.append([f"`{name}`", expansion, told or "as printed",
+                             facts["fingerprint"][:12]])  # fmt: skip
+    return markdown(rows) if len(rows) > 1 else "None."
+
+
+def _transients(places: dict[str, Any]) -> str:
+    columns = ("cells", "filtered", "free_without", "wall_cells", "walls_kept")
+    rows = [["where", "expansion", "network", *(name.replace("_", " ") for name in columns)]]
+    for place, entry in places.items():
+        for expansion, measured in entry.items():
+            for name, shares in measured.items():
+                found = [_number(shares[column], ",d" if "cells" in column else ".3f")
+                         for column in columns]  # fmt: skip
+                rows.append([place, expansion, f"`{name}`", *found])
+    return markdown(rows) if len(rows) > 1 else "No network was asked."
+
+
+def _by_expansion(entry: dict[str, Rows], measure: str, paper: dict[str, dict[str, float]]) -> str:
+    rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
+    for name in _names(entry):
+        rows.append([f"`{name}`", *(_number(measured.get(name, {}).get(measure))
+                                    for measured in entry.values())])  # fmt: skip
+        if any("test" in measured.get(name, {}) for measured in entry.values()):
+            of_test = [measured.get(name, {}).get("test", {}).get(measure)
+                       for measured in entry.values()]  # fmt: skip
+            rows.append([f"`{name}`, the paper's two test drives alone", *map(_number, of_test)])
+    for name in dict.fromkeys(name for printed in paper.values() for name in printed):
+        found = [paper.get(expansion, {}).get(name) for expansion in entry]
+        rows.append([f"the paper's {name}, on its own data", *map(_number, found)])
+    return markdown(rows)
+
+
+def _differences(entry: dict[str, Rows], measure: str, other: str) -> str:
+    rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
+    for name in _names(entry):
+        if name != other:
+            found = [measured.get(name, {}).get("above", {}).get(other, {}).get(measure)
+                     for measured in entry.values()]  # fmt: skip
+            rows.append([f"`{name}`", *map(_interval, found)])
+    return markdown(rows)
+
+
+def _cells(measured: Rows) -> str:
+    cost = ("parameters", "multiply-adds [M]", "median [ms]", "99 % [ms]")
+    rows = [["predictor", *(name.replace("_", " ") for name in CELLS), *cost]]
+    for name, row in measured.items():
+        of = row["cost"] or {}
+        macs = of.get("macs")
+        rows.append([
+            f"`{name}`",
+            *(_number(row[column]) for column in CELLS),
+            _number(of.get("parameters"), ",d"),
+            _number(None if macs is None else macs / 1e6, ",.0f"),
+            _number(of.get("ms_median"), ".1f"),
+            _number(of.get("ms_p99"), ".1f"),
+        ])  # fmt: skip
+    lines = markdown(rows)
+    nan = {name: row["nan_cells"] for name, row in measured.items() if row["nan_cells"]}
+    told = "".join(f"\n\nmind: {count:,d} cells that `{name}` said were NaN, and count as not known"
+                   for name, count in nan.items())  # fmt: skip
+    return lines + told
+
+
+def _number(value: float | None, form: str = ".3f") -> str:
+    return "–" if value is None else format(value, form)
+
+
+def _interval(value: dict[str, float] | None) -> str:
+    return "–" if value is None else interval(value, "+.3f")

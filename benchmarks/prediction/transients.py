@@ -1,0 +1,146 @@
+"""Whether networks filter what comes and goes, as Katyal et al. 2018 observe of theirs.
+
+On what a network prints, raw: a planner keeps what was seen, whatever a network says of it. In
+simulation small obstacles are put into the input where free space was seen, as someone leaves
+behind who walked past; on real logs they are there already: cells seen occupied that all scans
+together found free, away from any wall.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from benchmarks.prediction.entrants import Entrant, entrant, prints
+from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
+from benchmarks.prediction.scoring import drive_of
+from benchmarks.prediction.square import Square
+from predictor.frames import RESOLUTION
+from predictor.grid import OCCUPIED, Grid
+from predictor.whole import write_whole
+
+RADIUS, CLEAR = 0.15, 0.6
+"""Of an obstacle that is put in, and from its middle to anything else, the car too [m]."""
+PUT = 3
+"""Obstacles put into an input, where there is room."""
+OFF = 0.15
+"""Least distance of a real transient from anything truly not free [m]: nearer it may be a wall and
+an error of the pose."""
+FRAMES = 60
+"""Of each place, spread evenly over its drives."""
+
+
+@dataclass
+class Count:
+    """Cells, over all frames so far.
+
+    Attributes:
+        transient: of transients.
+        filtered: of these, printed free: nearer to white than to grey.
+        before: of these, printed free without the transient; only where it was put in.
+        walls: seen occupied, and truly so.
+        kept: of these, printed occupied: a network that wipes out everything filters well too.
+    """
+
+    transient: int = 0
+    filtered: int = 0
+    before: int = 0
+    walls: int = 0
+    kept: int = 0
+
+    def add(self, speaker: Entrant, square: Square, put_in: bool, seed: int) -> None:
+        """Count one network's answer on one square."""
+        given, transient = with_transients(square, seed) if put_in else (square, found(square))
+        if not transient.any():
+            return
+        image = speaker.answer(given).image
+        self.transient += int(transient.sum())
+        self.filtered += int((image[transient] > 0.75).sum())
+        if put_in:
+            self.before += int((speaker.answer(square).image[transient] > 0.75).sum())
+        walls = square.crop.occupied & (square.truth == 1)
+        self.walls += int(walls.sum())
+        self.kept += int((image[walls] < 0.25).sum())
+
+    def shares(self, put_in: bool) -> dict[str, Any]:
+        """For the results; null where there is nothing to tell."""
+        of, walls = self.transient or np.nan, self.walls or np.nan
+        return {
+            "cells": self.transient,
+            "filtered": self.filtered / of,
+            "free_without": self.before / of if put_in else None,
+            "wall_cells": self.walls,
+            "walls_kept": self.kept / walls,
+        }
+
+
+def with_transients(square: Square, seed: int) -> tuple[Square, NDArray[np.bool_]]:
+    """A square in whose inputs there are transients, and where, (n, n).
+
+    Args:
+        square: without.
+        seed: of their places.
+    """
+    rng = np.random.default_rng(seed)
+    n = len(square.truth)
+    rows, cols = np.indices((n, n)) + 0.5 - n / 2
+    clear = square.crop.free & square.window.free & (square.truth == 0)
+    clear &= np.hypot(rows, cols) * RESOLUTION >= CLEAR
+    put = np.zeros((n, n), dtype=bool)
+    for _ in range(PUT):
+        # What lies outside the square may be anything.
+        room = distance_transform_edt(np.pad(clear & ~put, 1))[1:-1, 1:-1] * RESOLUTION
+        places = np.argwhere(room >= CLEAR)
+        if not len(places):
+            break
+        row, col = places[rng.integers(len(places))]
+        row, col = row + 0.5 - n / 2, col + 0.5 - n / 2
+        put |= np.hypot(rows - row, cols - col) * RESOLUTION <= RADIUS
+    crop, window = (Grid(grid.frame, np.where(put, np.int8(OCCUPIED), grid.cells))
+                    for grid in (square.crop, square.window))  # fmt: skip
+    return replace(square, crop=crop, window=window), put
+
+
+def found(square: Square) -> NDArray[np.bool_]:
+    """Cells of the crop seen occupied that are truly free, and away from all that is not."""
+    off = np.asarray(distance_transform_edt(square.truth == 0)) * RESOLUTION
+    return np.asarray(square.crop.occupied & (off > OFF))
+
+
+def transients(evaluation: Evaluation) -> dict[str, Any]:
+    """Place → expansion → network → shares; kept, and not measured twice."""
+    from tqdm import tqdm
+
+    # By expansion first: the networks of one are kept in memory, those of all would fill it.
+    asked = [(x, place, one) for x in evaluation.config.expansions for place in evaluation.places
+             for one in evaluation.who(x) if prints(one)]  # fmt: skip
+    out: dict[str, Any] = {place: {} for place in evaluation.places}
+    for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
+        chosen = _chosen([drive for drive in evaluation.drives if drive.place == place])
+        frames = [(drive.about["sha256"], index) for drive, index in chosen]
+        path = evaluation.store.path("transients", frames, expansion, one.identity)
+        path = path.with_suffix(".json")
+        try:
+            shares = json.loads(path.read_text())
+        except (OSError, ValueError):
+            count, put_in = Count(), place == "simulated"
+            speaker = entrant(one, evaluation.rates[expansion])
+            for seed, (drive, index) in enumerate(chosen):
+                of_drive = drive_of(drive.folder, drive.number)
+                count.add(speaker, Square.of(of_drive, index, expansion), put_in, seed)
+            shares = count.shares(put_in)
+            write_whole(path, json.dumps(shares).encode())
+        out[place].setdefault(key_of(expansion), {})[one.name] = shares
+    return out
+
+
+def _chosen(drives: list[Drive]) -> list[tuple[Drive, int]]:
+    """Frames of some drives, spread evenly."""
+    every = [(drive, int(index)) for drive in drives for index in drive.chosen]
+    places = np.unique(np.linspace(0, len(every) - 1, FRAMES).astype(int))
+    return [every[i] for i in places]
