@@ -7,6 +7,7 @@ import pytest
 
 from planner.costmap import OCCUPIED_COST, UNKNOWN_COST, CostMap, coarsened, remember
 from planner.dynamics import CarLimits
+from planner.guide import Guide, GuideConfig
 from planner.path import PathConfig, plan_path
 from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
@@ -256,3 +257,28 @@ def test_a_projection_is_the_closest_point_of_the_path():
         assert np.hypot(*(foot - (x, y))) ** 2 == pytest.approx(square, abs=1e-9)
         nearest = np.hypot(*(dense.points - (x, y)).T).min()
         assert math.sqrt(square) <= nearest + 1e-9
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_belief_moves_a_way_of_ones_own_but_not_one_that_is_the_task(given):
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    cells[np.ix_(abs(Y - 2.0) < 1.5, abs(X - 2.0) < 1.5)] = FREE
+    way = np.array([[2.0, 2.0], [2.0, 8.0], [9.0, 8.0]])
+    known, shape = grid(cells), FRAME.shape
+    wall = (abs(X[None, :] - 5.0) < 0.5) & (Y[:, None] < 7.0)
+    believed = Prediction(
+        FRAME,
+        (~wall).astype(np.float32),
+        wall.astype(np.float32),
+        np.full(shape, 0.99, np.float32),
+    )
+    risk = RiskMap.from_prediction(known.crop(known.frame.square(2.0, 2.0, 10.0)), None, 0.0)
+    ahead = np.array([[2.0, 2.0, 0.8, 1.0]])
+    paths = []
+    for steering in (None, believed):
+        guide = Guide((9.0, 8.0), way if given else None, CAR, GuideConfig(), seed=1)
+        guide.request(0, ahead, known, risk, steering)
+        guide.update(GuideConfig().delay, ahead[0], risk)
+        assert guide.path is not None
+        paths.append(guide.path.points)
+    assert np.array_equal(*paths) == given
