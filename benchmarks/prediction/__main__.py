@@ -72,7 +72,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "each network is asked at the expansion that it was trained for, or fused:FOLDER/ARCH, all "
         f"of them in one; NAME=P to rename (default: {' '.join(PREDICTORS)})")  # fmt: skip
     add("--expansions", nargs="+", type=float, default=list(EXPANSIONS), metavar="X",
-        help="side of the predicted square over 5 m, of 1.00, 1.02, … 2.00 (default: "
+        help="side of the predicted square over 5 m, of 1.02, 1.04, … 2.00 (default: "
         f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip
     add("--apart", type=float, default=0.5, metavar="M", help="a frame is scored when the car has "
         "driven this far since the last [m]; 0: all frames (default: %(default)s)")  # fmt: skip
