@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from predictor import dataset, simulated
+from predictor.compact import SHIPPED
 from predictor.dataset import main, make_simulated
 from predictor.drives import SPLITS
 from predictor.frames import MANIFEST, Frames, FramesError
@@ -23,7 +24,7 @@ from predictor.simulated import (
     drives_of,
     truth_of,
 )
-from predictor.weights import load_weights
+from predictor.weights import facts_of
 from sim.families import generate
 
 SMALL = SimulatedConfig(train=46, test=12, more=1, validation=1, length=10)
@@ -67,7 +68,7 @@ def test_seeds_are_those_of_nothing_else():
 
 
 def test_shipped_weights_know_none_of_the_buildings(folder):
-    _, facts = load_weights(dataset.Path(simulated.__file__).with_name("compact.safetensors"))
+    _, facts = facts_of(SHIPPED)
     learned = set(facts["worlds"]) | set(facts["validation_worlds"])
     assert not Frames.load(folder).worlds & learned
 
