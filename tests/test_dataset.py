@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from predictor import dataset, simulated
+from predictor import simulated
 from predictor.compact import SHIPPED
 from predictor.dataset import main, make_simulated
 from predictor.drives import SPLITS
