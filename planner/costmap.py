@@ -6,7 +6,7 @@ and a prediction moves that price. What may be relied upon is the risk map's bus
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,13 +38,22 @@ class CostMap:
     required: float
 
     @classmethod
-    def build(cls, known: OccupancyGrid, belief: Belief | None, half_width: float) -> CostMap:
+    def build(
+        cls,
+        known: OccupancyGrid,
+        belief: Belief | None,
+        half_width: float,
+        way: NDArray[np.float64] | None = None,
+    ) -> CostMap:
         """From all that is known and, where it may steer, what is believed.
 
         Args:
             known: what has been seen.
             belief: None: nothing steers.
             half_width: of the body [m].
+            way: points (n, 2) [m] of a way that is the task, less than a cell apart: the unseen
+                cells on it cost what free ones do, those beside it what believed walls do, so that
+                it is left where it must be and not for a short cut through rooms. None: no such.
         """
         factor = coarsening(known.frame)
         frame = coarsened(known.frame)
@@ -60,24 +69,22 @@ class CostMap:
                 unseen |= part == 0
         occupied = worst > 0
         clearance = distance_field(occupied) * np.float32(frame.resolution)
-        density = np.where(unseen, np.float32(UNKNOWN_COST), np.float32(1.0))
+        unknown = UNKNOWN_COST if way is None else OCCUPIED_COST
+        density = np.where(unseen, np.float32(unknown), np.float32(1.0))
         if belief is not None:
             believed = belief.on(frame)
             steered = unseen & np.isfinite(believed)
             density[steered] = believed[steered]
+        if way is not None:
+            near = np.arange(-2, 3)
+            col, row = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int).T
+            on_rows = (row[:, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
+            on_cols = (col[:, None, None] + near).clip(0, frame.shape[1] - 1)
+            density[on_rows, on_cols] = 1.0
         # Keep to the middle where there is room: 0.7 m and more costs nothing.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
         return cls(frame, density.astype(np.float32), clearance, half_width + 0.12)
-
-    def favouring(self, points: NDArray[np.float64]) -> CostMap:
-        """The same with the cells around a polyline (n, 2) [m] at the price of free space."""
-        density, near = self.density.copy(), np.arange(-2, 3)
-        cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
-        rows = (cells[:, 1, None, None] + near[:, None]).clip(0, self.frame.shape[0] - 1)
-        cols = (cells[:, 0, None, None] + near).clip(0, self.frame.shape[1] - 1)
-        density[rows, cols] = np.minimum(density[rows, cols], np.float32(1.0))
-        return replace(self, density=density)
 
     def along(self, points: NDArray[np.float64]) -> float:
         """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly."""

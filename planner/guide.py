@@ -29,6 +29,7 @@ class GuideConfig:
         better: a new path replaces one that still serves if it costs less than this share.
         reserve: a path serves as long as this much of its drivable part is ahead [m].
         join: how far ahead a given way is joined [m].
+        beside: so near to a given way the car has come along it [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
         search: settings of the search itself.
     """
@@ -39,6 +40,7 @@ class GuideConfig:
     better: float = 0.9
     reserve: float = 5.0
     join: float = 12.0
+    beside: float = 1.0
     turning_room: float = 1.2
     search: PathConfig = field(default_factory=PathConfig)
 
@@ -158,9 +160,11 @@ class Guide:
         # A way that is the task is not moved by what is believed beside it.
         if steering is not None and self._given is None:
             self._belief = remember(self._belief, known.frame, steering)
-        cost = CostMap.build(known, self._belief, self.car.body.half_width)
         position = (float(state[0]), float(state[1]))
-        route = self._along_given(cost, position) if self._given is not None else None
+        coming = None if self._given is None else self._coming(position)
+        way = self._given[coming] if self._given is not None and coming is not None else None
+        cost = CostMap.build(known, self._belief, self.car.body.half_width, way)
+        route = None if coming is None else self._along_given(cost, position, coming)
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
@@ -197,18 +201,25 @@ class Guide:
             return False
         return cost.along(found.points) > self.config.better * cost.along(path.points[here:])
 
+    def _coming(self, position: tuple[float, float]) -> slice:
+        """Which part of the given way is next: from beside the car to where it is to be joined."""
+        assert self._given is not None
+        at, _, square = project(self._given, *position, self._given_at - 10, self._given_at + 60)
+        # What is farther away may lie behind a wall, and is yet to be reached.
+        if square < self.config.beside**2:
+            self._given_at = at
+        join = round(self.config.join / SPACING)
+        return slice(self._given_at, min(self._given_at + join, len(self._given) - 1) + 1)
+
     def _along_given(
-        self, cost: CostMap, position: tuple[float, float]
+        self, cost: CostMap, position: tuple[float, float], coming: slice
     ) -> NDArray[np.float64] | None:
-        """A route (n, 2) that joins the given way some metres ahead and follows it to its end.
+        """A route (n, 2) that joins the given way where its coming part ends, and follows it.
 
         It is searched for, for the straight line to the way may lead through a wall; None where
         there is none.
         """
         assert self._given is not None
-        given, join = self._given, round(self.config.join / SPACING)
-        self._given_at, _, _ = project(given, *position, self._given_at - 10, self._given_at + 60)
-        last = min(self._given_at + join, len(given) - 1)
-        there = (float(given[last, 0]), float(given[last, 1]))
-        route = find_route(cost.favouring(given[self._given_at : last + 1]), position, there)
-        return None if route is None else np.vstack([route, given[last + 1 :]])
+        x, y = self._given[coming.stop - 1]
+        route = find_route(cost, position, (float(x), float(y)))
+        return None if route is None else np.vstack([route, self._given[coming.stop :]])
