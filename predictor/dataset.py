@@ -8,8 +8,10 @@ docs/datasets.md says what is in them; `predictor.frames.Frames` reads them.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +20,17 @@ if TYPE_CHECKING:
     from predictor.bags import BagConfig
     from predictor.simulated import SimulatedConfig
 
-LEAST = {"train": 4, "test": 2, "more": 0, "validation": 0, "length": 1, "jobs": 1}
+LEAST = {
+    "train": 4,
+    "test": 2,
+    "more": 0,
+    "validation": 0,
+    "length": 1,
+    "clutter": 0,
+    "noise": 0,
+    "people": 0,
+    "jobs": 1,
+}
 """What the command line's numbers must be at least: a frame a drive."""
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
 
@@ -49,7 +61,7 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     there = total - sum(drive.count for drive in todo)
     with tqdm(total=total, initial=there, unit="frame") as bar:
         bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
-        for drive, facts in finished(partial(make_drive, folder), todo, jobs):
+        for drive, facts in finished(partial(make_drive, folder, config), todo, jobs):
             frames.add(drive.name, facts)
             bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
             bar.update(drive.count)
@@ -95,7 +107,7 @@ def main(argv: list[str] | None = None) -> int:
 
     args = _parsed(argv)
     for name, low in LEAST.items():
-        if getattr(args, name) < low:
+        if not low <= getattr(args, name) < math.inf:
             print(f"predictor.dataset: --{name} must be at least {low}", file=sys.stderr)
             return 2
     try:
@@ -136,6 +148,12 @@ def _parsed(argv: list[str] | None) -> Any:
         "on, each in a building of its own (default: %(default)s)")  # fmt: skip
     add("--length", type=int, default=default.length, metavar="N", help="frames of each of these "
         "(default: %(default)s)")  # fmt: skip
+    add("--clutter", type=float, default=default.clutter, metavar="D", help="things that stand on "
+        "a square metre of floor, such as 0.05 (default: %(default)g, the paper's)")  # fmt: skip
+    add("--noise", type=float, default=default.noise, metavar="M", help="standard deviation of the "
+        "LIDAR's ranges [m], such as 0.03 (default: %(default)g, the paper's)")  # fmt: skip
+    add("--people", type=float, default=default.people, metavar="D", help="who walk about, on a "
+        "square metre of floor, such as 0.02 (default: %(default)g, the paper's)")  # fmt: skip
     physical = parser.add_argument_group("physical")
     add = physical.add_argument
     add("--log", nargs="+", type=Path, metavar="FILE", help="logs with corrected poses: CARMEN "
@@ -155,15 +173,14 @@ def _run(args: Any) -> Path:
 
     if args.log:
         folder: Path = args.out or PHYSICAL
-        config = BagConfig(args.scans, args.poses, args.map_frame)
-        make_physical(folder, args.log, config, args.jobs)
+        topics = BagConfig(args.scans, args.poses, args.map_frame)
+        make_physical(folder, args.log, topics, args.jobs)
         return folder
     folder = args.out or SIMULATED
-    make_simulated(
-        folder,
-        SimulatedConfig(args.train, args.test, args.more, args.validation, args.length),
-        args.jobs,
+    config = SimulatedConfig(
+        **{field.name: getattr(args, field.name) for field in fields(SimulatedConfig)}
     )
+    make_simulated(folder, config, args.jobs)
     return folder
 
 

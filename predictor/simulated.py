@@ -4,6 +4,9 @@ Katyal et al. 2018: two maps with paths 3.5–10 m wide, six trajectories at 10 
 LIDAR of 270° and 20 m; four of them, 5,221 images, to train on and two, 1,090 images, to test on.
 Both maps have two of the four and one of the two. Added to that, each on a map of its own, are
 drives to validate on and more drives to test on.
+
+Beyond the paper the buildings may be cluttered, the ranges noisy, and people may walk about whom no
+map has: what real logs have and the paper's simulation has not.
 """
 
 from __future__ import annotations
@@ -52,6 +55,9 @@ class SimulatedConfig:
         more: further drives to test on, each in a building of its own.
         validation: drives to tune on, each in a building of its own.
         length: frames of each of these.
+        clutter: things that stand on a square metre of floor [1/m²].
+        noise: standard deviation of the LIDAR's ranges [m].
+        people: who walk about, on a square metre of floor [1/m²].
     """
 
     train: int = 5221
@@ -59,6 +65,9 @@ class SimulatedConfig:
     more: int = 20
     validation: int = 5
     length: int = 300
+    clutter: float = 0.0
+    noise: float = 0.0
+    people: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -119,22 +128,27 @@ def drives_of(config: SimulatedConfig) -> list[Drive]:
     return drives
 
 
-def make_drive(folder: Path, drive: Drive) -> dict[str, Any]:
+def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str, Any]:
     """Drive, record, and write the trajectory's file; what the manifest is to say of it.
 
     Raises:
         DriveError: if every seed of the drive led to an end before the last frame.
     """
+    import numpy as np
+
     from predictor.frame_set import write_trajectory
     from predictor.samples import world_hash
     from sim.families import generate
     from sim.task import NoTaskError
+    from sim.variation import cluttered
 
     world = generate(FAMILY, drive.map_seed)
+    if config.clutter:
+        world = cluttered(world, config.clutter, np.random.default_rng(drive.map_seed))
     ends = []
     for seed in range(drive.seed, drive.seed + TRIES):
         try:
-            recording, end = driven(world, seed, drive.count)
+            recording, end = driven(world, seed, drive.count, config)
         except NoTaskError as error:
             ends.append(str(error))
             continue
@@ -146,13 +160,16 @@ def make_drive(folder: Path, drive: Drive) -> dict[str, Any]:
     raise DriveError(f"{drive.name}: no seed gave {drive.count} frames; the last: {ends[-1]}")
 
 
-def driven(world: World, seed: int, count: int) -> tuple[Recording, str | None]:
+def driven(
+    world: World, seed: int, count: int, config: SimulatedConfig
+) -> tuple[Recording, str | None]:
     """Drive from goal to goal until there are enough frames.
 
     Args:
         world: where.
-        seed: of the task and the path search.
+        seed: of the task, the path search, the noise and the people.
         count: frames.
+        config: the LIDAR's noise, and how many people walk about.
 
     Returns:
         The frames, and why the drive ended before they were enough: None if it did not.
@@ -166,32 +183,36 @@ def driven(world: World, seed: int, count: int) -> tuple[Recording, str | None]:
     from planner.guide import GuideConfig
     from planner.navigator import Navigator, NavigatorConfig
     from predictor.recording import WINDOW, Recording
-    from sim import CarConfig, DubinsCar, Lidar
+    from sim import CarConfig, DubinsCar, Lidar, LidarConfig
+    from sim.people import People
     from sim.task import LONGEST_LEG, prolonged, sample_task
 
-    car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar()
+    car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
+    rng = np.random.default_rng(seed)
+    crowd = People(world, config.people, rng)
     # The route is longer than the drive: the car does not slow down for a goal.
     length = SPEED * TICK * count + 10.0
     first = sample_task(world, seed, car.config, max_length=LONGEST_LEG)
     task = prolonged(first, length, car.config)
     start = np.array(task.start)
-    config = NavigatorConfig(window=2 * lidar.config.range_max, car=CarLimits(v_max=SPEED),
+    settings = NavigatorConfig(window=2 * lidar.config.range_max, car=CarLimits(v_max=SPEED),
                              guide=GuideConfig(every=PATH_EVERY))  # fmt: skip
-    navigator = Navigator(config, None, start, task.goal, task.blank(config.window), task.waypoints,
-                          seed)  # fmt: skip
+    navigator = Navigator(settings, None, start, task.goal, task.blank(settings.window),
+                          task.waypoints, seed)  # fmt: skip
     near = task.blank(WINDOW)
-    near.mark_free(start, config.car.body, config.start_margin)
+    near.mark_free(start, settings.car.body, settings.start_margin)
     recording = Recording(world.grid.frame, truth_of(world))
     state, rested = np.array([*task.start, 0.0]), 0
     turned, within = np.zeros(count + 1), round(CIRCLES[1] / TICK)
     for tick in range(count):
-        scan = lidar.scan(world, state)
+        scan = lidar.scan(world, state, rng, crowd.discs)
         decision = navigator.step(state, scan)
         near.integrate(scan, state)
         recording.add(navigator.known, near, state, decision.control, tick * TICK)
         if car.collides(world, state, decision.control, TICK):
             return recording, "it collided"
         moved = car.step(state, decision.control, TICK)
+        crowd.walk(TICK, moved[:2])
         turn = np.remainder(moved[2] - state[2] + np.pi, 2 * np.pi) - np.pi
         turned[tick + 1] = turned[tick] + turn
         state = moved

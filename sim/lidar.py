@@ -70,7 +70,13 @@ class Lidar:
         angles = self.config.angle_min + np.arange(self.config.beams) * self.config.angle_increment
         self._beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
-    def scan(self, world: World, pose: ArrayLike, rng: np.random.Generator | None = None) -> Scan:
+    def scan(
+        self,
+        world: World,
+        pose: ArrayLike,
+        rng: np.random.Generator | None = None,
+        discs: NDArray[np.float64] | None = None,
+    ) -> Scan:
         """One scan from a robot pose (x, y, yaw).
 
         A return has the range at which the beam enters an OCCUPIED cell. +inf: nothing within
@@ -80,6 +86,7 @@ class Lidar:
             world: what is looked at.
             pose: x, y, yaw of the robot [m, m, rad]; further entries are not read.
             rng: source of noise and dropout.
+            discs: x, y, radius of round things that stand in free space, (n, 3) [m].
 
         Raises:
             ValueError: if the sensor is noisy and `rng` is missing, or the pose is not finite.
@@ -101,12 +108,33 @@ class Lidar:
             self._beams,
             config.range_max / frame.resolution,
         )
+        if discs is not None and len(discs):
+            ranges = self._blocked(ranges, (sx, sy, bearing), discs)
         if config.range_noise or config.dropout:
             if rng is None:
                 raise ValueError("a sensor with noise or dropout needs an rng")
             ranges = self._disturbed(ranges, rng)
         return Scan(ranges, config.angle_min, config.angle_increment, config.range_max,
                     config.mount)  # fmt: skip
+
+    def _blocked(
+        self,
+        ranges: NDArray[np.float64],
+        sensor: tuple[float, float, float],
+        discs: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """The ranges [m] where discs stand before what the beams would meet."""
+        x, y, bearing = sensor
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        to_x, to_y = discs[:, 0] - x, discs[:, 1] - y
+        # In the sensor's frame, (discs, beams): along each beam, and the square across it.
+        ahead = np.column_stack([cos * to_x + sin * to_y, cos * to_y - sin * to_x]) @ self._beams.T
+        half = discs[:, 2, None] ** 2 - (to_x**2 + to_y**2)[:, None] + ahead**2
+        met = (half > 0) & (ahead > 0)
+        entry = np.where(met, ahead - np.sqrt(np.where(met, half, 0.0)), np.inf).min(axis=0)
+        entry = np.maximum(entry, 0.0)
+        # NaN stays: it is not known how far such a beam came.
+        return np.where(entry < self.config.range_max, np.minimum(ranges, entry), ranges)
 
     def _disturbed(
         self, ranges: NDArray[np.float64], rng: np.random.Generator

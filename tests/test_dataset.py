@@ -110,11 +110,11 @@ def test_a_killed_set_ends_as_if_it_had_not_been(folder, tmp_path, monkeypatch):
     made = []
     make_drive = simulated.make_drive
 
-    def die(out, drive):
+    def die(out, config, drive):
         if len(made) == 3:
             raise KeyboardInterrupt
         made.append(drive.name)
-        return make_drive(out, drive)
+        return make_drive(out, config, drive)
 
     monkeypatch.setattr(simulated, "make_drive", die)
     with pytest.raises(KeyboardInterrupt):
@@ -177,3 +177,20 @@ def test_arguments_that_make_no_sense_are_refused(wrong, tmp_path, capsys):
     assert main([*wrong, "--out", str(tmp_path / "out")]) == 2
     assert wrong[0] in (said := capsys.readouterr().err) or wrong[1] in said
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("kind", ["clutter", "noise", "people"])
+def test_a_set_may_have_what_the_papers_has_not(folder, tmp_path, kind):
+    made = ["--out", str(tmp_path), "--jobs", "1", f"--{kind}", "0.1"]
+    assert main(made + ARGUMENTS) == 0
+    plain, other = Frames.load(folder, "train"), Frames.load(tmp_path, "train")
+    assert not np.array_equal(plain.estimated, other.estimated)
+    # What is true changes with what stands there, not with who walks past.
+    assert (plain.worlds == other.worlds) == (kind != "clutter")
+
+
+@pytest.mark.parametrize("value", ["-1", "nan", "inf"])
+def test_a_variety_that_cannot_be_is_refused(tmp_path, value, capsys):
+    assert main(["--out", str(tmp_path), f"--people={value}", *ARGUMENTS]) == 2
+    assert "--people" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

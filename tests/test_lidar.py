@@ -180,3 +180,22 @@ def test_misuse_says_what_is_wrong():
         LidarConfig(dropout=1.5)
     with pytest.raises(ValueError, match="finite"):
         Lidar().scan(world_of(np.zeros((5, 5), np.int8)), (math.nan, 0, 0))
+
+
+def test_a_disc_is_met_where_a_beam_enters_its_circle_and_not_through_a_wall():
+    cells = np.full((40, 40), FREE, np.int8)
+    cells[:, 30] = OCCUPIED
+    world, lidar = world_of(cells), Lidar(AROUND)
+    disc, hidden = [24.0, 21.0, 2.0], [35.0, 20.0, 2.0]
+    plain = lidar.scan(world, (20.5, 20.5, 0.3)).ranges
+    got = lidar.scan(world, (20.5, 20.5, 0.3), discs=np.array([disc, hidden])).ranges
+    angles = 0.3 + AROUND.angle_min + AROUND.angle_increment * np.arange(AROUND.beams)
+    met = got < plain
+    ends = np.array([20.5, 20.5]) + got[met, None] * np.stack(
+        [np.cos(angles[met]), np.sin(angles[met])], axis=1
+    )
+    assert np.hypot(*(ends - disc[:2]).T) == pytest.approx(2.0, abs=1e-9)
+    assert np.array_equal(got[~met], plain[~met], equal_nan=True)
+    # As many beams as the circle's angle takes.
+    wide = 2 * math.asin(2.0 / math.hypot(3.5, 0.5))
+    assert met.sum() == pytest.approx(wide / AROUND.angle_increment, abs=1)

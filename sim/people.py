@@ -1,0 +1,67 @@
+"""People who walk about: a LIDAR sees them, and no map has them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world import World
+
+RADIUS = 0.25
+"""Of a person [m]."""
+SPEEDS = (0.4, 1.4)
+"""Slowest and fastest walk [m/s]."""
+APART = 1.2
+"""They come no nearer to the robot's middle than this [m]."""
+
+
+class People:
+    """Discs that walk straight until something is in their way, and then some other way.
+
+    Args:
+        world: the building.
+        density: people on a square metre of free space [1/m²].
+        rng: decides all that they do.
+    """
+
+    def __init__(self, world: World, density: float, rng: np.random.Generator) -> None:
+        self._world, self._rng = world, rng
+        frame = world.grid.frame
+        roomy = np.argwhere(world.clearance > RADIUS + frame.resolution)
+        area = np.count_nonzero(world.grid.free) * frame.resolution**2
+        count = rng.poisson(density * area) if len(roomy) else 0
+        cells = roomy[rng.integers(len(roomy), size=count)] if count else np.empty((0, 2))
+        self.places = np.array(frame.origin) + (cells[:, ::-1] + 0.5) * frame.resolution
+        """(n, 2) [m]."""
+        self._headings = rng.uniform(-math.pi, math.pi, count)
+        self._speeds = rng.uniform(*SPEEDS, count)
+
+    @property
+    def discs(self) -> NDArray[np.float64]:
+        """x, y, radius of each, (n, 3) [m]: what a LIDAR meets."""
+        return np.column_stack([self.places, np.full(len(self.places), RADIUS)])
+
+    def walk(self, interval: float, robot: NDArray[np.float64]) -> None:
+        """Go on.
+
+        Args:
+            interval: for so long [s].
+            robot: x, y of whom they keep away from, (2,) [m].
+        """
+        along = np.column_stack([np.cos(self._headings), np.sin(self._headings)])
+        ahead = self.places + interval * self._speeds[:, None] * along
+        near = np.hypot(*(ahead - robot).T)
+        free = self._roomy(ahead) & ((near > APART) | (near > np.hypot(*(self.places - robot).T)))
+        self.places = np.where(free[:, None], ahead, self.places)
+        # Drawn for all, so that what one meets does not shift the others.
+        turned = self._rng.uniform(-math.pi, math.pi, len(free))
+        self._headings = np.where(free, self._headings, turned)
+
+    def _roomy(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        frame, clearance = self._world.grid.frame, self._world.clearance
+        cells = np.floor((places - np.array(frame.origin)) / frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(frame.shape[::-1]))).all(axis=1)
+        cols, rows = np.where(inside[:, None], cells, 0).T
+        return np.asarray(inside & (clearance[rows, cols] > RADIUS + frame.resolution))
