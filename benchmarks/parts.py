@@ -77,7 +77,8 @@ def code() -> str:
     root = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
     for package in PACKAGES:
-        for path in sorted((root / package).iterdir()):
+        for path in sorted((root / package).rglob("*")):
             if path.suffix in (".py", ".safetensors"):
-                digest.update(f"{package}/{path.name}\0".encode() + path.read_bytes())
+                name = path.relative_to(root).as_posix()
+                digest.update(f"{name}\0".encode() + path.read_bytes())
     return digest.hexdigest()[:16]

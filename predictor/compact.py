@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from torch import Tensor, nn
 
-from predictor.compact_net import FREE, OCCUPIED, ROOM, CompactNet
+from predictor.data.samples import quarters
 from predictor.grid import Grid
+from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactNet
 from predictor.prediction import Prediction
 from predictor.runtime import Run, runner
-from predictor.samples import quarters
-from predictor.targets import question, widened
+from predictor.training.targets import question, widened
 from predictor.weights import load_weights
 
 SHIPPED = Path(__file__).with_name("compact.safetensors")

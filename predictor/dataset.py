@@ -3,7 +3,7 @@
     python -m predictor.dataset                                    the paper's, and more test drives
     python -m predictor.dataset --log intel.log.gz aces.log.gz             of a robot's own journeys
 
-docs/datasets.md says what is in them; `predictor.frames.Frames` reads them.
+docs/datasets.md says what is in them; `predictor.data.frames.Frames` reads them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from predictor.bags import BagConfig
-    from predictor.simulated import SimulatedConfig
+    from predictor.data.bags import BagConfig
+    from predictor.data.simulated import SimulatedConfig
 
 LEAST = {
     "train": 4,
@@ -50,8 +50,8 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     from tqdm import tqdm
 
     from benchmarks.workers import finished
-    from predictor.frame_set import FrameSet
-    from predictor.simulated import check_apart, drives_of, make_drive, settings_of
+    from predictor.data.frame_set import FrameSet
+    from predictor.data.simulated import check_apart, drives_of, make_drive, settings_of
 
     drives = {drive.name: drive for drive in drives_of(config)}
     frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
@@ -84,8 +84,8 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
     from tqdm import tqdm
 
     from benchmarks.workers import finished
-    from predictor.frame_set import FrameSet
-    from predictor.survey import make_log, settings_of, site_of
+    from predictor.data.frame_set import FrameSet
+    from predictor.data.survey import make_log, settings_of, site_of
 
     sites = {site_of(path): path for path in paths}
     frames = FrameSet(folder, "physical", settings_of(paths, config), list(sites))
@@ -101,9 +101,9 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     from benchmarks.workers import WorkersError
-    from predictor.frames import FramesError
-    from predictor.laser_log import LogError
-    from predictor.simulated import DriveError
+    from predictor.data.frames import FramesError
+    from predictor.data.laser_log import LogError
+    from predictor.data.simulated import DriveError
 
     args = _parsed(argv)
     for name, low in LEAST.items():
@@ -123,7 +123,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv: list[str] | None) -> Any:
     from benchmarks.settings import OneLineParser
-    from predictor.simulated import SimulatedConfig
+    from predictor.data.simulated import SimulatedConfig
 
     default = SimulatedConfig()
     parser = OneLineParser(
@@ -168,8 +168,8 @@ def _parsed(argv: list[str] | None) -> Any:
 
 
 def _run(args: Any) -> Path:
-    from predictor.bags import BagConfig
-    from predictor.simulated import SimulatedConfig
+    from predictor.data.bags import BagConfig
+    from predictor.data.simulated import SimulatedConfig
 
     if args.log:
         folder: Path = args.out or PHYSICAL

@@ -67,7 +67,7 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     """
     import numpy as np
 
-    from predictor.samples import SIDE, encoded, world_hash, write_samples
+    from predictor.data.samples import SIDE, encoded, world_hash, write_samples
     from sim import LidarConfig
     from sim.families import generate
     from sim.task import NoTaskError, sample_task
@@ -191,7 +191,7 @@ def make(config: DrivesConfig, jobs: int) -> None:
 
 def _claim(config: DrivesConfig) -> None:
     """Make the folders, and see to it that one folder holds samples of one recipe."""
-    from predictor.samples import FORMAT
+    from predictor.data.samples import FORMAT
     from predictor.whole import write_whole
 
     for split in SPLITS:

@@ -19,8 +19,8 @@ from predictor.whole import write_whole
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from predictor.scored_drive import EvaluateConfig
-    from predictor.scores import Scores
+    from predictor.scoring.scored_drive import EvaluateConfig
+    from predictor.scoring.scores import Scores
 
 
 class EvaluateError(ValueError):
@@ -82,7 +82,7 @@ class Evaluation:
         from tqdm import tqdm
 
         from benchmarks.workers import finished
-        from predictor import scored_drive
+        from predictor.scoring import scored_drive
 
         todo = [item for item in self.items if self._read(item) is None]
         with tqdm(total=len(self.items), initial=len(self.items) - len(todo), unit="drive") as bar:
@@ -101,9 +101,9 @@ class Evaluation:
         """Write results.json and the figures of all that was scored, and return the results."""
         from benchmarks.store import machine
         from predictor.drives import FAMILIES
-        from predictor.evaluation_figures import draw
-        from predictor.scored_drive import rows_of
-        from predictor.scores import Scores
+        from predictor.scoring.evaluation_figures import draw
+        from predictor.scoring.scored_drive import rows_of
+        from predictor.scoring.scores import Scores
 
         names = rows_of(self.config)
         groups: dict[str, dict[str, Scores]] = {}
@@ -166,8 +166,8 @@ def _summary(facts: list[dict[str, Any]], sums: dict[str, Scores]) -> dict[str, 
     """A group's scores: predictor → measures."""
     import numpy as np
 
-    from predictor.scored_drive import BLANK
-    from predictor.scores import EDGES, RINGS
+    from predictor.scoring.scored_drive import BLANK
+    from predictor.scoring.scores import EDGES, RINGS
 
     scored = [fact for fact in facts if "skipped" not in fact]
     rows: dict[str, dict[str, Any]] = {}
@@ -194,7 +194,7 @@ def _summary(facts: list[dict[str, Any]], sums: dict[str, Scores]) -> dict[str, 
 
 def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
     """Scores of a row; one of room says nothing of surfaces."""
-    from predictor.scored_drive import RELIED
+    from predictor.scoring.scored_drive import RELIED
 
     measures = scores.measures(rings)
     if name.endswith(RELIED):
@@ -239,7 +239,7 @@ def main(argv: list[str] | None = None) -> int:
     from benchmarks.settings import OneLineParser, UsageError
     from benchmarks.workers import WorkersError
     from predictor.registry import PredictorError
-    from predictor.scored_drive import EvaluateConfig
+    from predictor.scoring.scored_drive import EvaluateConfig
     from sim.map_server import MapError
 
     default = EvaluateConfig()
@@ -287,7 +287,7 @@ def _run(args: argparse.Namespace) -> str:
         raise EvaluateError("--drives and --jobs are at least 1, --seed is not negative")
     if not (1 <= args.window <= 100 and 1 <= args.expansion <= 4):
         raise EvaluateError("--window lies between 1 and 100 m, --expansion between 1 and 4")
-    from predictor.scored_drive import EvaluateConfig
+    from predictor.scoring.scored_drive import EvaluateConfig
 
     config = EvaluateConfig(tuple(args.world), tuple(args.predictors), args.drives, args.seed,
                             args.window, args.expansion)  # fmt: skip

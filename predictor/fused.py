@@ -61,7 +61,7 @@ class Fused:
 
     @property
     def given(self) -> str:
-        """What the networks are given, see `predictor.image_config`."""
+        """What the networks are given, see `predictor.networks.image_config`."""
         return self.parts[0].config.given
 
     @property

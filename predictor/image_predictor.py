@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from predictor.grey_map import level_of
+from predictor.data.samples import quarters
 from predictor.grid import Grid, GridFrame, paste
-from predictor.image import cells_of, image_of
-from predictor.image_config import WINDOW, ImageConfig
-from predictor.image_net import ImageNet
+from predictor.networks.grey_map import level_of
+from predictor.networks.image import cells_of, image_of
+from predictor.networks.image_config import WINDOW, ImageConfig
+from predictor.networks.image_net import ImageNet
 from predictor.prediction import Prediction
 from predictor.runtime import Run, runner
-from predictor.samples import quarters
 from predictor.weights import load_weights
 
 SUREST = 0.9999
@@ -54,7 +54,7 @@ class ImagePredictor:
 
     @property
     def given(self) -> str:
-        """What the network is given of a window, see `predictor.image_config`."""
+        """What the network is given of a window, see `predictor.networks.image_config`."""
         return self.config.given
 
     def image(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:

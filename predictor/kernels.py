@@ -17,7 +17,7 @@ def stamp(root: Path) -> str:
     """A hash of all kernels' sources under a folder with our packages."""
     digest = hashlib.sha256()
     for package in ("planner", "predictor", "sim"):
-        for path in sorted((root / package).glob("*.py")):
+        for path in sorted((root / package).rglob("*.py")):
             source = path.read_bytes()
             if b"@njit" in source:
                 digest.update(path.name.encode() + b"\0" + source)

@@ -91,9 +91,9 @@ def _named(name: str) -> Any:
 def _of_weights(path: Path) -> Predictor:
     """The predictor that runs the network which a file holds."""
     from predictor.compact import Compact
-    from predictor.compact_net import CompactNet
-    from predictor.image_net import ImageNet
     from predictor.image_predictor import ImagePredictor
+    from predictor.networks.compact_net import CompactNet
+    from predictor.networks.image_net import ImageNet
     from predictor.weights import WeightsError, facts_of
 
     architecture, _ = facts_of(path)

@@ -20,10 +20,10 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.checkpoint import TrainError
-from predictor.image_arguments import add_arguments, configured
-from predictor.image_config import EXPANSIONS, ImageConfig, ImageTraining
 from predictor.networks import ARCHITECTURES
+from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining
+from predictor.training.checkpoint import TrainError
+from predictor.training.image_arguments import add_arguments, configured
 from predictor.whole import write_whole
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Data:
         Raises:
             TrainError: if it does not hold frames to train and to validate on.
         """
-        from predictor.frames import Frames, FramesError
+        from predictor.data.frames import Frames, FramesError
 
         try:
             train, validation = (Frames.load(folder, name) for name in ("train", "validation"))
@@ -126,7 +126,7 @@ class Run:
     def train(self) -> None:
         """Train, in a process of its own, which leaves a line if it fails."""
         from benchmarks.workers import follow_parent
-        from predictor.image_training import train_images
+        from predictor.training.image_training import train_images
 
         follow_parent()
         with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
@@ -156,7 +156,7 @@ class Run:
 
     def last(self) -> str:
         """Where it is, and the last of its losses; empty if there is nothing yet."""
-        from predictor.image_training import told
+        from predictor.training.image_training import told
 
         try:
             return told(json.loads((self.out / "log.jsonl").read_text().splitlines()[-1]))

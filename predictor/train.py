@@ -16,11 +16,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from predictor.checkpoint import TrainError
-from predictor.compact_training import TrainConfig
-from predictor.image_arguments import NAMES, add_arguments, configured
-from predictor.image_config import EXPANSIONS, PRESETS
 from predictor.networks import ARCHITECTURES
+from predictor.networks.image_config import EXPANSIONS, PRESETS
+from predictor.training.checkpoint import TrainError
+from predictor.training.compact_training import TrainConfig
+from predictor.training.image_arguments import NAMES, add_arguments, configured
 
 if TYPE_CHECKING:
     import argparse
@@ -34,8 +34,8 @@ IMAGES = ("expansion", *NAMES)
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     from benchmarks.workers import WorkersError
+    from predictor.data.samples import SamplesError
     from predictor.drives import DrivesError
-    from predictor.samples import SamplesError
 
     args = _parser().parse_args(argv)
     try:
@@ -54,7 +54,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _images(args: argparse.Namespace) -> Path:
-    from predictor.image_training import train_images
+    from predictor.training.image_training import train_images
 
     expansion = EXPANSIONS[0] if args.expansion is None else args.expansion
     config, training = configured(args, args.arch, expansion)
@@ -63,15 +63,15 @@ def _images(args: argparse.Namespace) -> Path:
 
 
 def _compact(args: argparse.Namespace) -> Path:
-    from predictor.compact_training import Trainer
     from predictor.drives import DrivesConfig, make
+    from predictor.training.compact_training import Trainer
 
     default, drives = TrainConfig(), DrivesConfig()
     data, out = args.data or drives.out, args.out or Path("results/train")
     count, tuned_on = args.train or drives.train, args.validation or drives.validation
     start = None
     if args.start is not None:
-        from predictor.compact_net import CompactNet
+        from predictor.networks.compact_net import CompactNet
         from predictor.weights import WeightsError, load_weights
 
         try:
@@ -82,7 +82,7 @@ def _compact(args: argparse.Namespace) -> Path:
     # After the drives, whose processes must not wait for it.
     import torch
 
-    from predictor.samples import Samples, check_apart
+    from predictor.data.samples import Samples, check_apart
 
     torch.set_num_threads(args.jobs)
     train = Samples.load(data / "train", count)

@@ -1,4 +1,4 @@
-"""Frames of crossings, without driving: the attributes of `predictor.frames.Frames`."""
+"""Frames of crossings, without driving: the attributes of `predictor.data.frames.Frames`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,11 +56,11 @@ def generated(count: int, seed: int) -> GeneratedFrames:
 
 
 def write_frames(folder: Path, splits: dict[str, GeneratedFrames], kind: str = "simulated") -> None:
-    """Write sets of frames as `predictor.frames` reads them, a split a trajectory.
+    """Write sets of frames as `predictor.data.frames` reads them, a split a trajectory.
 
     In a physical set a split is a site.
     """
-    from predictor.frame_set import FrameSet, write_trajectory
+    from predictor.data.frame_set import FrameSet, write_trajectory
 
     made = FrameSet(folder, kind, {}, list(splits))
     for split, frames in splits.items():

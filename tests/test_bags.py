@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from predictor.bags import BagConfig, is_bag, read_bag
-from predictor.laser_log import LogError
-from predictor.transforms import Transforms
+from predictor.data.bags import BagConfig, is_bag, read_bag
+from predictor.data.laser_log import LogError
+from predictor.data.transforms import Transforms
 
 pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from predictor.carmen import name_of, read_carmen
-from predictor.laser_log import LogError
+from predictor.data.carmen import name_of, read_carmen
+from predictor.data.laser_log import LogError
 
 HEAD = "# a log\nPARAM robot_length 0.3\nODOM 0 0 0 0 0 0 0.1 host 0.1\n"
 

@@ -6,10 +6,10 @@ import torch
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.compact import SHIPPED, Compact, _resampled
-from predictor.compact_net import CompactNet
+from predictor.networks.compact_net import CompactNet
 from predictor.provenance import fingerprint_of
 from predictor.runtime import RUNTIMES
-from predictor.targets import known_of, losses, question, room_of
+from predictor.training.targets import known_of, losses, question, room_of
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,10 @@ import time
 import numpy as np
 import pytest
 
-from predictor import simulated
 from predictor.compact import SHIPPED
-from predictor.dataset import main, make_simulated
-from predictor.drives import SPLITS
-from predictor.frames import MANIFEST, Frames, FramesError
-from predictor.simulated import (
+from predictor.data import simulated
+from predictor.data.frames import MANIFEST, Frames, FramesError
+from predictor.data.simulated import (
     FIRST_DRIVE,
     FIRST_MAP,
     TRIES,
@@ -24,6 +22,8 @@ from predictor.simulated import (
     drives_of,
     truth_of,
 )
+from predictor.dataset import main, make_simulated
+from predictor.drives import SPLITS
 from predictor.weights import facts_of
 from sim.families import generate
 

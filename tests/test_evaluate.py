@@ -7,8 +7,8 @@ import pytest
 
 from predictor.evaluate import group_of, main
 from predictor.grid import Grid, GridFrame
-from predictor.scored_drive import EvaluateConfig, image_of, score_drive
-from predictor.scores import Scores
+from predictor.scoring.scored_drive import EvaluateConfig, image_of, score_drive
+from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
 
 
@@ -58,7 +58,7 @@ def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr("predictor.scored_drive.score_drive", refuse)
+    monkeypatch.setattr("predictor.scoring.scored_drive.score_drive", refuse)
     assert run(*command) == 0
     after = json.loads((out / "results.json").read_text())["groups"]
     assert json.dumps(after) == json.dumps(before)
@@ -135,7 +135,7 @@ class Graduate:
     """A predictor that has learned from the very building that it is asked about."""
 
     def __init__(self):
-        from predictor.samples import world_hash
+        from predictor.data.samples import world_hash
         from sim.map_server import load_world
         from sim.world import sealed
 

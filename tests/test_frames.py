@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from predictor import FREE, OCCUPIED, UNKNOWN
-from predictor.frame_set import FrameSet, write_trajectory
-from predictor.frames import (
+from predictor.data.frame_set import FrameSet, write_trajectory
+from predictor.data.frames import (
     ARRAYS,
     MANIFEST,
     Frames,

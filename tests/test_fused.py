@@ -6,9 +6,9 @@ import torch
 
 from predictor import UNKNOWN, Grid, GridFrame, PredictorError, check_predictor, load_predictor
 from predictor.fused import Fused
-from predictor.image_config import ImageConfig
-from predictor.image_net import ImageNet
 from predictor.image_predictor import ImagePredictor
+from predictor.networks.image_config import ImageConfig
+from predictor.networks.image_net import ImageNet
 from predictor.provenance import fingerprint_of
 from predictor.weights import WeightsError, save_weights
 

@@ -9,11 +9,11 @@ import torch.distributed as dist
 import torch.multiprocessing as mp
 from torch import nn
 
-from predictor.group import Group
-from predictor.image_config import ImageConfig, ImageTraining
-from predictor.image_net import ImageNet
-from predictor.learner import Adversary, Learner
+from predictor.networks.image_config import ImageConfig, ImageTraining
+from predictor.networks.image_net import ImageNet
 from predictor.networks.normalisation import BatchNorm
+from predictor.training.group import Group
+from predictor.training.learner import Adversary, Learner
 
 ARCHS = ("unet_ff", "gan")
 TRAINING = ImageTraining(batch=4, rate=1e-2)

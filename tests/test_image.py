@@ -6,9 +6,9 @@ from generated_frames import generated
 from hypothesis import given
 from hypothesis import strategies as st
 
-from predictor.image import GREYS, cells_of, image_of, pixels_of
-from predictor.image_config import EXPANSIONS, ImageConfig
-from predictor.pairs import Pairs
+from predictor.networks.image import GREYS, cells_of, image_of, pixels_of
+from predictor.networks.image_config import EXPANSIONS, ImageConfig
+from predictor.training.pairs import Pairs
 
 
 def some_codes(n, seed=0):

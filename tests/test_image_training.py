@@ -8,16 +8,16 @@ import pytest
 import torch
 from generated_frames import generated, write_frames
 
-from predictor.checkpoint import TrainError
-from predictor.group import Group
-from predictor.image_config import PRESETS, ImageConfig, ImageTraining
-from predictor.image_net import ImageNet
-from predictor.image_training import ImageTrainer, train_images
+from predictor.data.sample_frames import SampleFrames
+from predictor.data.samples import Samples, write_samples
 from predictor.networks import ARCHITECTURES
-from predictor.pairs import Pairs
-from predictor.sample_frames import SampleFrames
-from predictor.samples import Samples, write_samples
+from predictor.networks.image_config import PRESETS, ImageConfig, ImageTraining
+from predictor.networks.image_net import ImageNet
 from predictor.train import main
+from predictor.training.checkpoint import TrainError
+from predictor.training.group import Group
+from predictor.training.image_training import ImageTrainer, train_images
+from predictor.training.pairs import Pairs
 from predictor.weights import load_weights
 
 TRAIN, VALIDATION = generated(10, 1), generated(4, 2)
@@ -197,7 +197,7 @@ def test_two_hundred_epochs_are_what_the_paper_made(tmp_path):
 
 
 def test_one_command_trains_and_writes_weights(tmp_path, capsys):
-    pytest.importorskip("predictor.frames")
+    pytest.importorskip("predictor.data.frames")
     data, out = tmp_path / "data", tmp_path / "out"
     write_frames(data, {"train": TRAIN, "validation": VALIDATION})
     command = ["--arch", "unet_ff", "--expansion", "1.5", "--preset", "short", "--width", "0.0625",
@@ -231,7 +231,7 @@ def test_arguments_that_make_no_sense_are_refused(wrong, message, capsys):
 
 
 def test_a_folder_without_frames_is_named(tmp_path, capsys):
-    pytest.importorskip("predictor.frames")
+    pytest.importorskip("predictor.data.frames")
     assert main(["--arch", "mlp", "--data", str(tmp_path)]) == 2
     assert str(tmp_path) in capsys.readouterr().err
 

@@ -4,10 +4,10 @@ import pytest
 import torch
 from torch import nn
 
-from predictor.image_config import ImageConfig
-from predictor.image_net import ImageNet
 from predictor.networks import ARCHITECTURES
 from predictor.networks.gan import Discriminator, judged
+from predictor.networks.image_config import ImageConfig
+from predictor.networks.image_net import ImageNet
 from predictor.networks.initialisation import initialise
 from predictor.networks.mlp import MLP
 from predictor.networks.resnet_ff import BLOCKS, Block, ResNet

@@ -18,9 +18,9 @@ from benchmarks.prediction.square import Square
 from benchmarks.prediction.transients import Count, found, with_transients
 from benchmarks.statistics import grouped_mean
 from predictor import Prediction, PredictorError
-from predictor.frames import Frames
-from predictor.image_config import ImageConfig
-from predictor.image_net import ImageNet
+from predictor.data.frames import Frames
+from predictor.networks.image_config import ImageConfig
+from predictor.networks.image_net import ImageNet
 from predictor.weights import save_weights
 
 SPLITS = {"train": 3, "validation": 4, "test": 6, "more": 4}
@@ -299,7 +299,7 @@ def test_networks_stand_at_their_own_expansion_alone(study):
 def test_a_training_as_printed_is_not_reduced():
     from dataclasses import asdict
 
-    from predictor.image_config import ImageTraining
+    from predictor.networks.image_config import ImageTraining
 
     facts = {"network": asdict(ImageConfig()), "config": asdict(ImageTraining(seed=3))}
     assert reduced(facts) is None

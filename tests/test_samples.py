@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.samples import (
+from predictor.data.samples import (
     SIDE,
     Samples,
     SamplesError,

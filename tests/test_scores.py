@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.scores import EDGES, RINGS, Scores, rings_of
+from predictor.scoring.scores import EDGES, RINGS, Scores, rings_of
 
 LAST = RINGS - 1
 

@@ -6,12 +6,12 @@ import pytest
 from generated_frames import generated, write_frames
 
 from predictor import study
-from predictor.image_config import EXPANSIONS, ImageConfig, ImageTraining
-from predictor.image_net import ImageNet
+from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining
+from predictor.networks.image_net import ImageNet
 from predictor.study import ORDER, Data, Run, Study, main
 from predictor.weights import save_weights
 
-pytest.importorskip("predictor.frames")
+pytest.importorskip("predictor.data.frames")
 
 TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]
 

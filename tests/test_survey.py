@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from predictor.frames import Frames, cells_of
+from predictor.data.frames import Frames, cells_of
+from predictor.data.laser_log import LaserLog, LogError
+from predictor.data.samples import world_hash
+from predictor.data.survey import clipped, frame_around, record, settings_of, site_of, surveyed
 from predictor.grid import GridFrame
-from predictor.laser_log import LaserLog, LogError
-from predictor.samples import world_hash
 from predictor.scan import Scan
-from predictor.survey import clipped, frame_around, record, settings_of, site_of, surveyed
 from sim import Lidar, LidarConfig, generate
 from sim.task import sample_task
 
@@ -191,7 +191,7 @@ def test_a_log_that_has_changed_is_another_set(tmp_path, journey, capsys):
 
 
 def test_two_logs_of_one_name_or_missing_ones_are_refused(tmp_path):
-    from predictor.bags import BagConfig
+    from predictor.data.bags import BagConfig
 
     paths = [tmp_path / name / "a.log" for name in ("one", "two")]
     with pytest.raises(LogError, match="no such file"):

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from predictor import compact_training
-from predictor.checkpoint import TrainError
-from predictor.compact_net import CompactNet
-from predictor.compact_training import TrainConfig, Trainer
+from predictor.data.samples import SIDE, Samples, encoded, world_hash, write_samples
 from predictor.drives import DrivesConfig, DrivesError, _claim, seen_again
-from predictor.samples import SIDE, Samples, encoded, world_hash, write_samples
+from predictor.networks.compact_net import CompactNet
 from predictor.train import main
+from predictor.training import compact_training
+from predictor.training.checkpoint import TrainError
+from predictor.training.compact_training import TrainConfig, Trainer
 from predictor.weights import load_weights
 from sim import LidarConfig
 from sim.families import generate

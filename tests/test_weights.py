@@ -8,7 +8,7 @@ from safetensors.torch import load, save
 
 from predictor import PredictorError, load_predictor
 from predictor.compact import SHIPPED
-from predictor.compact_net import CompactConfig, CompactNet
+from predictor.networks.compact_net import CompactConfig, CompactNet
 from predictor.weights import WeightsError, load_weights, save_weights
 
 

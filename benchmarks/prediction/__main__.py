@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.image_config import EXPANSIONS
+from predictor.networks.image_config import EXPANSIONS
 
 if TYPE_CHECKING:
     from benchmarks.prediction.evaluation import Config
@@ -36,8 +36,8 @@ def main(argv: list[str] | None = None) -> int:
     import benchmarks.workers  # noqa: F401
     from benchmarks.prediction.scoring import ScoringError
     from benchmarks.workers import WorkersError
-    from predictor.frames import FramesError
-    from predictor.laser_log import LogError
+    from predictor.data.frames import FramesError
+    from predictor.data.laser_log import LogError
     from predictor.registry import PredictorError
 
     try:
@@ -128,9 +128,9 @@ def _config(args: argparse.Namespace) -> Config:
 
 def _logs(args: argparse.Namespace) -> Path | None:
     """The folder of the physical set, which is made if logs are named."""
-    from predictor.bags import BagConfig
+    from predictor.data.bags import BagConfig
+    from predictor.data.frames import MANIFEST
     from predictor.dataset import make_physical
-    from predictor.frames import MANIFEST
 
     logs: list[Any] | None = args.logs
     if logs is None:

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from predictor.frames import checksum
-from predictor.image_config import PRESETS
+from predictor.data.frames import checksum
+from predictor.networks.image_config import PRESETS
 from predictor.provenance import fingerprint_of
 from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 

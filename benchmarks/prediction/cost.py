@@ -15,10 +15,10 @@ from benchmarks.prediction.entrants import is_printed
 from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import Square
 from predictor.compact import SHIPPED, Compact
-from predictor.compact_net import CompactNet
 from predictor.fused import Fused
-from predictor.image_net import ImageNet
 from predictor.image_predictor import ImagePredictor
+from predictor.networks.compact_net import CompactNet
+from predictor.networks.image_net import ImageNet
 from predictor.prediction import BadPredictionError, checked
 from predictor.registry import load_predictor
 from predictor.weights import load_weights

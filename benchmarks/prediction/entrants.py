@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.similarity import TERNARY
 from benchmarks.prediction.square import Square
-from predictor.frames import codes_of
+from predictor.data.frames import codes_of
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
@@ -91,8 +91,10 @@ def image_of(known: NDArray[np.uint8], belief: Prediction) -> NDArray[np.float64
 
 @dataclass(frozen=True)
 class _Baseline:
-    """The crop as it is, or nothing; see `predictor.grey_map`: its one grey of cells not seen
-    means what such cells are on the validation drives."""
+    """The crop as it is, or nothing.
+
+    Its one grey of cells not seen means what such cells are on the validation drives.
+    """
 
     copies: bool
     rates: tuple[float, float]

@@ -15,7 +15,7 @@ from benchmarks.prediction.contestants import Contestant
 from benchmarks.prediction.scoring import Kept, Stretch, rates_of, score
 from benchmarks.prediction.square import Square
 from benchmarks.prediction.store import Store, read_arrays, write_arrays
-from predictor.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
+from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
 
 SPLITS = ("test", "more")
 """Of a simulated set, that are scored."""

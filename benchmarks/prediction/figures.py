@@ -15,7 +15,7 @@ from benchmarks.figures import save_figures
 from benchmarks.palette import INK, new_figure, predictor_colour
 from benchmarks.prediction.maps import drawn_maps
 from benchmarks.prediction.pictures import GIVEN, Row, Sheets
-from predictor.frames import CROP, Frames
+from predictor.data.frames import CROP, Frames
 
 TITLES = {
     "simulated": "A median square of {leader} on the simulated test drives",

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from benchmarks.palette import INK, bare, new_figure, scale_bar, shrink
-from predictor.frames import RESOLUTION, Frames, cells_of
+from predictor.data.frames import RESOLUTION, Frames, cells_of
 from predictor.grid import FREE, OCCUPIED
 
 STYLES: dict[str, dict[str, Any]] = {

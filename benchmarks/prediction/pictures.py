@@ -17,7 +17,7 @@ from benchmarks.prediction.similarity import TERNARY, similarity
 from benchmarks.prediction.square import Square
 from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
-from predictor.frames import codes_of
+from predictor.data.frames import codes_of
 
 SHOWN = 5
 """Examples on a sheet."""

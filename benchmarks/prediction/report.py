@@ -20,7 +20,7 @@ from benchmarks.prediction.transients import transients
 from benchmarks.statistics import grouped_mean
 from benchmarks.store import machine
 from predictor.registry import load_predictor
-from predictor.scores import EDGES, RINGS, Scores
+from predictor.scoring.scores import EDGES, RINGS, Scores
 from predictor.whole import write_whole
 
 COMPARED = ("grey", "copy", "none", "unet_ff")

@@ -13,9 +13,9 @@ from benchmarks.prediction.contestants import Contestant
 from benchmarks.prediction.entrants import Answer, entrant
 from benchmarks.prediction.similarity import Similarity, similarity
 from benchmarks.prediction.square import Square
-from predictor.frames import Frames
+from predictor.data.frames import Frames
 from predictor.prediction import BadPredictionError
-from predictor.scores import Scores
+from predictor.scoring.scores import Scores
 
 OF_A_FRAME = (*Similarity.__dataclass_fields__, "brier", "nll", "cells", "nan_cells")
 """What is kept of each frame: SSIM, sums over the cells not seen, and how many they are."""

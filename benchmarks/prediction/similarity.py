@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 
-from predictor.frames import CROP, RESOLUTION
+from predictor.data.frames import CROP, RESOLUTION
 
 SETTINGS = {
     "data_range": 1.0,

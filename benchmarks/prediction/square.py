@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.similarity import TERNARY, beyond_crop
-from predictor.frames import CROP, NOTHING, RESOLUTION, SIDE, Frames, cells_of
+from predictor.data.frames import CROP, NOTHING, RESOLUTION, SIDE, Frames, cells_of
 from predictor.grid import Grid, GridFrame
-from predictor.scores import rings_of
+from predictor.scoring.scores import rings_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class Square:
         truth: codes, (n, n).
         image: the truth as the paper's ternary image.
         ring: of cells seen neither in the crop nor in the window, by distance beyond the frontier,
-            as `predictor.scores.rings_of`; -1: seen. The same for all predictors.
+            as `predictor.scoring.scores.rings_of`; -1: seen. The same for all predictors.
         unseen: those of them outside the crop.
     """
 

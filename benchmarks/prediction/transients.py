@@ -20,7 +20,7 @@ from benchmarks.prediction.entrants import Entrant, entrant, prints
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.scoring import drive_of
 from benchmarks.prediction.square import Square
-from predictor.frames import RESOLUTION
+from predictor.data.frames import RESOLUTION
 from predictor.grid import OCCUPIED, Grid
 from predictor.whole import write_whole
 

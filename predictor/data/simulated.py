@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from predictor.recording import Recording
+    from predictor.data.recording import Recording
     from sim.world import World
 
 FAMILY = "paper"
@@ -101,7 +101,7 @@ def check_apart(about: list[dict[str, Any]]) -> None:
     Raises:
         FramesError: if one does.
     """
-    from predictor.frames import FramesError
+    from predictor.data.frames import FramesError
 
     homes: dict[str, set[str]] = {}
     for facts in about:
@@ -136,8 +136,8 @@ def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str,
     """
     import numpy as np
 
-    from predictor.frame_set import write_trajectory
-    from predictor.samples import world_hash
+    from predictor.data.frame_set import write_trajectory
+    from predictor.data.samples import world_hash
     from sim.families import generate
     from sim.task import NoTaskError
     from sim.variation import cluttered
@@ -182,7 +182,7 @@ def driven(
     from planner.dynamics import CarLimits
     from planner.guide import GuideConfig
     from planner.navigator import Navigator, NavigatorConfig
-    from predictor.recording import WINDOW, Recording
+    from predictor.data.recording import WINDOW, Recording
     from sim import CarConfig, DubinsCar, Lidar, LidarConfig
     from sim.people import People
     from sim.task import LONGEST_LEG, prolonged, sample_task

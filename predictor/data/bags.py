@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.laser_log import LaserLog, LogError, cleaned
+from predictor.data.laser_log import LaserLog, LogError, cleaned
+from predictor.data.transforms import Transforms
 from predictor.scan import Scan
-from predictor.transforms import Transforms
 
 SCAN = "sensor_msgs/msg/LaserScan"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.laser_log import LaserLog, LogError, cleaned
+from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.scan import Scan
 
 NO_RETURN = 80.0

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.samples import SIDE, Samples
+from predictor.data.samples import SIDE, Samples
 
 
 @dataclass(frozen=True, eq=False)
 class SampleFrames:
-    """What `predictor.frames.Frames` says of its frames, said of samples.
+    """What `predictor.data.frames.Frames` says of its frames, said of samples.
 
     They look along +x to within 45°, and were seen through windows of 5 m and more.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.frames import CROP, RESOLUTION, SIDE, codes_of
+from predictor.data.frames import CROP, RESOLUTION, SIDE, codes_of
 from predictor.grid import Grid, GridFrame, OccupancyGrid
 
 WINDOW = 5.0

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 from skimage.metrics import structural_similarity
 
+from predictor.data.samples import world_hash
 from predictor.grid import Grid
 from predictor.prediction import Prediction, checked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
-from predictor.samples import world_hash
-from predictor.scores import Scores, rings_of
+from predictor.scoring.scores import Scores, rings_of
 
 BLANK = "grey"
 """In the tables: an image that is grey all over, for comparing SSIM."""
@@ -62,7 +62,7 @@ def score_drive(
     from benchmarks.drive import task_in
     from planner.navigator import NavigatorConfig
     from predictor.drives import driven, seen_again
-    from predictor.targets import REACH
+    from predictor.training.targets import REACH
     from sim import CarConfig, LidarConfig
     from sim.task import NoTaskError
 

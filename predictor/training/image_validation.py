@@ -6,11 +6,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from predictor.grey_map import LEVELS, counted, fitted, level_of
-from predictor.image import GREYS, cells_of
-from predictor.image_net import ImageNet
-from predictor.pairs import Pairs
-from predictor.scores import RINGS, Scores
+from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
+from predictor.networks.image import GREYS, cells_of
+from predictor.networks.image_net import ImageNet
+from predictor.scoring.scores import RINGS, Scores
+from predictor.training.pairs import Pairs
 
 VALIDATED, FITTED = 64, 1024
 """Frames, spread evenly over the drives: to look at now and then, and to fit on in the end."""

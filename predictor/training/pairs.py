@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.image import image_of
+from predictor.networks.image import image_of
 
 if TYPE_CHECKING:
-    from predictor.frames import Frames
-    from predictor.image_config import ImageConfig
-    from predictor.sample_frames import SampleFrames
+    from predictor.data.frames import Frames
+    from predictor.data.sample_frames import SampleFrames
+    from predictor.networks.image_config import ImageConfig
 
 
 class Pairs:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.frames import FORMAT, MANIFEST, FramesError, checksum, read_manifest
+from predictor.data.frames import FORMAT, MANIFEST, FramesError, checksum, read_manifest
 from predictor.whole import write_whole
 
 
@@ -80,7 +80,7 @@ def write_trajectory(
     Args:
         folder: of the set.
         name: of the file, without its ending.
-        arrays: as `predictor.frames` says.
+        arrays: as `predictor.data.frames` says.
         about: split, map, world and whatever else is worth knowing.
     """
     from benchmarks.store import commit

@@ -22,18 +22,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from predictor.checkpoint import TrainError, read_checkpoint, write_checkpoint
-from predictor.group import Group
-from predictor.image_config import ImageConfig, ImageTraining
-from predictor.image_net import ImageNet
-from predictor.image_validation import fit, images_alike
-from predictor.learner import Adversary, Learner
-from predictor.pairs import Pairs
+from predictor.networks.image_config import ImageConfig, ImageTraining
+from predictor.networks.image_net import ImageNet
+from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
+from predictor.training.group import Group
+from predictor.training.image_validation import fit, images_alike
+from predictor.training.learner import Adversary, Learner
+from predictor.training.pairs import Pairs
 from predictor.whole import write_whole
 
 if TYPE_CHECKING:
-    from predictor.frames import Frames
-    from predictor.sample_frames import SampleFrames
+    from predictor.data.frames import Frames
+    from predictor.data.sample_frames import SampleFrames
 
 NOTES = 20
 """Entries of the log, at least; and at least one an epoch."""
@@ -154,7 +154,7 @@ class ImageTrainer:
     def export(self) -> None:
         """Fit what the greys mean, and write weights and curve."""
         from benchmarks.store import commit
-        from predictor.curve import draw_curve
+        from predictor.training.curve import draw_curve
         from predictor.weights import save_weights
 
         measures = fit(self.learner.net, self.validation)
@@ -246,7 +246,7 @@ def train_images(
 
 def _frames(data: Path) -> list[Frames]:
     """The frames of a data set, to learn from and to validate on."""
-    from predictor.frames import Frames, FramesError
+    from predictor.data.frames import Frames, FramesError
 
     try:
         return [Frames.load(data, split) for split in ("train", "validation")]
@@ -256,8 +256,8 @@ def _frames(data: Path) -> list[Frames]:
 
 def _samples(data: Path) -> list[SampleFrames]:
     """The samples of drives, likewise."""
-    from predictor.sample_frames import SampleFrames
-    from predictor.samples import Samples, SamplesError
+    from predictor.data.sample_frames import SampleFrames
+    from predictor.data.samples import Samples, SamplesError
 
     try:
         return [SampleFrames(Samples.load(data / split)) for split in ("train", "validation")]

@@ -8,11 +8,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from predictor.group import Group
-from predictor.image_config import ImageTraining
-from predictor.image_net import ImageNet
 from predictor.networks.gan import L1_WEIGHT, Discriminator, judged
+from predictor.networks.image_config import ImageTraining
+from predictor.networks.image_net import ImageNet
 from predictor.networks.initialisation import initialise
+from predictor.training.group import Group
 
 BETAS = (0.5, 0.999)
 """Of Adam: the paper's."""

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from predictor.scores import BINS, EDGES, RINGS, Scores
+from predictor.scoring.scores import BINS, EDGES, RINGS, Scores
 from predictor.whole import write_whole
 
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")

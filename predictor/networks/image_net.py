@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from predictor.grey_map import literal
-from predictor.image_config import ImageConfig
 from predictor.networks import ARCHITECTURES
+from predictor.networks.grey_map import literal
+from predictor.networks.image_config import ImageConfig
 
 
 class ImageNet(nn.Module):
@@ -26,7 +26,7 @@ class ImageNet(nn.Module):
         self.config = config
         self.net = _network(config)
         self.chances: Tensor
-        """(2, LEVELS), see `predictor.grey_map`; until it is fitted, greys at their word."""
+        """(2, LEVELS), see `grey_map`; until it is fitted, greys at their word."""
         self.register_buffer("chances", torch.from_numpy(literal()).float())
 
     @property

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from predictor.compact_net import ROOM, CompactNet
-from predictor.samples import Samples
-from predictor.scores import RINGS, Scores
-from predictor.targets import batch_of, known_of
+from predictor.data.samples import Samples
+from predictor.networks.compact_net import ROOM, CompactNet
+from predictor.scoring.scores import RINGS, Scores
+from predictor.training.targets import batch_of, known_of
 
 VALIDATED = 1024
 """Samples of a validation."""

@@ -20,7 +20,7 @@ Cells are 0.05 m; row = y, column = x. Codes are 0 free, 1 occupied, 2 not known
 the images, never to be seen in the truth, where 1 is a surface that a ray can hit. All squares are
 centred on the car and parallel to the axes, as in the paper. What nobody recorded is NaN.
 
-`predictor.frame_set` writes sets, `predictor.dataset` makes them; docs/datasets.md explains.
+`predictor.data.frame_set` writes sets, `predictor.dataset` makes them; docs/datasets.md explains.
 """
 
 from __future__ import annotations

@@ -19,15 +19,15 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from predictor.bags import BagConfig, is_bag, read_bag
 from predictor.beams import trace_beams
-from predictor.carmen import name_of, read_carmen, sidecar_of
-from predictor.frame_set import write_trajectory
-from predictor.frames import NOTHING, RESOLUTION, cells_of, checksum
+from predictor.data.bags import BagConfig, is_bag, read_bag
+from predictor.data.carmen import name_of, read_carmen, sidecar_of
+from predictor.data.frame_set import write_trajectory
+from predictor.data.frames import NOTHING, RESOLUTION, cells_of, checksum
+from predictor.data.laser_log import LaserLog, LogError
+from predictor.data.recording import WINDOW, Recording
+from predictor.data.samples import world_hash
 from predictor.grid import GridFrame, OccupancyGrid
-from predictor.laser_log import LaserLog, LogError
-from predictor.recording import WINDOW, Recording
-from predictor.samples import world_hash
 from predictor.scan import Scan
 
 HITS = 0.25

@@ -22,8 +22,8 @@ from predictor.whole import write_whole
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from predictor.compact_net import CompactNet
-    from predictor.samples import Samples
+    from predictor.data.samples import Samples
+    from predictor.networks.compact_net import CompactNet
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Trainer:
     ) -> None:
         import torch
 
-        from predictor.compact_net import CompactNet
+        from predictor.networks.compact_net import CompactNet
 
         self.config, self.train, self.validation, self.out = config, train, validation, out
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -158,7 +158,7 @@ class Trainer:
 
     def save(self) -> None:
         """Write the checkpoint, whole or not at all."""
-        from predictor.checkpoint import write_checkpoint
+        from predictor.training.checkpoint import write_checkpoint
 
         state = {
             "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
@@ -170,7 +170,7 @@ class Trainer:
     def export(self) -> Path:
         """Write the averaged weights, the log, and the curve."""
         from benchmarks.store import commit
-        from predictor.curve import draw_curve
+        from predictor.training.curve import draw_curve
         from predictor.weights import save_weights
 
         facts = self._facts | {"commit": commit(), "validation": self.log[-1]}
@@ -183,14 +183,14 @@ class Trainer:
         """The network of averaged weights, which is what is measured and shipped."""
         import torch
 
-        from predictor.compact_net import CompactNet
+        from predictor.networks.compact_net import CompactNet
 
         net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         net.load_state_dict(self.averaged)
         return net.eval()
 
     def _resume(self) -> None:
-        from predictor.checkpoint import read_checkpoint
+        from predictor.training.checkpoint import read_checkpoint
 
         state = read_checkpoint(self.checkpoint, self._facts, self.device)
         if state is not None:
@@ -210,7 +210,7 @@ class Trainer:
     def _batch(self, step: int) -> Tensor:
         import numpy as np
 
-        from predictor.targets import batch_of
+        from predictor.training.targets import batch_of
 
         rng = np.random.default_rng([self.config.seed, step])
         side = int(rng.choice(SIDES))
@@ -222,7 +222,7 @@ class Trainer:
         """One step of the optimiser; the loss before it."""
         import torch
 
-        from predictor.targets import known_of, losses
+        from predictor.training.targets import known_of, losses
 
         config, step = self.config, self.step
         share = min(1.0, (step + 1) / config.warmup)
@@ -250,7 +250,7 @@ class Trainer:
 
     def _note(self) -> None:
         """Validate, and write it down."""
-        from predictor.validation import validate
+        from predictor.training.validation import validate
 
         entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
         self.losses = []

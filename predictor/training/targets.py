@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from predictor.compact_net import FREE, ROOM
+from predictor.networks.compact_net import FREE, ROOM
 
 REACH = 3
 """ROOM asks for a free square that reaches this far around a cell [cells]: 0.35 m wide, a car's

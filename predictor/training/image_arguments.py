@@ -6,8 +6,8 @@ import argparse
 import dataclasses
 from typing import Any
 
-from predictor.checkpoint import TrainError
-from predictor.image_config import GIVEN, PRESETS, SIDES, ImageConfig, ImageTraining
+from predictor.networks.image_config import GIVEN, PRESETS, SIDES, ImageConfig, ImageTraining
+from predictor.training.checkpoint import TrainError
 
 NAMES = ("preset", "given", "width", "side", "epochs", "sigma", "bf16")
 """Those that `add_arguments` adds."""

@@ -1,0 +1,1 @@
+"""Data sets: frames of simulated drives and of real logs, and samples to learn from."""

@@ -1,0 +1,1 @@
+"""Scoring: how good predictions are of what the car had not seen."""
