@@ -101,7 +101,7 @@ def test_where_nothing_was_seen_there_is_no_confidence(folder):
 def test_probabilities_are_what_its_greys_mean(folder):
     known = seen()
     predictor = ImagePredictor(folder / "unet_ff.safetensors")
-    prediction, grey = predictor.predict(known, POSE), predictor.networks.image(known, POSE)
+    prediction, grey = predictor.predict(known, POSE), predictor.image(known, POSE)
     chosen = known.unknown & (prediction.confidence > 0)
     assert np.allclose(prediction.p_free[chosen], 0.3 + 0.2 * grey[chosen], atol=1e-3)
     assert np.allclose(prediction.p_occupied[chosen], 0.25 - 0.2 * grey[chosen], atol=1e-3)
@@ -113,7 +113,7 @@ def test_given_the_crop_it_does_not_see_beyond_it(tmp_path):
     near.cells[:50], near.cells[150:], near.cells[:, :50], near.cells[:, 150:] = 4 * [UNKNOWN]
     for given, same in (("crop", True), ("window", False)):
         predictor = ImagePredictor(write(tmp_path / f"{given}.safetensors", given=given))
-        one, other = (predictor.networks.image(each, POSE) for each in (known, near))
+        one, other = (predictor.image(each, POSE) for each in (known, near))
         assert np.array_equal(one, other) == same
 
 
@@ -124,7 +124,7 @@ def test_what_it_prints_lies_where_it_was_seen_at_every_resolution(tmp_path, res
     # A network that prints what it is given.
     predictor._run = lambda images: images.astype(np.float32)
     known = seen(round(10 / resolution), resolution)
-    image = predictor.networks.image(known, POSE)
+    image = predictor.image(known, POSE)
     at = {(x, y): image[known.frame.cell(x, y)] for x in (2.6, 5.0, 7.4) for y in (4.1, 5.0, 5.9)}
     assert all(value == 1.0 for value in at.values())
     for x in (2.6, 7.4):
@@ -142,8 +142,8 @@ def test_trained_on_turned_maps_it_turns_them(tmp_path, turns):
     known = seen()
     other = Grid(known.frame, np.ascontiguousarray(np.rot90(known.cells, -turns)))
     pose = np.array([5.0, 5.0, 0.1 + turns * np.pi / 2])
-    one = predictor.networks.image(known, np.array([5.0, 5.0, 0.1]))
-    assert np.array_equal(np.rot90(one, -turns), predictor.networks.image(other, pose))
+    one = predictor.image(known, np.array([5.0, 5.0, 0.1]))
+    assert np.array_equal(np.rot90(one, -turns), predictor.image(other, pose))
 
 
 @pytest.mark.parametrize("side", [60, 110, 137, 240])

@@ -197,7 +197,6 @@ def test_two_hundred_epochs_are_what_the_paper_made(tmp_path):
 
 
 def test_one_command_trains_and_writes_weights(tmp_path, capsys):
-    pytest.importorskip("predictor.data.frames")
     data, out = tmp_path / "data", tmp_path / "out"
     write_frames(data, {"train": TRAIN, "validation": VALIDATION})
     command = ["--arch", "unet_ff", "--expansion", "1.5", "--preset", "short", "--width", "0.0625",
@@ -231,7 +230,6 @@ def test_arguments_that_make_no_sense_are_refused(wrong, message, capsys):
 
 
 def test_a_folder_without_frames_is_named(tmp_path, capsys):
-    pytest.importorskip("predictor.data.frames")
     assert main(["--arch", "mlp", "--data", str(tmp_path)]) == 2
     assert str(tmp_path) in capsys.readouterr().err
 
