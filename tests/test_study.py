@@ -11,7 +11,6 @@ from predictor.networks.image_net import ImageNet
 from predictor.study import ORDER, Data, Run, Study, main
 from predictor.weights import save_weights
 
-
 TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]
 
 
