@@ -77,9 +77,9 @@ class CostMap:
             density[steered] = believed[steered]
         if way is not None:
             near = np.arange(-2, 3)
-            col, row = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int).T
-            on_rows = (row[:, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
-            on_cols = (col[:, None, None] + near).clip(0, frame.shape[1] - 1)
+            cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
+            on_rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
+            on_cols = (cells[:, 0, None, None] + near).clip(0, frame.shape[1] - 1)
             density[on_rows, on_cols] = 1.0
         # Keep to the middle where there is room: 0.7 m and more costs nothing.
         comfort = half_width + 0.55

@@ -161,10 +161,9 @@ class Guide:
         if steering is not None and self._given is None:
             self._belief = remember(self._belief, known.frame, steering)
         position = (float(state[0]), float(state[1]))
-        coming = None if self._given is None else self._coming(position)
-        way = self._given[coming] if self._given is not None and coming is not None else None
+        way = None if self._given is None else self._still_to_go(self._given, position)
         cost = CostMap.build(known, self._belief, self.car.body.half_width, way)
-        route = None if coming is None else self._along_given(cost, position, coming)
+        route = None if way is None else self._along(way, cost, position)
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
@@ -201,25 +200,25 @@ class Guide:
             return False
         return cost.along(found.points) > self.config.better * cost.along(path.points[here:])
 
-    def _coming(self, position: tuple[float, float]) -> slice:
-        """Which part of the given way is next: from beside the car to where it is to be joined."""
-        assert self._given is not None
-        at, _, square = project(self._given, *position, self._given_at - 10, self._given_at + 60)
+    def _still_to_go(
+        self, given: NDArray[np.float64], position: tuple[float, float]
+    ) -> NDArray[np.float64]:
+        """The part of the given way that is left, (n, 2); notes how far the car has come."""
+        reach = round(self.config.join / SPACING) + 10
+        at, _, square = project(given, *position, self._given_at - 10, self._given_at + reach)
         # What is farther away may lie behind a wall, and is yet to be reached.
         if square < self.config.beside**2:
             self._given_at = at
-        join = round(self.config.join / SPACING)
-        return slice(self._given_at, min(self._given_at + join, len(self._given) - 1) + 1)
+        return given[self._given_at :]
 
-    def _along_given(
-        self, cost: CostMap, position: tuple[float, float], coming: slice
+    def _along(
+        self, way: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
     ) -> NDArray[np.float64] | None:
-        """A route (n, 2) that joins the given way where its coming part ends, and follows it.
+        """A route (n, 2) that joins a way some metres ahead and follows it to its end.
 
         It is searched for, for the straight line to the way may lead through a wall; None where
         there is none.
         """
-        assert self._given is not None
-        x, y = self._given[coming.stop - 1]
-        route = find_route(cost, position, (float(x), float(y)))
-        return None if route is None else np.vstack([route, self._given[coming.stop :]])
+        last = min(round(self.config.join / SPACING), len(way) - 1)
+        route = find_route(cost, position, (float(way[last, 0]), float(way[last, 1])))
+        return None if route is None else np.vstack([route, way[last + 1 :]])

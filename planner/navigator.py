@@ -34,6 +34,10 @@ FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""
 
 
+BESIDE = 5.0
+"""Side of the squares about the points of a given way that the map holds from the start [m]."""
+
+
 @dataclass(frozen=True)
 class NavigatorConfig:
     """Settings of the chain.
@@ -149,6 +153,8 @@ class Navigator:
         self._curvature = 0.0
         self._asker = None if predictor is None else Asker(predictor)
         known.cover(known.frame.square(*goal, config.window))
+        for x, y in () if waypoints is None else waypoints:
+            known.cover(known.frame.square(float(x), float(y), BESIDE))
         known.mark_free(start, config.car.body, config.start_margin)
 
     def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:

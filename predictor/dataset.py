@@ -108,7 +108,7 @@ def main(argv: list[str] | None = None) -> int:
     args = _parsed(argv)
     for name, low in LEAST.items():
         if not low <= getattr(args, name) < math.inf:
-            print(f"predictor.dataset: --{name} must be at least {low}", file=sys.stderr)
+            print(f"predictor.dataset: --{name} must be finite and at least {low}", file=sys.stderr)
             return 2
     try:
         print(_run(args))

@@ -20,7 +20,7 @@ def stamp(root: Path) -> str:
         for path in sorted((root / package).rglob("*.py")):
             source = path.read_bytes()
             if b"@njit" in source:
-                digest.update(path.name.encode() + b"\0" + source)
+                digest.update(path.relative_to(root).as_posix().encode() + b"\0" + source)
     return digest.hexdigest()[:16]
 
 

@@ -79,14 +79,16 @@ class Lidar:
     ) -> Scan:
         """One scan from a robot pose (x, y, yaw).
 
-        A return has the range at which the beam enters an OCCUPIED cell. +inf: nothing within
-        range. NaN: the beam ran into UNKNOWN or out of the map, dropped out, or began in a wall.
+        A return has the range at which the beam enters an OCCUPIED cell or a disc. +inf: nothing
+        within range. NaN: the beam ran into UNKNOWN or out of the map, dropped out, or began in a
+        wall.
 
         Args:
             world: what is looked at.
             pose: x, y, yaw of the robot [m, m, rad]; further entries are not read.
             rng: source of noise and dropout.
-            discs: x, y, radius of round things that stand in free space, (n, 3) [m].
+            discs: x, y, radius of round things that stand in free space, (n, 3) [m]. A beam that
+                would be NaN without them stays NaN.
 
         Raises:
             ValueError: if the sensor is noisy and `rng` is missing, or the pose is not finite.

@@ -14,7 +14,7 @@ RADIUS = 0.25
 SPEEDS = (0.4, 1.4)
 """Slowest and fastest walk [m/s]."""
 APART = 1.2
-"""They come no nearer to the robot's middle than this [m]."""
+"""They do not walk nearer to the robot's middle than this [m]; it may come nearer to them."""
 
 
 class People:
@@ -23,17 +23,21 @@ class People:
     Args:
         world: the building.
         density: people on a square metre of free space [1/m²].
+        robot: x, y of whom they keep away from, (2,) [m].
         rng: decides all that they do.
     """
 
-    def __init__(self, world: World, density: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, world: World, density: float, robot: NDArray[np.float64], rng: np.random.Generator
+    ) -> None:
         self._world, self._rng = world, rng
         frame = world.grid.frame
-        roomy = np.argwhere(world.clearance > RADIUS + frame.resolution)
+        cells = np.argwhere(world.clearance > RADIUS + frame.resolution)
+        roomy = np.array(frame.origin) + (cells[:, ::-1] + 0.5) * frame.resolution
+        roomy = roomy[np.hypot(*(roomy - robot).T) > APART]
         area = np.count_nonzero(world.grid.free) * frame.resolution**2
         count = rng.poisson(density * area) if len(roomy) else 0
-        cells = roomy[rng.integers(len(roomy), size=count)] if count else np.empty((0, 2))
-        self.places = np.array(frame.origin) + (cells[:, ::-1] + 0.5) * frame.resolution
+        self.places = roomy[rng.integers(max(len(roomy), 1), size=count)]
         """(n, 2) [m]."""
         self._headings = rng.uniform(-math.pi, math.pi, count)
         self._speeds = rng.uniform(*SPEEDS, count)

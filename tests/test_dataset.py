@@ -1,5 +1,6 @@
 """The simulated set: the paper's numbers, one command, and a kill that loses nothing."""
 
+import dataclasses
 import json
 import os
 import signal
@@ -187,6 +188,17 @@ def test_a_set_may_have_what_the_papers_has_not(folder, tmp_path, kind):
     assert not np.array_equal(plain.estimated, other.estimated)
     # What is true changes with what stands there, not with who walks past.
     assert (plain.worlds == other.worlds) == (kind != "clutter")
+    truths = [np.stack([f.truth(i, 2.0) for i in (0, 5)]) for f in (plain, other)]
+    assert np.array_equal(*truths) == (kind != "clutter")
+
+
+def test_a_set_with_people_and_noise_comes_out_the_same_again(tmp_path):
+    config = dataclasses.replace(SMALL, more=0, validation=0, noise=0.03, people=0.1)
+    made = []
+    for name in ("one", "other"):
+        make_simulated(tmp_path / name, config, 1)
+        made.append(contents(tmp_path / name))
+    assert made[0] == made[1]
 
 
 @pytest.mark.parametrize("value", ["-1", "nan", "inf"])

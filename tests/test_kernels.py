@@ -21,9 +21,11 @@ def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
     plain = tmp_path / "predictor" / "none.py"
     plain.write_text(plain.read_text() + "# changed\n")
     assert stamp(tmp_path) == before
-    body = tmp_path / "predictor" / "body.py"
-    body.write_text(body.read_text().replace("abs(dx) <= half", "abs(dx) < half"))
-    assert stamp(tmp_path) != before
+    for name in ("body.py", "data/survey.py"):
+        kernel = tmp_path / "predictor" / name
+        kernel.write_text(kernel.read_text() + "# changed\n")
+        assert stamp(tmp_path) != before
+        before = stamp(tmp_path)
 
 
 def test_what_calls_into_other_files_is_kept_by_the_stamp():

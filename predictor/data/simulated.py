@@ -188,24 +188,26 @@ def driven(
     from sim.task import LONGEST_LEG, prolonged, sample_task
 
     car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
-    rng = np.random.default_rng(seed)
-    crowd = People(world, config.people, rng)
+    # Streams of their own: who walks where does not hang on the noise.
+    noise, crowds = (np.random.default_rng([seed, stream]) for stream in (2, 3))
     # The route is longer than the drive: the car does not slow down for a goal.
     length = SPEED * TICK * count + 10.0
     first = sample_task(world, seed, car.config, max_length=LONGEST_LEG)
     task = prolonged(first, length, car.config)
     start = np.array(task.start)
+    margin = 3 * config.noise + world.grid.frame.resolution if config.noise else 0.0
     settings = NavigatorConfig(window=2 * lidar.config.range_max, car=CarLimits(v_max=SPEED),
-                             guide=GuideConfig(every=PATH_EVERY))  # fmt: skip
+                               guide=GuideConfig(every=PATH_EVERY), margin=margin)  # fmt: skip
     navigator = Navigator(settings, None, start, task.goal, task.blank(settings.window),
                           task.waypoints, seed)  # fmt: skip
+    crowd = People(world, config.people, start[:2], crowds)
     near = task.blank(WINDOW)
     near.mark_free(start, settings.car.body, settings.start_margin)
     recording = Recording(world.grid.frame, truth_of(world))
     state, rested = np.array([*task.start, 0.0]), 0
     turned, within = np.zeros(count + 1), round(CIRCLES[1] / TICK)
     for tick in range(count):
-        scan = lidar.scan(world, state, rng, crowd.discs)
+        scan = lidar.scan(world, state, noise, crowd.discs)
         decision = navigator.step(state, scan)
         near.integrate(scan, state)
         recording.add(navigator.known, near, state, decision.control, tick * TICK)
