@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -141,6 +142,7 @@ def drive(
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     rng = np.random.default_rng([settings.seed, index])
     episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
+    _give_back()
     trace = episode.trace
     times = trace["times"][:, list(trace["time_names"]).index("cycle")]
     promised = trace["kept"] >= 0
@@ -176,3 +178,14 @@ def drive(
     arrays[f"w{index}/frame"] = np.array([frame.resolution, *frame.origin])
     arrays[f"w{index}/waypoints"] = task.waypoints
     return result, arrays
+
+
+def _give_back() -> None:
+    """Give freed memory back to the system.
+
+    glibc keeps it in pieces, and over drives in buildings of all sizes the pieces become too small
+    for the next one's maps: a process grew by 0.5 MiB a drive.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
