@@ -22,9 +22,9 @@ CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll",
 ABOVE = """\
 ## Above the baselines
 
-The best of the paper's networks at each expansion, by SSIM of the whole square, and `compact`, which
-is given what lies beyond the crop too where the car has been; their differences to each baseline,
-with 95 % intervals over drives (simulated) and over blocks of {block:g} m (physical).
+The best of the paper's networks at each expansion, by SSIM of the whole square, and `compact`,
+which is given what lies beyond the crop too where the car has been; their differences to each
+baseline, with 95 % intervals over drives (simulated) and over blocks of {block:g} m (physical).
 """
 
 
