@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -41,7 +43,8 @@ PREDICTOR_COLOURS = {
 }
 """The same source, darkened where a line would be lost on white."""
 OTHER_PREDICTORS = ("#E69F00", "#882255", "#44AA99", "#332288")
-"""Those without a colour of their own; after P. Tol's `muted` scheme."""
+"""Those without a colour of their own, in turn; after P. Tol's `muted` scheme."""
+_TURNS = itertools.cycle(OTHER_PREDICTORS)
 
 LIMIT_COLOURS = {
     "top speed": "#44BB99",
@@ -88,9 +91,12 @@ def arm_colour(arm: str) -> str:
     return ARM_COLOURS.get(arm, OTHER_ARM)
 
 
+@cache
 def predictor_colour(name: str) -> str:
-    """The colour of a predictor, the same in every figure."""
-    return PREDICTOR_COLOURS.get(name, OTHER_PREDICTORS[sum(name.encode()) % len(OTHER_PREDICTORS)])
+    """The colour of a predictor, the same in every figure of a run."""
+    if name in PREDICTOR_COLOURS:
+        return PREDICTOR_COLOURS[name]
+    return next(_TURNS)
 
 
 def limit_colour(limit: str) -> str:
