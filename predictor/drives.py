@@ -3,15 +3,18 @@
 The car drives by its own planner, without prediction. Each drive is then seen again through LIDARs
 of other windows and other noise, which costs a tenth of driving it.
 
-python -m predictor.drives --help
+    python -m predictor.drives                            truth is the building: to drive by
+    python -m predictor.drives --logs --out data/logs     truth is what a robot's log maps of it
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
+import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,9 +23,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from predictor.grid import OccupancyGrid
+    from predictor.grid import Grid, OccupancyGrid
     from sim.lidar import LidarConfig
     from sim.task import Task
+    from sim.world import World
+
+    Sample = tuple[Grid, NDArray[np.bool_], NDArray[np.bool_], float]
 
 SPLITS = {"train": 1_100_000, "validation": 510_000}
 """First seed of each split. What is measured and published uses seeds far below both, and the
@@ -31,6 +37,10 @@ FAMILIES = ("corridor", "narrow", "office")
 """Learned from. `trap` is not, so that there is a kind of building that the network never saw."""
 WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 """Sides of the square that the LIDAR writes into [m], drawn from."""
+JOURNEYS, APART = 4, 2.0
+"""Of a simulated log: ways through its building, and from one of its samples to the next [m]."""
+SPREAD = 10_000_000
+"""From the seed of one of them to the next: no split has as many."""
 
 
 class DrivesError(ValueError):
@@ -48,6 +58,7 @@ class DrivesConfig:
         longest: a drive is broken off after this [s]: many buildings teach more than long drives.
         views: times that each drive is seen again.
         every: ticks between two samples.
+        logs: samples of simulated robots' logs, whose truth is the map of all their scans.
     """
 
     out: Path = Path("data/drives")
@@ -56,6 +67,7 @@ class DrivesConfig:
     longest: float = 16.0
     views: int = 2
     every: int = 6
+    logs: bool = False
 
 
 def record(config: DrivesConfig, item: tuple[str, int]) -> int:
@@ -67,10 +79,9 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     """
     import numpy as np
 
-    from predictor.data.samples import SIDE, encoded, world_hash, write_samples
-    from sim import LidarConfig
+    from predictor.data.samples import encoded, world_hash, write_samples
     from sim.families import generate
-    from sim.task import NoTaskError, sample_task
+    from sim.task import NoTaskError
     from sim.variation import varied
 
     split, number = item
@@ -80,30 +91,82 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     drawn = generate(family, seed)
     # Half as they are: where they differ from what it learned, the network is ill calibrated.
     world = varied(drawn, rng) if rng.random() < 0.5 else drawn
-    samples: list[bytes] = []
+    make = _logged if config.logs else _driven
     try:
-        task = sample_task(world, seed)
+        samples = [encoded(*sample) for sample in make(config, world, seed, rng)]
     except NoTaskError:
-        views = 0
-    else:
-        # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
-        window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
-        states = driven(task, window, risk, rng, config.longest)
-        views = config.views
-    for _ in range(views):
-        window = float(rng.choice(WINDOWS))
-        noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
-        lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
-        first = int(rng.integers(config.every))
-        for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
-            side = SIDE * world.grid.frame.resolution
-            crop = known.crop(known.frame.square(state[0], state[1], side))
-            samples.append(encoded(crop, *world.truth(crop.frame), float(state[2])))
+        samples = []
     path = path_of(config, item)
     about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells),
              "original": world_hash(drawn.grid.cells)}  # fmt: skip
     write_samples(path, samples, about)
     return len(samples)
+
+
+def _driven(
+    config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
+) -> Iterator[Sample]:
+    """A drive's samples, of which the building is the truth.
+
+    Raises:
+        NoTaskError: if there is nowhere to drive.
+    """
+    from predictor.data.samples import SIDE
+    from sim import LidarConfig
+    from sim.task import sample_task
+
+    task = sample_task(world, seed)
+    # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
+    window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
+    states = driven(task, window, risk, rng, config.longest)
+    for _ in range(config.views):
+        window = float(rng.choice(WINDOWS))
+        noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
+        lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
+        first = int(rng.integers(config.every))
+        for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
+            side = SIDE * known.frame.resolution
+            crop = known.crop(known.frame.square(state[0], state[1], side))
+            yield crop, *task.world.truth(crop.frame), float(state[2])
+
+
+def _logged(
+    config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
+) -> Iterator[Sample]:
+    """A log's samples, of which the map of the whole log is the truth.
+
+    Raises:
+        NoTaskError: if there is nowhere to drive.
+    """
+    from predictor.data.frames import cells_of
+    from predictor.data.samples import SIDE
+    from predictor.data.simulated_log import ROBOT, simulated_log
+    from predictor.data.survey import REACH, clipped, frame_around, surveyed
+    from predictor.grid import FREE, OCCUPIED, Grid, OccupancyGrid
+    from sim.task import NoTaskError, sample_task
+
+    # None but the first may be missing: from some starts there is no way that long.
+    tasks = [sample_task(world, seed, ROBOT)]
+    for number in range(1, JOURNEYS):
+        with contextlib.suppress(NoTaskError):
+            tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
+    log = simulated_log(tasks, rng)
+    scans = [clipped(scan, REACH) for scan in log.scans]
+    frame = frame_around(log.poses, REACH)
+    truth = Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
+    side = SIDE * frame.resolution
+    for _ in range(config.views):
+        window = float(rng.choice(WINDOWS))
+        first = frame.square(float(log.poses[0, 0]), float(log.poses[0, 1]), window)
+        known, gone = OccupancyGrid(first, window), float(rng.uniform(0.0, APART))
+        for number, (scan, pose) in enumerate(zip(scans, log.poses, strict=True)):
+            known.integrate(scan, pose)
+            gone += math.dist(pose[:2], log.poses[max(number - 1, 0), :2])
+            if gone >= APART:
+                gone -= APART
+                square = frame.square(float(pose[0]), float(pose[1]), side)
+                true = truth.crop(square).cells
+                yield known.crop(square), true == FREE, true == OCCUPIED, float(pose[2])
 
 
 def driven(
@@ -192,12 +255,15 @@ def make(config: DrivesConfig, jobs: int) -> None:
 def _claim(config: DrivesConfig) -> None:
     """Make the folders, and see to it that one folder holds samples of one recipe."""
     from predictor.data.samples import FORMAT
+    from predictor.data.simulated_log import LogConfig
     from predictor.whole import write_whole
 
     for split in SPLITS:
         (config.out / split).mkdir(parents=True, exist_ok=True)
-    recipe = {"format": FORMAT, "longest": config.longest, "views": config.views,
-              "every": config.every, "families": FAMILIES, "windows": WINDOWS}  # fmt: skip
+    how = ({"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART} if config.logs else
+           {"longest": config.longest, "every": config.every})  # fmt: skip
+    recipe = {"format": FORMAT, "views": config.views, "families": FAMILIES, "windows": WINDOWS}
+    recipe |= how
     path, mine = config.out / "recipe.json", json.dumps(recipe, indent=1)
     if path.exists() and path.read_text() != mine:
         raise DrivesError(f"{path} says that its samples were made in another way; choose another "
@@ -224,6 +290,9 @@ def main(argv: list[str] | None = None) -> int:
         "(default: %(default)s; one gives about 50 samples)")  # fmt: skip
     add("--validation", type=int, default=default.validation, metavar="N",
         help="drives to tune on (default: %(default)s)")  # fmt: skip
+    add("--logs", action="store_true", help="of simulated robots' logs instead, as real ones are "
+        "made: 180°, scans up to a metre apart, people, and as truth the map of all the log's "
+        "scans")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
     args = parser.parse_args(argv)
     for name in ("train", "validation", "jobs"):
@@ -231,7 +300,7 @@ def main(argv: list[str] | None = None) -> int:
             print(f"predictor.drives: --{name} must be at least 1", file=sys.stderr)
             return 2
     try:
-        make(DrivesConfig(args.out, args.train, args.validation), args.jobs)
+        make(DrivesConfig(args.out, args.train, args.validation, logs=args.logs), args.jobs)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130

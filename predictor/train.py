@@ -25,7 +25,7 @@ from predictor.training.image_arguments import NAMES, add_arguments, configured
 if TYPE_CHECKING:
     import argparse
 
-COMPACT = ("train", "validation", "steps", "start")
+COMPACT = ("train", "validation", "steps", "start", "logs")
 """Arguments that are compact's alone."""
 IMAGES = ("expansion", *NAMES)
 """Arguments that are the paper's networks' alone."""
@@ -78,7 +78,7 @@ def _compact(args: argparse.Namespace) -> Path:
             start = load_weights(args.start, CompactNet)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
-    make(DrivesConfig(data, count, tuned_on), args.jobs)
+    make(DrivesConfig(data, count, tuned_on, logs=args.logs), args.jobs)
     # After the drives, whose processes must not wait for it.
     import torch
 
@@ -152,6 +152,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--steps", type=int, metavar="N", help=f"default: {default.steps}")
     add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
         "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
+    add("--logs", action="store_true", help="--data is of simulated robots' logs, whose truth is "
+        "what they map: see predictor.drives")  # fmt: skip
     group = parser.add_argument_group("the paper's networks alone")
     group.add_argument("--expansion", type=float, metavar="X", help="width of the predicted square "
         f"over that of the 5 m crop; the paper has {', '.join(map(str, EXPANSIONS))} (default: "

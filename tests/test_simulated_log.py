@@ -1,0 +1,79 @@
+"""Logs made by simulation, and the samples of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from predictor.data.samples import Samples
+from predictor.data.simulated_log import LogConfig, poses_along, simulated_log
+from predictor.data.survey import frame_around, surveyed
+from predictor.drives import DrivesConfig, DrivesError, make
+from sim.families import generate
+from sim.task import sample_task
+
+CLEAN = LogConfig(noise=(0.0,), dropout=(0.0,), people=(0.0,), misplaced=(0.0,))
+
+
+@pytest.fixture(scope="module")
+def task():
+    return sample_task(generate("corridor", 3), 3)
+
+
+def test_a_log_has_a_scan_of_180_degrees_at_every_pose(task):
+    log = simulated_log([task], np.random.default_rng(0), LogConfig(apart=(0.4, 0.4)))
+    assert len(log) == len(log.poses)
+    for scan in log.scans:
+        assert scan.angle_min == pytest.approx(-np.pi / 2)
+        assert (len(scan.ranges) - 1) * scan.angle_increment == pytest.approx(np.pi)
+    steps = np.hypot(*np.diff(log.poses[:, :2], axis=0).T)
+    assert np.median(steps) == pytest.approx(0.4, abs=0.1)
+
+
+def test_the_robot_looks_where_it_is_going():
+    corner = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]])
+    poses = poses_along(corner, 0.5)
+    assert np.allclose(poses[:7, 2], 0.0)
+    assert np.allclose(poses[8:, 2], np.pi / 2)
+    assert poses[7, 2] == pytest.approx(np.pi / 4)
+
+
+def test_without_errors_the_map_is_of_the_building(task):
+    log = simulated_log([task], np.random.default_rng(0), CLEAN)
+    frame = frame_around(log.poses, 20.0)
+    truth = surveyed(frame, list(log.scans), log.poses)
+    free, surface = task.world.truth(frame)
+    # A beam may cut the corner of a cell that its end lies in.
+    assert (truth == 0).sum() > 10_000
+    assert free[truth == 0].mean() > 0.99
+    assert surface[truth == 1].mean() > 0.9
+    assert (free & (truth == 2)).any()
+
+
+def test_ways_through_one_building_follow_on_each_other(task):
+    other = sample_task(task.world, 4)
+    log = simulated_log([task, other], np.random.default_rng(0), CLEAN)
+    assert np.allclose(log.poses[0, :2], task.start[:2])
+    jumps = np.hypot(*np.diff(log.poses[:, :2], axis=0).T) > 1.5
+    assert jumps.sum() == 1
+    assert np.allclose(log.poses[1:][jumps][0, :2], other.start[:2])
+
+
+def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
+    config = DrivesConfig(tmp_path, train=1, validation=1, logs=True)
+    make(config, 1)
+    samples = Samples.load(tmp_path / "train")
+    codes = np.stack([samples[n] for n in range(len(samples))])
+    known, truth = codes % 3, codes // 3
+    assert len(samples) > 10
+    # What was seen free is free on the map of all scans, but for who walked by and for noise.
+    assert (truth[known == 0] == 0).mean() > 0.95
+    # The map holds more than was known at any moment.
+    assert ((truth == 0) & (known == 2)).any()
+    assert json.loads((tmp_path / "recipe.json").read_text())["log"]["apart"] == [0.1, 1.0]
+
+
+def test_logs_and_drives_do_not_share_a_folder(tmp_path):
+    make(DrivesConfig(tmp_path, train=1, validation=1, logs=True), 1)
+    with pytest.raises(DrivesError, match="another way"):
+        make(DrivesConfig(tmp_path, train=1, validation=1), 1)
