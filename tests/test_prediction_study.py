@@ -84,6 +84,15 @@ def study(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module", autouse=True)
+def one_whole_network():
+    """Of the paper's networks one is timed whole, once: a quarter of a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("benchmarks.prediction.report.ARCHITECTURES", ("unet_ff",))
+        patch.setattr("benchmarks.prediction.cost.PRINTED", 1)
+        yield
+
+
 @pytest.fixture(scope="module")
 def done(sets, study, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
@@ -194,6 +203,7 @@ def test_results_have_all_that_was_asked(done):
     assert facts["network"]["side"] == 64
     assert results["simulated"]["1.10"]["unet_ff"]["cost"]["macs"] > 0
     assert results["simulated"]["1.10"]["copy"]["cost"] is None
+    assert results["printed"]["unet_ff"]["parameters"] == 54_408_385
     assert results["transients"]["simulated"]["1.10"]["mlp"]["cells"] > 0
     assert results["transients"]["hall"]["1.10"]["mlp"]["filtered"] is None
 

@@ -96,7 +96,7 @@ def _run(args: argparse.Namespace) -> str:
     from benchmarks.prediction.figures import draw
     from benchmarks.prediction.hallway import write_hallway
     from benchmarks.prediction.pictures import leader, pictures
-    from benchmarks.prediction.report import costs_of, report
+    from benchmarks.prediction.report import costs_of, printed_costs, report
     from benchmarks.prediction.tables import summary, tables_of
     from predictor.whole import write_whole
 
@@ -105,6 +105,7 @@ def _run(args: argparse.Namespace) -> str:
     evaluation = Evaluation(_config(args), args.out)
     # Before hours of work: it shows who breaks the contract, on a machine that is still idle.
     costs_of(evaluation)
+    printed_costs(evaluation)
     evaluation.run(args.jobs)
     results = report(evaluation)
     write_whole(args.out / "tables.md", tables_of(results).encode())

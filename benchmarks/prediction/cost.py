@@ -18,6 +18,7 @@ from predictor.compact import SHIPPED, Compact
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.networks.compact_net import CompactNet
+from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet
 from predictor.prediction import BadPredictionError, checked
 from predictor.registry import load_predictor
@@ -25,6 +26,8 @@ from predictor.weights import load_weights
 
 TIMED, BEFORE = 100, 3
 """Predictions that are timed, and those made before, in which libraries get ready."""
+PRINTED = 10
+"""Runs that are timed of a network as the paper prints it, which takes a second or more."""
 
 
 def cost_of(contestant: Contestant, squares: list[Square]) -> dict[str, Any] | None:
@@ -61,6 +64,29 @@ def cost_of(contestant: Contestant, squares: list[Square]) -> dict[str, Any] | N
         "threads": 1,
         **_size(contestant, predictor, len(squares[0].truth)),
     }
+
+
+def printed_cost(arch: str) -> dict[str, Any]:
+    """What a network costs as the paper prints it, whole: on one thread, from image to image.
+
+    Its weights are random, which changes no time. What a predictor adds, from map to image and from
+    greys to probabilities, is left out.
+
+    Args:
+        arch: one of `predictor.networks.ARCHITECTURES`.
+    """
+    net = ImageNet(ImageConfig(arch)).eval()
+    given = torch.zeros(1, 1, net.config.side, net.config.side)
+    parameters, macs = _counted(net, given)
+    taken = []
+    with torch.inference_mode():
+        for _ in range(1 + PRINTED):
+            begin = time.perf_counter()
+            net(given)
+            taken.append(1e3 * (time.perf_counter() - begin))
+    return {"ms_median": float(np.median(taken[1:])), "ms_most": max(taken[1:]),
+            "predictions": PRINTED, "threads": 1, "parameters": parameters,
+            "macs": macs}  # fmt: skip
 
 
 def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | None]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,13 +14,14 @@ from numpy.typing import NDArray
 
 from benchmarks.prediction import similarity
 from benchmarks.prediction.contestants import BASELINES, Contestant, reduced
-from benchmarks.prediction.cost import cost_of
+from benchmarks.prediction.cost import cost_of, printed_cost
 from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, key_of, sets_of
 from benchmarks.prediction.paper import SSIM
 from benchmarks.prediction.scoring import OF_A_FRAME, Kept, scores_of
 from benchmarks.prediction.transients import transients
 from benchmarks.statistics import grouped_mean
 from benchmarks.store import machine
+from predictor.networks import ARCHITECTURES
 from predictor.registry import load_predictor
 from predictor.scoring.scores import EDGES, RINGS, Scores
 from predictor.whole import write_whole
@@ -57,6 +60,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "machine": machine(),
         "predictors": _facts(config.contestants),
         "paper": SSIM,
+        "printed": printed_costs(evaluation),
         "transients": transients(evaluation),
         "simulated": places.pop("simulated"),
         "physical": places,
@@ -79,15 +83,35 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], dict[str, Any] | N
     out: dict[tuple[str, str], dict[str, Any] | None] = {}
     pairs = [(x, one) for x in evaluation.config.expansions for one in evaluation.who(x)]
     for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
-        path = evaluation.store.path("cost", one.identity, expansion, machine())
-        path = path.with_suffix(".json")
-        try:
-            cost = json.loads(path.read_text())
-        except (OSError, ValueError):
-            cost = cost_of(one, evaluation.examples(expansion))
-            write_whole(path, json.dumps(cost).encode())
-        out[key_of(expansion), one.name] = cost
+        out[key_of(expansion), one.name] = _once(
+            evaluation.store.path("cost", one.identity, expansion, machine()),
+            partial(_cost, evaluation, one, expansion),
+        )
     return out
+
+
+def _cost(evaluation: Evaluation, one: Contestant, expansion: float) -> dict[str, Any] | None:
+    return cost_of(one, evaluation.examples(expansion))
+
+
+def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
+    """What the networks cost as the paper prints them, reduced in nothing; once a machine."""
+    return {
+        arch: _once(evaluation.store.path("cost", "printed", arch, machine()),
+                    partial(printed_cost, arch))
+        for arch in ARCHITECTURES
+    }  # fmt: skip
+
+
+def _once(path: Path, measure: Callable[[], Any]) -> Any:
+    """What was measured and kept at a path, or else is now."""
+    path = path.with_suffix(".json")
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        measured = measure()
+        write_whole(path, json.dumps(measured).encode())
+        return measured
 
 
 def _rows(

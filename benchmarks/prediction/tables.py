@@ -22,9 +22,9 @@ CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll",
 ABOVE = """\
 ## Above the baselines
 
-The best of the paper's networks at each expansion, by SSIM of the whole square, and `compact`,
-which is given what lies beyond the crop too where the car has been; their differences to each
-baseline, with 95 % intervals over drives (simulated) and over blocks of {block:g} m (physical).
+The best of the paper's networks at each expansion, by SSIM of the whole square, and those called
+`compact…`, which are given what lies beyond the crop too where the car has been. Their differences
+to each baseline, with 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
 """
 
 
@@ -36,6 +36,8 @@ def summary(results: dict[str, Any]) -> str:
             _verdicts(_places(results), results["predictors"]),
             "\n## The networks\n",
             _trainings(results["predictors"]),
+            "\n## What the paper's networks cost, whole\n",
+            _printed(results["printed"]),
         )
     )
 
@@ -50,7 +52,7 @@ def tables_of(results: dict[str, Any]) -> str:
             paper = results["paper"][kind] if measure == "ssim" else {}
             parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper)}")
         for measure in ("ssim", "ssim_kept", "ssim_unseen"):
-            for other in BASELINES:
+            for other in (*BASELINES, "unet_ff"):
                 title = f"{IMAGES[measure]}: difference to `{other}`"
                 parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
         for expansion, rows in entry.items():
@@ -84,12 +86,11 @@ def _verdicts(places: dict[str, dict[str, Rows]], predictors: dict[str, Any]) ->
             if not networks:
                 continue
             best = max(networks, key=lambda name: measured[name]["ssim"])
-            for name in (best, "compact"):
-                if name in measured:
-                    above = measured[name]["above"]
-                    found = [above[other][measure] for measure in measures for other in BASELINES]
-                    rows.append([place, expansion, f"`{name}`", _number(measured[name]["ssim"]),
-                                 *map(_interval, found)])  # fmt: skip
+            for name in (best, *(name for name in measured if name.startswith("compact"))):
+                above = measured[name]["above"]
+                found = [above[other][measure] for measure in measures for other in BASELINES]
+                rows.append([place, expansion, f"`{name}`", _number(measured[name]["ssim"]),
+                             *map(_interval, found)])  # fmt: skip
     return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
 
 
@@ -103,6 +104,15 @@ def _trainings(predictors: dict[str, Any]) -> str:
                 rows.append([f"`{name}`", expansion, told or "as printed",
                              facts["fingerprint"][:12]])  # fmt: skip
     return markdown(rows) if len(rows) > 1 else "None."
+
+
+def _printed(costs: dict[str, Any]) -> str:
+    rows = [["network", "parameters", "multiply-adds [M]", "median [ms]", "most [ms]"]]
+    for name, cost in costs.items():
+        rows.append([f"`{name}`", _number(cost["parameters"], ",d"),
+                     _number(cost["macs"] / 1e6, ",.0f"), _number(cost["ms_median"], ".1f"),
+                     _number(cost["ms_most"], ".1f")])  # fmt: skip
+    return markdown(rows)
 
 
 def _transients(places: dict[str, Any]) -> str:
