@@ -1,10 +1,15 @@
 # make corridor: set up, and run the main job.   make test: set up, and check everything.
+# make study: set up, and make the paper's study: frames, networks, tables and figures.
 PYTHON ?= python3
 BIN := .venv/bin
 
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
 
-.PHONY: setup corridor test clean
+# What of the study is trained: all of it, reduced to what 2 cores do in an hour or two. With a GPU:
+# make study STUDY='--preset paper --epochs 2 --batch 32 --bf16 --minutes 20'
+STUDY ?= --preset short
+
+.PHONY: setup corridor study test clean
 
 setup: .venv/.tools
 
@@ -21,6 +26,12 @@ setup: .venv/.tools
 # Driving needs no more than this.
 corridor: .venv/.installed
 	$(BIN)/python -m benchmarks.corridor
+
+# Each command goes on where it was; tables and figures are of what is trained by then.
+study: setup
+	$(BIN)/python -m predictor.dataset
+	$(BIN)/python -m predictor.study $(STUDY) --out results/study
+	$(BIN)/python -m benchmarks.prediction --predictors none extend compact results/study
 
 test: setup
 	$(BIN)/ruff format --check .

@@ -2,6 +2,7 @@
 
     python -m predictor.study --preset short        all 20, in about an hour of 2 cores
     python -m predictor.study                       as printed: months, without a GPU
+    python -m predictor.study --epochs 2 --batch 32 --bf16 --minutes 20        on a GPU for a while
 
 In order of worth, so that whenever it is stopped, what matters most is there. What is finished is
 passed over, what was begun goes on, and what fails is shown and stops no other.
@@ -11,9 +12,11 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import multiprocessing
 import os
 import sys
+import time
 import traceback
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import wait
@@ -184,20 +187,21 @@ class Study:
         out.mkdir(parents=True, exist_ok=True)
         self.state = {run: "finished" if run.finished() else "waiting" for run in runs}
 
-    def train(self, jobs: int) -> None:
+    def train(self, jobs: int, minutes: float = math.inf) -> None:
         """Train what is missing, with a bar over all and a line for each that begins or ends.
 
         Args:
             jobs: how many at a time.
+            minutes: after which those that train are stopped; they may go on another time.
         """
         from tqdm import tqdm
 
         todo = [run for run in self.runs if self.state[run] == "waiting"]
         running: dict[Any, tuple[Run, SpawnProcess]] = {}
-        done = len(self.runs) - len(todo)
+        done, end = len(self.runs) - len(todo), time.monotonic() + 60 * minutes
         with tqdm(total=len(self.runs), initial=done, unit="network") as bar:
             try:
-                while todo or running:
+                while (todo or running) and time.monotonic() < end:
                     while todo and len(running) < jobs:
                         run = todo.pop(0)
                         process = run.start()
@@ -213,9 +217,10 @@ class Study:
                                                    for run, _ in running.values()))  # fmt: skip
                     self._note()
             finally:
-                for _, process in running.values():
+                for run, process in running.values():
                     process.terminate()
                     process.join()
+                    self.state[run] = "stopped"
                 self._note()
 
     def line(self, run: Run) -> str:
@@ -255,6 +260,8 @@ def main(argv: list[str] | None = None) -> int:
         help=f"of {', '.join(map(str, EXPANSIONS))} (default: all)")  # fmt: skip
     add("--jobs", type=int, metavar="N", help="trainings at a time, of one thread each (default: "
         "one a core; with a GPU 1)")  # fmt: skip
+    add("--minutes", type=float, default=math.inf, metavar="M", help="stop after so long; what was "
+        "begun goes on when the command is given again (default: at the end)")  # fmt: skip
     add_arguments(parser)
     add("--batch", type=int, metavar="N", help="frames a step (default: the preset's)")
     add("--rate", type=float, metavar="R", help="learning rate (default: the preset's)")
@@ -263,6 +270,8 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if args.jobs is not None and args.jobs < 1:
             raise TrainError(f"--jobs is {args.jobs}, it must be at least 1")
+        if not args.minutes > 0:
+            raise TrainError(f"--minutes is {args.minutes:g}, it must be more than 0")
         out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
         data = Data.of(args.data)
         runs = [
@@ -271,7 +280,7 @@ def main(argv: list[str] | None = None) -> int:
             if arch in args.archs and expansion in args.expansions
         ]
         study = Study(runs, out)
-        study.train(args.jobs or _at_a_time())
+        study.train(args.jobs or _at_a_time(), args.minutes)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130

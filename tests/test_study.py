@@ -67,6 +67,28 @@ def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
     assert main(command) == 0
 
 
+class Endless(Run):
+    """A training that comes to no end."""
+
+    def train(self):
+        import time
+
+        time.sleep(600)
+
+
+@pytest.mark.slow
+def test_when_time_is_up_it_stops_and_goes_on_another_time(data, tmp_path):
+    runs = [run_of(data, tmp_path, expansion=expansion) for expansion in (1.1, 1.3)]
+    endless = Endless(runs[0].config, runs[0].training, runs[0].data, runs[0].out)
+    begun = Study([endless, runs[1]], tmp_path)
+    begun.train(jobs=1, minutes=0.02)
+    assert [line.split()[1] for line in begun.table().splitlines()] == ["stopped", "waiting"]
+    assert (tmp_path / "status.txt").read_text().splitlines() == begun.table().splitlines()
+    again = Study(runs, tmp_path)
+    again.train(jobs=1)
+    assert list(again.state.values()) == ["finished", "finished"]
+
+
 class Dying(Run):
     """A training whose process is killed."""
 
@@ -123,7 +145,7 @@ def test_an_interrupted_study_leaves_no_process(data, tmp_path, monkeypatch):
     assert not begun[0].is_alive()
 
 
-@pytest.mark.parametrize("wrong", [["--jobs", "0"], ["--width", "9"]])
+@pytest.mark.parametrize("wrong", [["--jobs", "0"], ["--width", "9"], ["--minutes", "0"]])
 def test_arguments_that_make_no_sense_are_refused(data, wrong, tmp_path, capsys):
     assert main([*wrong, "--data", str(data), "--out", str(tmp_path)]) == 2
     assert wrong[0] in capsys.readouterr().err
