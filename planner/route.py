@@ -22,7 +22,9 @@ def find_route(
     rows, cols = (n // 2 * 2 for n in cost.frame.shape)
     fits = cost.clearance[:rows, :cols] >= cost.required
     density = np.where(fits, cost.density[:rows, :cols], np.inf)
-    coarse = density.reshape(rows // 2, 2, cols // 2, 2).min(axis=(1, 3))
+    # Cell by cell of the four: numpy is ten times slower over axes of two.
+    upper, lower = (np.minimum(row[:, ::2], row[:, 1::2]) for row in (density[::2], density[1::2]))
+    coarse = np.minimum(upper, lower)
     step = 2 * cost.frame.resolution
     ends = []
     for x, y in (start, goal):
@@ -31,7 +33,7 @@ def find_route(
         ends.append(_nearest_open(coarse, row, col, math.ceil(0.6 / step)))
     if ends[0] is None or ends[1] is None:
         return None
-    cells = _dijkstra(np.ascontiguousarray(coarse), ends[0][0], ends[0][1], ends[1][0], ends[1][1])
+    cells = _dijkstra(coarse, ends[0][0], ends[0][1], ends[1][0], ends[1][1])
     if len(cells) == 0:
         return None
     points = np.column_stack([
