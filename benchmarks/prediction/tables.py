@@ -19,6 +19,10 @@ IMAGES = {
 CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll", "ece_free",
          "ece_occupied", "ece")  # fmt: skip
 
+SHORT = {"ssim": "SSIM", "ssim_unseen": "of cells not seen", "brier": "Brier",
+         "ece": "calibration error"}  # fmt: skip
+"""Measures of the table that fits a page, and their heads there."""
+
 ABOVE = """\
 ## Above the baselines
 
@@ -47,7 +51,8 @@ def tables_of(results: dict[str, Any]) -> str:
     parts = [summary(results)]
     for place, entry in _places(results).items():
         kind = "simulated" if place == "simulated" else "physical"
-        parts.append(f"\n## {place}\n\n{_size(entry)}")
+        parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
+        parts.append(f"\n### In short\n\n{_in_short(entry, results['paper'][kind])}")
         for measure, title in IMAGES.items():
             paper = results["paper"][kind] if measure == "ssim" else {}
             parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper)}")
@@ -59,6 +64,24 @@ def tables_of(results: dict[str, Any]) -> str:
             parts.append(f"\n### Cells not seen, {expansion}×\n\n{_cells(rows)}")
     parts += ["\n## Transients\n", _transients(results["transients"])]
     return "\n".join(parts) + "\n"
+
+
+def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str:
+    """A line for each predictor, its measures at all expansions side by side."""
+
+    def side_by_side(found: list[float | None]) -> str:
+        return " / ".join(_number(value).removeprefix("0") for value in found)
+
+    rows = [["predictor", *SHORT.values(), "ms"]]
+    for name in _names(entry):
+        here = [measured.get(name, {}) for measured in entry.values()]
+        taken = [row["cost"]["ms_median"] for row in here if row.get("cost")]
+        rows.append([f"`{name}`", *(side_by_side([row.get(of) for row in here]) for of in SHORT),
+                     _number(max(taken), ".1f") if taken else ""])  # fmt: skip
+    for name in dict.fromkeys(name for printed in paper.values() for name in printed):
+        found = [paper.get(expansion, {}).get(name) for expansion in entry]
+        rows.append([f"the paper's {name}", side_by_side(found), *[""] * len(SHORT)])
+    return markdown(rows)
 
 
 def _places(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
