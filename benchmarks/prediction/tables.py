@@ -80,7 +80,7 @@ def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str
                      _number(max(taken), ".1f") if taken else ""])  # fmt: skip
     for name in dict.fromkeys(name for printed in paper.values() for name in printed):
         found = [paper.get(expansion, {}).get(name) for expansion in entry]
-        rows.append([f"the paper's {name}", side_by_side(found), *[""] * len(SHORT)])
+        rows.append([f"{name} as printed", side_by_side(found), *[""] * len(SHORT)])
     return markdown(rows)
 
 
