@@ -163,7 +163,8 @@ def _logged(
             known.integrate(scan, pose)
             gone += math.dist(pose[:2], log.poses[max(number - 1, 0), :2])
             if gone >= APART:
-                gone -= APART
+                # What is over is kept, but for the jump from one way to the next.
+                gone %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = truth.crop(square).cells
                 yield known.crop(square), true == FREE, true == OCCUPIED, float(pose[2])

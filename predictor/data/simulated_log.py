@@ -24,6 +24,8 @@ from sim.task import Task
 
 ROBOT = CarConfig(v_max=0.5, turning_radius=0.3, body=Body(0.4, 0.4))
 """Which way such a robot could go: through any door, and round in any room."""
+LOOK = 0.2
+"""Longest that people walk before they look where they are going [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +70,20 @@ def simulated_log(
     poses = np.concatenate([poses_along(way, apart) for way in ways])
     world = tasks[0].world
     crowd = People(world, float(rng.choice(config.people)), poses[0, :2], rng)
+    pause = apart / ROBOT.v_max
+    steps = math.ceil(pause / LOOK)
     scans = []
     for pose in poses:
         scans.append(lidar.scan(world, pose, rng, crowd.discs))
-        crowd.walk(apart / ROBOT.v_max, pose[:2])
+        for _ in range(steps):
+            crowd.walk(pause / steps, pose[:2])
     misplaced = float(rng.choice(config.misplaced))
     sigmas = np.array([misplaced, misplaced, config.misturned if misplaced else 0.0])
-    return LaserLog(
-        world.name, tuple(scans), poses + sigmas * rng.standard_normal(poses.shape), None
-    )
+    logged = poses + sigmas * rng.standard_normal(poses.shape)
+    # A building's walls lie on the edges of its cells; those of a log lie anywhere, and so do those
+    # of the map that is made of it.
+    logged[:, :2] += rng.uniform(0.0, world.grid.frame.resolution, 2)
+    return LaserLog(world.name, tuple(scans), logged, None)
 
 
 def poses_along(points: NDArray[np.float64], apart: float) -> NDArray[np.float64]:
