@@ -8,6 +8,7 @@ INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c co
 # What of the study is trained: all of it, reduced to what 2 cores do in an hour or two. With a GPU:
 # make study STUDY='--preset paper --epochs 2 --batch 32 --bf16 --minutes 20'
 STUDY ?= --preset short
+OUT ?= results/study
 
 .PHONY: setup corridor study test clean
 
@@ -30,8 +31,8 @@ corridor: .venv/.installed
 # Each command goes on where it was; tables and figures are of what is trained by then.
 study: setup
 	$(BIN)/python -m predictor.dataset
-	$(BIN)/python -m predictor.study $(STUDY) --out results/study
-	$(BIN)/python -m benchmarks.prediction --predictors none extend compact results/study
+	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT)
+	$(BIN)/python -m benchmarks.prediction --predictors none extend compact $(OUT) --out $(OUT)/prediction
 
 test: setup
 	$(BIN)/ruff format --check .

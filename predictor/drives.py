@@ -255,10 +255,13 @@ def make(config: DrivesConfig, jobs: int) -> None:
 
 def _claim(config: DrivesConfig) -> None:
     """Make the folders, and see to it that one folder holds samples of one recipe."""
+    from predictor.data.frames import MANIFEST
     from predictor.data.samples import FORMAT
     from predictor.data.simulated_log import LogConfig
     from predictor.whole import write_whole
 
+    if (config.out / MANIFEST).exists():
+        raise DrivesError(f"{config.out} holds frames of predictor.dataset: choose another folder")
     for split in SPLITS:
         (config.out / split).mkdir(parents=True, exist_ok=True)
     how = ({"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART} if config.logs else
@@ -267,8 +270,9 @@ def _claim(config: DrivesConfig) -> None:
     recipe |= how
     path, mine = config.out / "recipe.json", json.dumps(recipe, indent=1)
     if path.exists() and path.read_text() != mine:
-        raise DrivesError(f"{path} says that its samples were made in another way; choose another "
-                          "folder")  # fmt: skip
+        other = "without" if config.logs else "with"
+        raise DrivesError(f"{path} says that its samples were made in another way, perhaps {other} "
+                          "--logs; choose another folder")  # fmt: skip
     write_whole(path, mine.encode())
 
 

@@ -15,7 +15,9 @@ import json
 import math
 import multiprocessing
 import os
+import signal
 import sys
+import threading
 import time
 import traceback
 from dataclasses import asdict, dataclass
@@ -55,15 +57,11 @@ class Data:
 
     Attributes:
         folder: of the frames.
-        frames: to learn from.
-        worlds: hashes of their buildings.
-        validation_worlds: of those to validate on.
+        digests: of those to learn from, and of those to validate on.
     """
 
     folder: Path
-    frames: int
-    worlds: tuple[str, ...]
-    validation_worlds: tuple[str, ...]
+    digests: tuple[str, str]
 
     @classmethod
     def of(cls, folder: Path) -> Data:
@@ -78,8 +76,7 @@ class Data:
             train, validation = (Frames.load(folder, name) for name in ("train", "validation"))
         except FramesError as error:
             raise TrainError(f"--data: {error}") from None
-        worlds = (tuple(sorted(split.worlds)) for split in (train, validation))
-        return cls(folder, len(train), *worlds)
+        return cls(folder, (train.digest, validation.digest))
 
 
 @dataclass(frozen=True)
@@ -119,8 +116,7 @@ class Run:
         except WeightsError as error:
             raise TrainError(f"{error}; delete it to make it again") from None
         mine = {"config": asdict(self.training), "network": asdict(self.config),
-                "frames": self.data.frames, "worlds": list(self.data.worlds),
-                "validation_worlds": list(self.data.validation_worlds)}  # fmt: skip
+                "data": list(self.data.digests)}  # fmt: skip
         if any(facts.get(name) != value for name, value in mine.items()):
             raise TrainError(f"{path} was trained in another way or on other frames: choose another"
                              " folder by --out")  # fmt: skip
@@ -129,13 +125,17 @@ class Run:
     def train(self) -> None:
         """Train, in a process of its own, which leaves a line if it fails."""
         from benchmarks.workers import follow_parent
-        from predictor.training.image_training import train_images
+        from predictor.training.image_training import Stopped, train_images
 
         follow_parent()
+        stopping = threading.Event()
+        signal.signal(signal.SIGTERM, lambda *_: stopping.set())
         with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
             try:
                 # One thread each: the sums are the same, however many train at a time.
-                train_images(self.config, self.training, self.data.folder, self.out, threads=1)
+                train_images(self.config, self.training, self.data.folder, self.out, 1, stopping)
+            except Stopped:
+                return
             except Exception as error:
                 traceback.print_exc()
                 line = " ".join(f"{type(error).__name__}: {error}".split())
@@ -220,7 +220,7 @@ class Study:
                 for run, process in running.values():
                     process.terminate()
                     process.join()
-                    self.state[run] = "stopped"
+                    self.state[run] = "finished" if run.finished() else "stopped"
                 self._note()
 
     def line(self, run: Run) -> str:

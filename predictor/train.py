@@ -114,6 +114,8 @@ def _check(args: argparse.Namespace) -> None:
     for name in ("train", "validation", "steps", "batch", "jobs"):
         if getattr(args, name) is not None and getattr(args, name) < 1:
             raise TrainError(f"--{name} must be at least 1")
+    if args.seed is not None and args.seed < 0:
+        raise TrainError(f"--seed is {args.seed}, it must be at least 0")
     if args.rate is not None and not 0.0 < args.rate <= 1.0:
         raise TrainError(f"--rate is {args.rate}, it must lie in (0, 1]")
 

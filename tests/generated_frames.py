@@ -1,5 +1,6 @@
 """Frames of crossings, without driving: the attributes of `predictor.data.frames.Frames`."""
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,10 @@ class GeneratedFrames:
     @property
     def worlds(self) -> frozenset[str]:
         return frozenset(str(facts["world"]) for facts in self.about)
+
+    @property
+    def digest(self):
+        return hashlib.sha256(self.estimated.tobytes()).hexdigest()
 
 
 def generated(count: int, seed: int) -> GeneratedFrames:

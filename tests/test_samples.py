@@ -106,7 +106,7 @@ def test_a_foreign_file_is_named(tmp_path):
 
 def test_a_damaged_sample_is_an_error(tmp_path):
     write(tmp_path, samples=[b"not compressed at all"])
-    with pytest.raises(SamplesError, match="sample 0 is damaged"):
+    with pytest.raises(SamplesError, match="sample 0, of the drive of seed 1, is damaged"):
         Samples.load(tmp_path)[0]
 
 

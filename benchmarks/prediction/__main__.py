@@ -25,7 +25,7 @@ Compare predictors on the data of the prediction study: how alike their images a
 (SSIM), and how good their probabilities are on cells not seen, at each expansion of the 5 m crop,
 in simulation and on real logs, beside what the paper prints. `copy`, the input as it is, and
 `grey`, an image of no knowledge, are always compared. Interrupted, it goes on where it was: give
-the same command again. More predictors, expansions and logs may be added to a folder at any time.
+the same command again. More predictors and expansions may be added to a folder at any time.
 """
 
 
@@ -38,6 +38,7 @@ def main(argv: list[str] | None = None) -> int:
     from benchmarks.workers import WorkersError
     from predictor.data.frames import FramesError
     from predictor.data.laser_log import LogError
+    from predictor.prediction import BadPredictionError
     from predictor.registry import PredictorError
 
     try:
@@ -45,7 +46,8 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (FramesError, LogError, PredictorError, ScoringError, OSError, WorkersError) as error:
+    except (BadPredictionError, FramesError, LogError, PredictorError, ScoringError, OSError,
+            WorkersError) as error:  # fmt: skip
         print(f"benchmarks.prediction: {error}", file=sys.stderr)
         return 2
     return 0

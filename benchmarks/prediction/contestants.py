@@ -103,7 +103,7 @@ def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
     predictor = load_predictor(spec)
     expansion = _expansion_of(predictor)
     name = label or _short(spec)
-    one = Contestant(name, spec, expansion, _identity(predictor))
+    one = Contestant(name, spec, expansion, _identity(spec, predictor))
     if name in BASELINES:
         raise PredictorError(f"{spec} cannot be called {name}, for a baseline is")
     if not any(map(one.does, expansions)):
@@ -126,13 +126,14 @@ def _expansion_of(predictor: Any) -> float | None:
     return predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
 
 
-def _identity(predictor: Any) -> str:
+def _identity(spec: str, predictor: Any) -> str:
     """What a predictor's scores hang on, as far as it can be told."""
     print_ = fingerprint_of(predictor)
     if print_ is not None:
         return print_
     try:
-        return checksum(Path(inspect.getfile(type(predictor))))
+        # One file may hold several.
+        return f"{spec} {checksum(Path(inspect.getfile(type(predictor))))}"
     except (TypeError, OSError):
         # Made of compiled code, or at a prompt.
-        return type(predictor).__qualname__
+        return f"{spec} {type(predictor).__qualname__}"

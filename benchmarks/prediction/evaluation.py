@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -91,17 +90,15 @@ class Evaluation:
         self.drives = [drive for frames in filter(None, (self.simulated, self.physical))
                        for drive in _drives(frames, config.apart)]  # fmt: skip
         self.store = Store(out / "parts")
+        validation = Frames.load(config.data, "validation")
+        self.rates = {expansion: rates_of(validation, expansion)
+                      for expansion in config.expansions}  # fmt: skip
+        """Of each expansion the shares of free and occupied cells on the validation drives."""
 
     @property
     def places(self) -> list[str]:
         """ "simulated", and the sites."""
         return list(dict.fromkeys(drive.place for drive in self.drives))
-
-    @cached_property
-    def rates(self) -> dict[float, tuple[float, float]]:
-        """Of each expansion the shares of free and occupied cells on the validation drives."""
-        validation = Frames.load(self.config.data, "validation")
-        return {expansion: rates_of(validation, expansion) for expansion in self.config.expansions}
 
     def who(self, expansion: float) -> list[Contestant]:
         """Those who can predict squares of an expansion."""

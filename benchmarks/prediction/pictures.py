@@ -19,8 +19,8 @@ from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
 from predictor.data.frames import codes_of
 
-SHOWN = 5
-"""Examples on a sheet."""
+SHOWN, COLUMNS = 5, 9
+"""Examples on a sheet, and predictors beside each other there."""
 WIDEST = 1.7
 """Of the squares in the paper's figure."""
 LASTS = 240
@@ -104,9 +104,11 @@ def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.in
 
 
 def _shown(evaluation: Evaluation) -> list[Contestant]:
-    """Who is shown: all that predict something."""
-    return [one for one in evaluation.config.contestants
+    """Who is shown: the first of all that predict something."""
+    some = [one for one in evaluation.config.contestants
             if one.name not in ("copy", "grey", "none")]  # fmt: skip
+    names = list(dict.fromkeys(one.name for one in some))[:COLUMNS]
+    return [one for one in some if one.name in names]
 
 
 def _made(evaluation: Evaluation, chosen: dict[str, list[tuple[Asked, str]]]) -> Sheets:

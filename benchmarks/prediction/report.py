@@ -96,10 +96,12 @@ def _cost(evaluation: Evaluation, one: Contestant, expansion: float) -> dict[str
 
 def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
     """What the networks cost as the paper prints them, reduced in nothing; once a machine."""
+    from tqdm import tqdm
+
     return {
         arch: _once(evaluation.store.path("cost", "printed", arch, machine()),
                     partial(printed_cost, arch))
-        for arch in ARCHITECTURES
+        for arch in tqdm(ARCHITECTURES, desc="cost as printed", unit="network")
     }  # fmt: skip
 
 

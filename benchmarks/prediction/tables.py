@@ -57,7 +57,7 @@ def tables_of(results: dict[str, Any]) -> str:
             paper = results["paper"][kind] if measure == "ssim" else {}
             parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper)}")
         for measure in ("ssim", "ssim_kept", "ssim_unseen"):
-            for other in (*BASELINES, "unet_ff"):
+            for other in (*BASELINES, *({"unet_ff"} & set(_names(entry)))):
                 title = f"{IMAGES[measure]}: difference to `{other}`"
                 parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
         for expansion, rows in entry.items():

@@ -74,8 +74,15 @@ class Sidecar:
             clock = facts.get("timestamps_usable")
         except (OSError, ValueError, TypeError, AttributeError) as error:
             raise LogError(f"{beside} cannot be read: {error}") from error
-        if (no_return is not None and not no_return > 0) or step == 0:
+        angles = [angle for angle in (first, step) if angle is not None]
+        if (
+            (no_return is not None and not no_return > 0)
+            or step == 0
+            or not all(map(math.isfinite, angles))
+        ):
             raise LogError(f"{beside}: its angles or ranges make no sense")
+        if len(angles) == 1:
+            raise LogError(f"{beside} says one of angle_min_deg and angle_inc_deg: say both")
         return cls(
             None if first is None else math.radians(first),
             None if step is None else math.radians(step),
@@ -131,7 +138,7 @@ def read_carmen(path: Path) -> LaserLog:
         poses.append(values[count : count + 3])
         times.append(float(values[-1]))
     if not scans:
-        found = ", ".join(kind for kind, _ in kinds.most_common(8)) or "none"
+        found = ", ".join(kind[:20] for kind, _ in kinds.most_common(8)) or "none"
         raise LogError(f"{path} has no FLASER line; its lines are: {found}")
     return LaserLog(name_of(path), tuple(scans), np.array(poses), _clock(times, sidecar),
                     {"bad ranges": bad})  # fmt: skip
@@ -172,6 +179,9 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
     if len(words) < count + 9:
         raise LogError(f"{where} is cut off: {count} ranges, two poses and a time are "
                        f"{count + 7} numbers, it has {len(words) - 2}")  # fmt: skip
+    if len(words) > count + 11:
+        raise LogError(f"{where} has {len(words) - count - 11} words too many after {count} ranges:"
+                       " is that the number of its beams?")  # fmt: skip
     try:
         values = np.array(words[2 : count + 9], dtype=np.float64)
     except ValueError as error:

@@ -33,6 +33,8 @@ class FrameSet:
 
     def __init__(self, folder: Path, kind: str, settings: dict[str, Any], names: list[str]) -> None:
         self.folder, self.names = folder, names
+        if (folder / "recipe.json").exists():
+            raise FramesError(f"{folder} holds samples of predictor.drives: choose another folder")
         folder.mkdir(parents=True, exist_ok=True)
         self._facts = {"format": FORMAT, "kind": kind, "version": version("foresee"),
                        "settings": json.loads(json.dumps(settings)),
@@ -41,7 +43,7 @@ class FrameSet:
         if (folder / MANIFEST).exists():
             theirs = read_manifest(folder)
             other = [k for k in ("kind", "settings") if theirs.get(k) != self._facts[k]]
-            if other:
+            if other and theirs["trajectories"]:
                 raise FramesError(f"{folder} holds a set with another {' and '.join(other)}: "
                                   "choose another folder")  # fmt: skip
             kept = {Path(facts["file"]).stem: facts for facts in theirs["trajectories"]}

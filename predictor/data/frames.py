@@ -176,6 +176,12 @@ class Frames:
         """Hashes of the buildings."""
         return frozenset(facts["world"] for facts in self.about)
 
+    @property
+    def digest(self) -> str:
+        """Of all frames, in hexadecimal: other frames have another."""
+        files = "".join(facts["sha256"] for facts in self.about)
+        return hashlib.sha256(files.encode()).hexdigest()
+
     @cached_property
     def _padded(self) -> list[NDArray[np.uint8]]:
         # A square may reach beyond the map, by its own side at most.

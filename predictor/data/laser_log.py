@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from predictor.scan import Scan
 
+FARTHEST = 1e7
+"""From the origin of a map [m]: what lies beyond is no place."""
+
 
 class LogError(ValueError):
     """A log cannot be read; the message is one line."""
@@ -38,6 +41,9 @@ class LaserLog:
             raise LogError(f"{self.name} holds no scan")
         if self.poses.shape != (len(self.scans), 3) or not np.isfinite(self.poses).all():
             raise LogError(f"{self.name}: each scan needs a pose of three finite numbers")
+        if np.abs(self.poses[:, :2]).max() > FARTHEST:
+            raise LogError(f"{self.name}: a pose lies {np.abs(self.poses[:, :2]).max():.3g} m from "
+                           f"the origin, more than {FARTHEST:g} m")  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.scans)

@@ -43,6 +43,11 @@ class SampleFrames:
         return self.samples.worlds
 
     @property
+    def digest(self) -> str:
+        """Of all samples, in hexadecimal."""
+        return self.samples.digest
+
+    @property
     def estimated(self) -> Squares:
         """The 5 m square of what had been seen, (100, 100) codes each."""
         return Squares(lambda index: _middle(self.samples[index] % 3, 100))

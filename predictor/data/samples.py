@@ -146,12 +146,23 @@ class Samples:
             cells = zlib.decompress(self.codes[drive][begin:end].tobytes())
             return np.frombuffer(cells, dtype=np.uint8).reshape(SIDE, SIDE)
         except (zlib.error, ValueError) as error:
-            raise SamplesError(f"sample {index} is damaged: {error}") from error
+            seed = self.about[drive]["seed"]
+            raise SamplesError(
+                f"sample {index}, of the drive of seed {seed}, is damaged: {error}"
+            ) from error
 
     @property
     def worlds(self) -> frozenset[str]:
         """Hashes of the buildings, as they were driven through and as they were drawn."""
         return frozenset(str(facts[key]) for facts in self.about for key in ("world", "original"))
+
+    @property
+    def digest(self) -> str:
+        """Of all samples, in hexadecimal: others have another."""
+        digest = hashlib.sha256(self.starts.tobytes())
+        for block in self.codes:
+            digest.update(block.tobytes())
+        return digest.hexdigest()
 
 
 def check_apart(splits: dict[str, Samples]) -> None:

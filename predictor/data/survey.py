@@ -83,10 +83,16 @@ def record(log: LaserLog) -> Recording:
     """All frames of a log, one a scan.
 
     Speed and actions are NaN, for a log has neither; times are NaN where it has no clock.
+
+    Raises:
+        LogError: if the log's map is empty, or no building.
     """
     frame = frame_around(log.poses, REACH)
     scans = [clipped(scan, REACH) for scan in log.scans]
-    recording = Recording(frame, surveyed(frame, scans, log.poses))
+    truth = surveyed(frame, scans, log.poses)
+    if not (truth == 0).any():
+        raise LogError("no scan saw anything free: its ranges say nothing")
+    recording = Recording(frame, truth)
     first = frame.square(float(log.poses[0, 0]), float(log.poses[0, 1]), 2 * REACH)
     whole, near = OccupancyGrid(first, 2 * REACH), OccupancyGrid(first, WINDOW)
     times = np.full(len(log), np.nan) if log.times is None else log.times - log.times[0]
@@ -136,7 +142,7 @@ def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
     """
     extent = float(np.ptp(poses[:, :2], axis=0).max())
     if extent > LARGEST:
-        raise LogError(f"the poses lie {extent:.0f} m apart, at most {LARGEST:.0f} m can be mapped")
+        raise LogError(f"the poses lie {extent:.4g} m apart, at most {LARGEST:.0f} m can be mapped")
     low = np.floor((poses[:, :2].min(axis=0) - reach) / RESOLUTION) - 4
     high = np.ceil((poses[:, :2].max(axis=0) + reach) / RESOLUTION) + 4
     cols, rows = (high - low).astype(int)

@@ -64,6 +64,10 @@ class ImageConfig:
                     f"{name} is {getattr(self, name)}, it must lie between {low:g} and {high:g}"
                 )
 
+        if abs(50 * self.expansion - round(50 * self.expansion)) > 1e-6:
+            raise ValueError(f"expansion is {self.expansion:g}, it must be one of 1, 1.02, … 2: "
+                             "squares are an even number of cells wide")  # fmt: skip
+
     @classmethod
     def of(cls, fields: dict[str, Any]) -> ImageConfig:
         """The configuration that a header claims.

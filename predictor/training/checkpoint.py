@@ -54,7 +54,14 @@ def read_checkpoint(
         # torch.load raises whatever the first wrong byte makes it.
         raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
     if theirs != facts:
-        other = ", ".join(sorted(k for k in facts if theirs.get(k) != facts[k]))
+        other = ", ".join(_told(k, theirs.get(k), facts[k]) for k in sorted(facts)
+                          if theirs.get(k) != facts[k])  # fmt: skip
         raise TrainError(f"{path.parent} holds a training with another {other}; choose another "
                          "folder by --out")  # fmt: skip
     return state
+
+
+def _told(name: str, theirs: Any, mine: Any) -> str:
+    """What differs, and how where that fits into a line."""
+    how = f"{theirs}, not {mine}"
+    return f"{name} ({how})" if len(how) < 80 else name

@@ -32,6 +32,8 @@ from predictor.training.pairs import Pairs
 from predictor.whole import write_whole
 
 if TYPE_CHECKING:
+    from threading import Event
+
     from predictor.data.frames import Frames
     from predictor.data.sample_frames import SampleFrames
 
@@ -39,6 +41,10 @@ NOTES = 20
 """Entries of the log, at least; and at least one an epoch."""
 SAVE_EVERY = 60.0
 """Between two checkpoints [s]."""
+
+
+class Stopped(Exception):
+    """A training was told to stop, and can be taken up again."""
 
 
 class ImageTrainer:
@@ -91,6 +97,7 @@ class ImageTrainer:
             "network": dataclasses.asdict(config),
             # What else decides the last bits of the sums.
             "arithmetic": [group.device.type, torch.get_num_threads(), group.size],
+            "data": [train.digest, validation.digest],
             "frames": len(self.train),
             "steps": self.steps,
             "worlds": sorted(train.worlds),
@@ -112,8 +119,15 @@ class ImageTrainer:
         """Where the weights go in the end."""
         return self.out / f"{self.config.arch}.safetensors"
 
-    def run(self) -> Path:
-        """Train to the end, with a progress bar, and export the weights."""
+    def run(self, stopping: Event | None = None) -> Path:
+        """Train to the end, with a progress bar, and export the weights.
+
+        Args:
+            stopping: once it is set, the next step is the last, and a checkpoint is written.
+
+        Raises:
+            Stopped: if it came to that.
+        """
         from tqdm import tqdm
 
         an_epoch = math.ceil(len(self.train) / self.training.batch)
@@ -135,10 +149,14 @@ class ImageTrainer:
                         self._note()
                         bar.set_postfix_str(told(self.log[-1]))
                     self.losses = []
-                if self.group.first and (time.monotonic() - saved > SAVE_EVERY or last):
+                stop = stopping is not None and stopping.is_set() and not last
+                due = time.monotonic() - saved > SAVE_EVERY or last or stop
+                if self.group.first and due:
                     self.seconds = before + time.monotonic() - begun
                     self.save()
                     saved = time.monotonic()
+                if stop:
+                    raise Stopped
         if self.group.first:
             self.export()
         return self.weights
@@ -219,7 +237,12 @@ def told(entry: dict[str, float]) -> str:
 
 
 def train_images(
-    config: ImageConfig, training: ImageTraining, data: Path, out: Path, threads: int
+    config: ImageConfig,
+    training: ImageTraining,
+    data: Path,
+    out: Path,
+    threads: int,
+    stopping: Event | None = None,
 ) -> Path:
     """Train a network; the path of its weights.
 
@@ -229,9 +252,11 @@ def train_images(
         data: folder that `predictor.dataset` has made, or `predictor.drives`.
         out: folder of checkpoint, log and weights.
         threads: of this process.
+        stopping: see `ImageTrainer.run`.
 
     Raises:
         TrainError: if it cannot be done or taken up.
+        Stopped: if it was to stop before its end.
     """
     torch.set_num_threads(threads)
     of_drives = (data / "recipe.json").exists()
@@ -239,7 +264,7 @@ def train_images(
     config = dataclasses.replace(config, turned=of_drives)
     group = Group.join()
     try:
-        return ImageTrainer(config, training, train, validation, out, group).run()
+        return ImageTrainer(config, training, train, validation, out, group).run(stopping)
     finally:
         group.leave()
 
