@@ -93,6 +93,7 @@ def test_a_clock_that_stands_or_goes_back_is_none(tmp_path):
         (HEAD, r"no FLASER line; its lines are: PARAM, ODOM"),
         ("", "no FLASER line; its lines are: none"),
         (scans(2)[:-400], "line 2 is cut off: 180 ranges"),
+        (scans(1).replace("FLASER 180", "FLASER 179", 1), "line 1 has 1 words too many"),
         (scans(1).replace("5.0", "5,0", 1), "line 1: could not convert"),
         ("FLASER\n", "line 1: FLASER is followed by no number of beams"),
         ("FLASER many 1 2\n", "no number of beams"),
@@ -136,7 +137,9 @@ def test_a_missing_log_is_an_error(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"angle_inc_deg": "wide"}', '{"angle_inc_deg": 0}',
-                                  '{"no_return_at_or_above_m": -1}'])  # fmt: skip
+                                  '{"no_return_at_or_above_m": -1}',
+                                  '{"angle_min_deg": -90}',
+                                  '{"angle_min_deg": NaN, "angle_inc_deg": 1}'])  # fmt: skip
 def test_a_file_beside_the_log_that_makes_no_sense_is_an_error(tmp_path, text):
     path = write(tmp_path / "a.log", scans(1))
     (tmp_path / "a.json").write_text(text)

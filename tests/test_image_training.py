@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from threading import Event
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from predictor.networks.image_net import ImageNet
 from predictor.train import main
 from predictor.training.checkpoint import TrainError
 from predictor.training.group import Group
-from predictor.training.image_training import ImageTrainer, train_images
+from predictor.training.image_training import ImageTrainer, Stopped, train_images
 from predictor.training.pairs import Pairs
 from predictor.weights import load_weights
 
@@ -43,6 +44,25 @@ def trainer(out, arch="unet_ff", train=TRAIN, validation=VALIDATION, **training)
 
 def log_of(out):
     return [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
+
+
+def test_told_to_stop_it_leaves_a_checkpoint_and_ends_as_if_it_had_not(tmp_path):
+    whole = trainer(tmp_path / "whole").run()
+    stopping = Event()
+    stopping.set()
+    for step in (1, 2):
+        with pytest.raises(Stopped):
+            trainer(tmp_path / "stopped").run(stopping)
+        assert trainer(tmp_path / "stopped").step == step
+    path = trainer(tmp_path / "stopped").run()
+    prints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
+    assert prints[0] == prints[1]
+
+
+def test_other_frames_are_another_training(tmp_path):
+    trainer(tmp_path).save()
+    with pytest.raises(TrainError, match="another data"):
+        trainer(tmp_path, train=generated(len(TRAIN), 77))
 
 
 @pytest.mark.parametrize("arch", ARCHITECTURES)

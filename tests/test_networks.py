@@ -146,6 +146,7 @@ def test_a_batch_of_one_is_normalised_alike_in_training_and_after_it():
         ({"side": 100}, "side is 100.*64, 128, 256"),
         ({"width": 0.0}, "width is 0.0"),
         ({"expansion": 2.5}, "expansion is 2.5"),
+        ({"expansion": 1.25}, "expansion is 1.25.*even number"),
         ({"given": "all"}, "given is 'all'.*crop, window"),
     ],
 )

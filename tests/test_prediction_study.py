@@ -271,6 +271,12 @@ def test_a_plug_in_that_breaks_the_contract_is_refused_in_a_line(sets, tmp_path,
     assert not (tmp_path / "results.json").exists()
 
 
+def test_plug_ins_of_one_file_are_not_one():
+    one, other = (contestants([f"test_prediction_study:{name}"], [1.1])[-1]
+                  for name in ("Nan", "Beyond"))  # fmt: skip
+    assert one.identity != other.identity
+
+
 def test_nan_counts_as_not_known_and_is_shown(sets, tmp_path, undrawn):
     assert main(command(sets, tmp_path, "--predictors", "test_prediction_study:Nan")) == 0
     row = json.loads((tmp_path / "results.json").read_text())["simulated"]["1.10"]
