@@ -32,7 +32,7 @@ corridor: .venv/.installed
 study: setup
 	$(BIN)/python -m predictor.dataset
 	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT)
-	$(BIN)/python -m benchmarks.prediction --predictors none extend compact $(OUT) --out $(OUT)/prediction
+	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs $(OUT) --out $(OUT)/prediction
 
 test: setup
 	$(BIN)/ruff format --check .

@@ -23,6 +23,8 @@ from predictor.weights import load_weights
 
 SHIPPED = Path(__file__).with_name("compact.safetensors")
 """The weights that come with the package; their card lies beside them."""
+LOGS = Path(__file__).with_name("compact-logs.safetensors")
+"""Those that went on to learn from simulated logs; likewise."""
 RESOLUTION = 0.05
 """Of the maps that the network was trained on [m]; others are resampled to it."""
 SUREST = 0.9999
@@ -50,6 +52,7 @@ class Compact:
     def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
         changed = weights.stat().st_mtime_ns if weights.is_file() else 0
         self._run, self._multiple, self.facts = _loaded(weights, changed, runtime)
+        self.weights = weights
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict the rest of a window.
@@ -82,6 +85,14 @@ class Compact:
         top, left = over[0] // 2, over[1] // 2
         answers = self._run(np.ascontiguousarray(padded)[None])
         return answers[0, :, top : top + rows, left : left + cols]
+
+
+def of_logs() -> Compact:
+    """Predicts what a robot's log maps: what lies behind doors is mostly never seen, and said so.
+
+    To drive by, take `Compact()`, whose truth is the building.
+    """
+    return Compact(LOGS)
 
 
 class _Answers(nn.Module):

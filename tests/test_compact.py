@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 import torch
 
-from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.compact import SHIPPED, Compact, _resampled
+from predictor import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Grid,
+    GridFrame,
+    check_predictor,
+    load_predictor,
+)
+from predictor.compact import LOGS, SHIPPED, Compact, _resampled
 from predictor.networks.compact_net import CompactNet
 from predictor.provenance import fingerprint_of
 from predictor.runtime import RUNTIMES
@@ -40,7 +48,14 @@ def centre_pose(grid, yaw=0.0):
 
 def test_it_is_as_small_as_promised():
     assert sum(p.numel() for p in CompactNet().parameters()) <= 1_500_000
-    assert SHIPPED.stat().st_size <= 8_000_000
+    assert max(path.stat().st_size for path in (SHIPPED, LOGS)) <= 8_000_000
+
+
+def test_what_learned_from_logs_goes_by_its_own_name():
+    predictor = load_predictor("compact-logs")
+    assert isinstance(predictor, Compact)
+    assert predictor.facts["before"]["fingerprint"] == Compact().facts["fingerprint"]
+    check_predictor(predictor)
 
 
 @pytest.mark.parametrize("shape", [(40, 40), (200, 200), (280, 120)])

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from predictor.compact import SHIPPED
+from predictor.compact import LOGS, SHIPPED
 from predictor.data import simulated
 from predictor.data.frames import MANIFEST, Frames, FramesError
 from predictor.data.simulated import (
@@ -68,8 +68,9 @@ def test_seeds_are_those_of_nothing_else():
     assert min(maps) > SPLITS["validation"] + 100_000
 
 
-def test_shipped_weights_know_none_of_the_buildings(folder):
-    _, facts = facts_of(SHIPPED)
+@pytest.mark.parametrize("weights", [SHIPPED, LOGS])
+def test_shipped_weights_know_none_of_the_buildings(folder, weights):
+    _, facts = facts_of(weights)
     learned = set(facts["worlds"]) | set(facts["validation_worlds"])
     assert not Frames.load(folder).worlds & learned
 

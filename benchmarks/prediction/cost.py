@@ -14,7 +14,7 @@ from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.entrants import is_printed
 from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import Square
-from predictor.compact import SHIPPED, Compact
+from predictor.compact import Compact
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.networks.compact_net import CompactNet
@@ -104,9 +104,7 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | Non
     elif isinstance(predictor, ImagePredictor):
         sizes = [_of_image(Path(contestant.spec))]
     elif isinstance(predictor, Compact):
-        net = load_weights(
-            SHIPPED if contestant.spec == "compact" else Path(contestant.spec), CompactNet
-        )[0]
+        net = load_weights(predictor.weights, CompactNet)[0]
         side = n + -n % net.config.multiple
         sizes = [_counted(net, torch.zeros(1, 2, side, side))]
     else:
