@@ -70,9 +70,10 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "has made, or logs themselves, of which a set is made in DIR/physical (default: "
         f"{PHYSICAL}, if it is there)")  # fmt: skip
     add("--predictors", nargs="+", default=list(PREDICTORS), metavar="P", help="none, extend, "
-        "compact, compact-logs, module:Class, weights FILE.safetensors, a folder of predictor.study, of which "
-        "each network is asked at the expansion that it was trained for, or fused:FOLDER/ARCH, all "
-        f"of them in one; NAME=P to rename (default: {' '.join(PREDICTORS)})")  # fmt: skip
+        "compact, compact-logs, module:Class, weights FILE.safetensors, a folder of "
+        "predictor.study, of which each network is asked at the expansion that it was trained for, "
+        "or fused:FOLDER/ARCH, all of them in one; NAME=P to rename; the first eight that predict "
+        f"are in the figures (default: {' '.join(PREDICTORS)})")  # fmt: skip
     add("--expansions", nargs="+", type=float, default=list(EXPANSIONS), metavar="X",
         help="side of the predicted square over 5 m, of 1.02, 1.04, … 2.00 (default: "
         f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip

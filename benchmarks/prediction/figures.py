@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from benchmarks.figures import save_figures
 from benchmarks.palette import INK, new_figure, predictor_colour
 from benchmarks.prediction.maps import drawn_maps
-from benchmarks.prediction.pictures import GIVEN, Row, Sheets
+from benchmarks.prediction.pictures import GIVEN, NOTHING, Row, Sheets, shown
 from predictor.data.frames import CROP, Frames
 
 TITLES = {
@@ -50,6 +50,12 @@ def draw(
         leader: whose typical and worst squares are shown.
     """
     places = {"simulated": results["simulated"], **results["physical"]}
+    names = {*NOTHING, *shown(_names(results["simulated"]))}
+    places = {
+        place: {x: {name: row for name, row in rows.items() if name in names}
+                for x, rows in entry.items()}
+        for place, entry in places.items()
+    }  # fmt: skip
     figures: list[tuple[str, Callable[[], Figure]]] = [
         ("ssim.png", partial(ssim, places, results["paper"])),
         ("distance.png", partial(by_distance, places)),

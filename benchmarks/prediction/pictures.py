@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from operator import itemgetter
 from typing import Any
@@ -19,7 +20,7 @@ from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
 from predictor.data.frames import codes_of
 
-SHOWN, COLUMNS = 5, 9
+SHOWN, COLUMNS = 5, 8
 """Examples on a sheet, and predictors beside each other there."""
 WIDEST = 1.7
 """Of the squares in the paper's figure."""
@@ -29,6 +30,8 @@ STRAIGHT, STEP = 0.35, 20
 """What the heading may change there [rad], and frames between two that are looked at for it."""
 LEADERS = ("unet_ff", "resnet_ff", "gan", "compact")
 """Whose failures and whose typical square are shown: the first of them that is there."""
+NOTHING = ("copy", "grey", "none")
+"""They predict nothing."""
 GIVEN, TRUE = "input", "truth"
 """Columns beside those of the predictors."""
 
@@ -104,11 +107,15 @@ def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.in
 
 
 def _shown(evaluation: Evaluation) -> list[Contestant]:
-    """Who is shown: the first of all that predict something."""
-    some = [one for one in evaluation.config.contestants
-            if one.name not in ("copy", "grey", "none")]  # fmt: skip
-    names = list(dict.fromkeys(one.name for one in some))[:COLUMNS]
-    return [one for one in some if one.name in names]
+    """Who is shown on sheets."""
+    every = evaluation.config.contestants
+    names = shown(one.name for one in every)
+    return [one for one in every if one.name in names]
+
+
+def shown(names: Iterable[str]) -> list[str]:
+    """The first of all that predict something: more make no figure that can be read."""
+    return [name for name in dict.fromkeys(names) if name not in NOTHING][:COLUMNS]
 
 
 def _made(evaluation: Evaluation, chosen: dict[str, list[tuple[Asked, str]]]) -> Sheets:
