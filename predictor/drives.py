@@ -145,7 +145,7 @@ def _logged(
     from predictor.grid import FREE, OCCUPIED, Grid, OccupancyGrid
     from sim.task import NoTaskError, sample_task
 
-    # None but the first may be missing: from some starts there is no way that long.
+    # All but the first may be missing: from some starts there is no way that long.
     tasks = [sample_task(world, seed, ROBOT)]
     for number in range(1, JOURNEYS):
         with contextlib.suppress(NoTaskError):
@@ -256,7 +256,7 @@ def make(config: DrivesConfig, jobs: int) -> None:
 def _claim(config: DrivesConfig) -> None:
     """Make the folders, and see to it that one folder holds samples of one recipe."""
     from predictor.data.frames import MANIFEST
-    from predictor.data.samples import FORMAT
+    from predictor.data.samples import FORMAT, RECIPE
     from predictor.data.simulated_log import LogConfig
     from predictor.whole import write_whole
 
@@ -268,7 +268,7 @@ def _claim(config: DrivesConfig) -> None:
            {"longest": config.longest, "every": config.every})  # fmt: skip
     recipe = {"format": FORMAT, "views": config.views, "families": FAMILIES, "windows": WINDOWS}
     recipe |= how
-    path, mine = config.out / "recipe.json", json.dumps(recipe, indent=1)
+    path, mine = config.out / RECIPE, json.dumps(recipe, indent=1)
     if path.exists() and path.read_text() != mine:
         other = "without" if config.logs else "with"
         raise DrivesError(f"{path} says that its samples were made in another way, perhaps {other} "

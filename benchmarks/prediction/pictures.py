@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction.contestants import Contestant
+from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.entrants import entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation
 from benchmarks.prediction.scoring import Kept, drive_of
@@ -30,7 +30,7 @@ STRAIGHT, STEP = 0.35, 20
 """What the heading may change there [rad], and frames between two that are looked at for it."""
 LEADERS = ("unet_ff", "resnet_ff", "gan", "compact")
 """Whose failures and whose typical square are shown: the first of them that is there."""
-NOTHING = ("copy", "grey", "none")
+NOTHING = (*BASELINES, "none")
 """They predict nothing."""
 GIVEN, TRUE = "input", "truth"
 """Columns beside those of the predictors."""

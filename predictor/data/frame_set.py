@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.frames import FORMAT, MANIFEST, FramesError, checksum, read_manifest
+from predictor.data.samples import RECIPE
 from predictor.whole import write_whole
 
 
@@ -33,7 +34,7 @@ class FrameSet:
 
     def __init__(self, folder: Path, kind: str, settings: dict[str, Any], names: list[str]) -> None:
         self.folder, self.names = folder, names
-        if (folder / "recipe.json").exists():
+        if (folder / RECIPE).exists():
             raise FramesError(f"{folder} holds samples of predictor.drives: choose another folder")
         folder.mkdir(parents=True, exist_ok=True)
         self._facts = {"format": FORMAT, "kind": kind, "version": version("foresee"),

@@ -31,6 +31,8 @@ from predictor.grid import FREE, OCCUPIED, Grid
 from predictor.whole import write_whole
 
 FORMAT = 2
+RECIPE = "recipe.json"
+"""Beside the splits' folders: how all samples there were made."""
 SIDE = 280
 """Of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
 

@@ -22,6 +22,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from predictor.data.samples import RECIPE
 from predictor.networks.image_config import ImageConfig, ImageTraining
 from predictor.networks.image_net import ImageNet
 from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
@@ -259,7 +260,7 @@ def train_images(
         Stopped: if it was to stop before its end.
     """
     torch.set_num_threads(threads)
-    of_drives = (data / "recipe.json").exists()
+    of_drives = (data / RECIPE).exists()
     train, validation = (_samples if of_drives else _frames)(data)
     config = dataclasses.replace(config, turned=of_drives)
     group = Group.join()
