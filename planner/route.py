@@ -61,16 +61,23 @@ def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> 
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
     """Cells (n, 2) of the cheapest 8-connected way from start to goal; none if there is none."""
     rows, cols = cost.shape
-    best = np.full(rows * cols, np.inf, dtype=np.float32)
-    towards = np.full(rows * cols, -1, dtype=np.int32)
+    # With a border that nothing enters, so that every cell has eight neighbours.
+    wide = cols + 2
+    price = np.full((rows + 2) * wide, np.inf, dtype=np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            price[(row + 1) * wide + col + 1] = cost[row, col]
+    best = np.full(price.size, np.inf, dtype=np.float32)
+    towards = np.full(price.size, -1, dtype=np.int32)
     keys = np.empty(1024, dtype=np.float32)
     nodes = np.empty(1024, dtype=np.int32)
-    goal = goal_row * cols + goal_col
-    start = start_row * cols + start_col
+    goal = (goal_row + 1) * wide + goal_col + 1
+    start = (start_row + 1) * wide + start_col + 1
     best[goal] = 0.0
     keys[0], nodes[0] = 0.0, goal
     count = 1
-    diagonal = np.float32(math.sqrt(2.0))
+    straight = np.float32(0.5)
+    diagonal = np.float32(0.5) * np.float32(math.sqrt(2.0))
     while count:
         key, node = keys[0], nodes[0]
         count -= 1
@@ -92,29 +99,24 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
             continue
         if node == start:
             break
-        row, col = node // cols, node % cols
-        for dr in range(-1, 2):
-            for dc in range(-1, 2):
-                r, c = row + dr, col + dc
-                if (dr == 0 and dc == 0) or r < 0 or c < 0 or r >= rows or c >= cols:
+        if count + 8 > keys.size:
+            keys = np.concatenate((keys, np.empty_like(keys)))
+            nodes = np.concatenate((nodes, np.empty_like(nodes)))
+        for up in (-wide, 0, wide):
+            for right in range(-1, 2):
+                other = node + up + right
+                if best[other] <= key:
                     continue
-                if not math.isfinite(cost[r, c]):
-                    continue
-                if dr != 0 and dc != 0:
+                half = straight
+                if up != 0 and right != 0:
                     # A diagonal step passes both corners.
-                    if not (math.isfinite(cost[row, c]) and math.isfinite(cost[r, col])):
+                    if price[node + up] == np.inf or price[node + right] == np.inf:
                         continue
-                    length = diagonal
-                else:
-                    length = np.float32(1.0)
-                value = key + np.float32(0.5) * length * (cost[row, col] + cost[r, c])
-                other = r * cols + c
+                    half = diagonal
+                value = key + half * (price[node] + price[other])
                 if value < best[other]:
                     best[other] = value
                     towards[other] = node
-                    if count == keys.size:
-                        keys = np.concatenate((keys, np.empty_like(keys)))
-                        nodes = np.concatenate((nodes, np.empty_like(nodes)))
                     i = count
                     count += 1
                     while i > 0:
@@ -133,6 +135,6 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
     cells = np.empty((steps, 2), dtype=np.int64)
     here = start
     for i in range(steps):
-        cells[i, 0], cells[i, 1] = here // cols, here % cols
+        cells[i, 0], cells[i, 1] = here // wide - 1, here % wide - 1
         here = towards[here]
     return cells
