@@ -107,6 +107,7 @@ class Evaluation:
 
         names = rows_of(self.config)
         groups: dict[str, dict[str, Scores]] = {}
+        bins: dict[str, dict[str, list[NDArray]]] = {}
         facts: dict[str, list[dict[str, Any]]] = {}
         pictures: list[tuple[float, NDArray]] = []
         for item in self.items:
@@ -117,12 +118,15 @@ class Evaluation:
             group = group_of(item[0])
             facts.setdefault(group, []).append(fact)
             sums = groups.setdefault(group, {name: Scores() for name in names})
+            each = bins.setdefault(group, {name: [] for name in names})
             if "skipped" in fact:
                 continue
             for name in names:
-                sums[name] += Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
+                scores = Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
+                sums[name] += scores
+                each[name].append(scores.bins("free"))
             pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
-        summaries = {group: _summary(facts[group], groups[group]) for group in groups}
+        summaries = {group: _summary(facts[group], groups[group], bins[group]) for group in groups}
         learned = [group for group in groups if group in FAMILIES]
         if len(learned) > 1:
             # One family may look like another; what is then true of both is true of neither.
@@ -131,7 +135,8 @@ class Evaluation:
                 for name in names:
                     pooled[name] += groups[group][name]
             every = [fact for group in learned for fact in facts[group]]
-            summaries[" + ".join(learned)] = _summary(every, pooled)
+            of_each = {name: [part for g in learned for part in bins[g][name]] for name in names}
+            summaries[" + ".join(learned)] = _summary(every, pooled, of_each)
         results = {
             "settings": asdict(self.config),
             "machine": machine(),
@@ -162,12 +167,20 @@ class Evaluation:
         return self.parts / f"{self.items.index(item):05d}.npz"
 
 
-def _summary(facts: list[dict[str, Any]], sums: dict[str, Scores]) -> dict[str, Any]:
-    """A group's scores: predictor → measures."""
+def _summary(
+    facts: list[dict[str, Any]], sums: dict[str, Scores], bins: dict[str, list[NDArray]]
+) -> dict[str, Any]:
+    """A group's scores: predictor → measures.
+
+    Args:
+        facts: of each drive.
+        sums: scores of all drives, by predictor.
+        bins: `Scores.bins` of free, of each drive, by predictor.
+    """
     import numpy as np
 
     from predictor.scoring.scored_drive import BLANK
-    from predictor.scoring.scores import EDGES, RINGS
+    from predictor.scoring.scores import EDGES, RINGS, calibration_interval
 
     scored = [fact for fact in facts if "skipped" not in fact]
     rows: dict[str, dict[str, Any]] = {}
@@ -179,6 +192,7 @@ def _summary(facts: list[dict[str, Any]], sums: dict[str, Scores]) -> dict[str, 
             row["ms"] = float(np.median([fact["ms"][name] for fact in scored]))
         if name in sums:
             row |= _measures(name, sums[name], slice(None))
+            row["ece_free_95"] = calibration_interval(np.stack(bins[name]))
             row["rings"] = [
                 {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}
                 for i in range(RINGS)
@@ -223,9 +237,10 @@ def table(results: dict[str, Any]) -> str:
         if entry["learned"]:
             skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
         head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
-        rows = [["", *(column.replace("_", " ") for column in columns)]]
+        rows = [["", *(column.replace("_", " ") for column in columns), "ece free, 95 %"]]
         for name, row in entry["predictors"].items():
-            rows.append([name, *(_cell(row.get(column)) for column in columns)])
+            cells = [_cell(row.get(column)) for column in columns]
+            rows.append([name, *cells, "–".join(map(_cell, row.get("ece_free_95", ())))])
         parts.append(f"{head}\n\n{markdown(rows)}")
     return "\n\n".join(parts)
 

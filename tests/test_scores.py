@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.scoring.scores import EDGES, RINGS, Scores, rings_of
+from predictor.scoring.scores import EDGES, RINGS, Scores, calibration_interval, rings_of
 
 LAST = RINGS - 1
 
@@ -49,6 +49,22 @@ def test_overconfidence_shows_as_calibration_error():
     sure = np.where(p_free > 0.5, np.float32(1), np.float32(0))
     got = scored((sure, np.zeros_like(sure), free, occupied, ring)).measures()
     assert got["ece_free"] > 0.1
+
+
+def test_drives_that_are_alike_leave_no_doubt_of_a_calibration_error():
+    scores = scored(some_cells())
+    low, high = calibration_interval(np.stack([scores.bins("free")] * 5))
+    assert low == high == pytest.approx(scores.measures()["ece_free"])
+
+
+def test_drives_that_differ_leave_a_calibration_error_in_doubt():
+    # Said of every cell: one half. True in one drive, false in the next; right on average.
+    bins = np.zeros((20, 20, 3))
+    bins[:, 10] = [100.0, 50.0, 0.0]
+    bins[::2, 10, 2] = 100.0
+    low, high = calibration_interval(bins)
+    assert low < 0.02
+    assert 0.15 < high < 0.3
 
 
 def test_scores_of_parts_add_up_to_those_of_the_whole():

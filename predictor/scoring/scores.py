@@ -120,11 +120,36 @@ class Scores:
             Mean probability given, rate at which it came true, share of the cells; the first two
             are NaN in an empty bin.
         """
+        n, p, hits = self.bins(name, rings).T
+        with np.errstate(invalid="ignore"):
+            return p / n, hits / n, n / max(1.0, n.sum())
+
+    def bins(self, name: str, rings: slice = slice(None)) -> NDArray[np.float64]:
+        """Of each bin of "free" or "occupied": cells, sum of the probabilities, how many came true.
+
+        Returns:
+            (BINS, 3).
+        """
         counts = getattr(self, name)[rings].sum(axis=0).reshape(BINS, -1, 2).sum(axis=1)
         sums = getattr(self, f"level_{name}")[rings].sum(axis=0).reshape(BINS, -1).sum(axis=1)
-        n = counts.sum(axis=1).astype(np.float64)
-        with np.errstate(invalid="ignore"):
-            return sums / n, counts[:, 1] / n, n / max(1.0, n.sum())
+        return np.column_stack([counts.sum(axis=1), sums, counts[:, 1]]).astype(np.float64)
+
+
+def calibration_interval(bins: NDArray[np.float64], rounds: int = 2000) -> tuple[float, float]:
+    """95 % interval of a calibration error, drives resampled.
+
+    An error cannot be negative: what chance does to few drives raises it.
+
+    Args:
+        bins: `Scores.bins` of each drive, (drives, BINS, 3).
+        rounds: resamplings; their seed is fixed.
+    """
+    drives = len(bins)
+    drawn = np.random.default_rng(0).multinomial(drives, np.full(drives, 1.0 / drives), rounds)
+    cells, p, hits = np.moveaxis(np.tensordot(drawn, bins, 1), 2, 0)
+    errors = abs(p - hits).sum(axis=1) / np.maximum(1.0, cells.sum(axis=1))
+    low, high = np.percentile(errors, [2.5, 97.5])
+    return float(low), float(high)
 
 
 def _area(counts: NDArray[np.int64]) -> float:
