@@ -150,6 +150,10 @@ class Lidar:
         return np.where(dropped, np.nan, noisy)
 
 
+LANES = 4
+"""Beams that are followed at a time: while one waits for memory, the others go on."""
+
+
 @njit(cache=True, nogil=True)
 def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-untyped-def]
     """Range along each beam to the first OCCUPIED cell [cells], exact.
@@ -172,58 +176,72 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
         beam begins in a solid cell.
     """
     rows, cols = cells.shape
-    out = np.full(beams.shape[0], np.nan)
+    count = beams.shape[0]
+    out = np.full(count, np.nan)
     if not (0.0 <= x < cols and 0.0 <= y < rows):
         return out
     cos, sin = math.cos(bearing), math.sin(bearing)
     x += 1.0
     y += 1.0
-    start_row, start_col = int(y), int(x)
-    if skips[0, start_row, start_col] == 0:
+    wide = cols + 2
+    squares = skips.reshape(-1)
+    start = int(y) * wide + int(x)
+    if squares[start] == 0:
         return out
-    for beam in range(beams.shape[0]):
-        dx = cos * beams[beam, 0] - sin * beams[beam, 1]
-        dy = sin * beams[beam, 0] + cos * beams[beam, 1]
-        # A direction this close to an axis would overflow its inverse, and strays less than 1e-9.
-        if abs(dx) < 1e-13:
-            dx = 0.0
-        if abs(dy) < 1e-13:
-            dy = 0.0
-        left, down = dx < 0.0, dy < 0.0
-        inv_x = 1.0 / dx if dx != 0.0 else 1e300
-        inv_y = 1.0 / dy if dy != 0.0 else 1e300
-        step_x, step_y = -1 if left else 1, -1 if down else 1
-        # Moving down an axis, a cell is entered through its upper edge.
-        edge_x, edge_y = x - (1.0 if left else 0.0), y - (1.0 if down else 0.0)
-        plane = skips[2 * down + left]
-        row, col = start_row, start_col
-        side = int(plane[row, col])
-        travelled = 0.0
-        while side:
-            past_col, past_row = col + step_x * side, row + step_y * side
-            to_x, to_y = (past_col - edge_x) * inv_x, (past_row - edge_y) * inv_y
-            if to_x <= to_y:
-                travelled = to_x
-                across = int(y + to_x * dy)
-                # Rounding may not move the ray off the square's own edge.
-                if down:
-                    row = max(past_row + 1, min(across, row))
-                else:
-                    row = min(past_row - 1, max(across, row))
-                col = past_col
-            else:
-                travelled = to_y
-                across = int(x + to_y * dx)
-                if left:
-                    col = max(past_col + 1, min(across, col))
-                else:
-                    col = min(past_col - 1, max(across, col))
-                row = past_row
+    # Of each lane's beam: its number, direction, the inverse and the signs of that, the edges that
+    # it comes to from the start, its quadrant's plane, the cell it is in, and the square ahead.
+    beam = np.empty(LANES, dtype=np.int64)
+    dx, dy, inv_x, inv_y = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    step_x, step_y = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
+    edge_x, edge_y = np.empty(LANES), np.empty(LANES)
+    plane = np.empty(LANES, dtype=np.int64)
+    row, col = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
+    ahead = np.zeros(LANES, dtype=np.int64)
+    begun = ended = 0
+    while ended < count:
+        for i in range(LANES):
+            if ahead[i] == 0:
+                if begun == count:
+                    continue
+                dx[i] = cos * beams[begun, 0] - sin * beams[begun, 1]
+                dy[i] = sin * beams[begun, 0] + cos * beams[begun, 1]
+                # So close to an axis the inverse would overflow, and 0 is off by less than 1e-9.
+                if abs(dx[i]) < 1e-13:
+                    dx[i] = 0.0
+                if abs(dy[i]) < 1e-13:
+                    dy[i] = 0.0
+                inv_x[i] = 1.0 / dx[i] if dx[i] != 0.0 else 1e300
+                inv_y[i] = 1.0 / dy[i] if dy[i] != 0.0 else 1e300
+                left, down = dx[i] < 0.0, dy[i] < 0.0
+                step_x[i], step_y[i] = -1 if left else 1, -1 if down else 1
+                # Moving down an axis, a cell is entered through its upper edge.
+                edge_x[i], edge_y[i] = x - (1.0 if left else 0.0), y - (1.0 if down else 0.0)
+                plane[i] = (2 * down + left) * (rows + 2) * wide
+                row[i], col[i] = int(y), int(x)
+                ahead[i] = squares[plane[i] + start]
+                beam[i] = begun
+                begun += 1
+            # Without branches, which could not be foreseen: both ways out of the square, and then
+            # the one that comes first.
+            past_col, past_row = col[i] + step_x[i] * ahead[i], row[i] + step_y[i] * ahead[i]
+            to_x, to_y = (past_col - edge_x[i]) * inv_x[i], (past_row - edge_y[i]) * inv_y[i]
+            through_x = to_x <= to_y
+            travelled = min(to_x, to_y)
+            # Rounding may not move the ray off the square's own edge.
+            last_col, last_row = past_col - step_x[i], past_row - step_y[i]
+            across_col, across_row = int(x + travelled * dx[i]), int(y + travelled * dy[i])
+            across_col = min(max(across_col, min(col[i], last_col)), max(col[i], last_col))
+            across_row = min(max(across_row, min(row[i], last_row)), max(row[i], last_row))
+            col[i] = past_col if through_x else across_col
+            row[i] = across_row if through_x else past_row
+            ahead[i] = squares[np.uint64(plane[i] + row[i] * wide + col[i])]
             if travelled >= longest:
-                break
-            side = int(plane[row, col])
-        if travelled >= longest:
-            out[beam] = np.inf
-        elif 1 <= row <= rows and 1 <= col <= cols and cells[row - 1, col - 1] == OCCUPIED:
-            out[beam] = travelled
+                out[beam[i]] = np.inf
+                ahead[i] = 0
+                ended += 1
+            elif ahead[i] == 0:
+                ended += 1
+                inside = 1 <= row[i] <= rows and 1 <= col[i] <= cols
+                if inside and cells[row[i] - 1, col[i] - 1] == OCCUPIED:
+                    out[beam[i]] = travelled
     return out
