@@ -66,6 +66,24 @@ def test_a_beam_crosses_exactly_the_cells_that_it_passes(rows, cols, x, y, angle
     assert_matches_slab_oracle((rows, cols), x, y, angle, length, 30.0)
 
 
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(-3, 43),
+    st.floats(-3, 43),
+    st.floats(-4, 4),
+    st.floats(-0.05, 0.05),
+    st.lists(st.one_of(st.floats(0.01, 60), st.sampled_from([math.nan, math.inf])), max_size=150),
+)
+def test_a_scan_crosses_what_its_beams_cross_one_by_one(x, y, first, step, ranges):
+    together, one_by_one = np.zeros((2, 40, 40), np.uint8)
+    trace_beams(together, x, y, first, step, np.array(ranges), 50.0)
+    for beam, length in enumerate(ranges):
+        marks = np.zeros((40, 40), np.uint8)
+        trace_beams(marks, x, y, first + beam * step, 0.0, np.array([length]), 50.0)
+        np.maximum(one_by_one, marks, out=one_by_one)
+    assert np.array_equal(together, one_by_one)
+
+
 @pytest.mark.parametrize("eighth", range(8))
 @pytest.mark.parametrize("start", [(5.0, 5.0), (5.5, 5.5), (5.0, 5.5), (5.25, 5.5)])
 @pytest.mark.parametrize("length", [1.0, 3.5, 4.0, 50.0])
