@@ -269,7 +269,12 @@ def _claim(config: DrivesConfig) -> None:
     recipe = {"format": FORMAT, "views": config.views, "families": FAMILIES, "windows": WINDOWS}
     recipe |= how
     path, mine = config.out / RECIPE, json.dumps(recipe, indent=1)
-    if path.exists() and path.read_text() != mine:
+    try:
+        theirs = json.loads(path.read_text()) if path.exists() else json.loads(mine)
+    except ValueError:
+        raise DrivesError(f"{path} cannot be read; delete it if you know that the samples beside "
+                          "it were made by this command") from None  # fmt: skip
+    if theirs != json.loads(mine):
         other = "without" if config.logs else "with"
         raise DrivesError(f"{path} says that its samples were made in another way, perhaps {other} "
                           "--logs; choose another folder")  # fmt: skip

@@ -144,6 +144,16 @@ def test_samples_of_another_recipe_are_not_mixed_in(tmp_path):
         _claim(DrivesConfig(tmp_path, longest=99.0))
 
 
+def test_a_recipe_in_another_order_is_the_same_and_a_damaged_one_is_named(tmp_path):
+    _claim(DrivesConfig(tmp_path))
+    recipe = tmp_path / "recipe.json"
+    recipe.write_text(json.dumps(dict(reversed(json.loads(recipe.read_text()).items()))))
+    _claim(DrivesConfig(tmp_path))
+    recipe.write_text("{")
+    with pytest.raises(DrivesError, match="cannot be read"):
+        _claim(DrivesConfig(tmp_path))
+
+
 def test_a_damaged_checkpoint_is_named(data, tmp_path, small):
     one = trainer(data, tmp_path)
     one.save()
