@@ -48,7 +48,7 @@ def _run(settings: Settings, place: Place) -> int:
     except (PredictorError, MapError) as error:
         raise UsageError(str(error)) from None
     out = place.out
-    store = Store(out, settings, weights)
+    store = Store(out, settings, weights, place.baselines)
     interrupted = _drive_all(store, settings, weights, place)
     results = store.pack()
     print(f"\n{title(results['settings'])}\n")

@@ -80,11 +80,13 @@ class Place:
         out: folder of results and figures.
         jobs: processes.
         dask: address of a Dask scheduler whose workers drive in their place, or None.
+        baselines: folder of an earlier run, whose drives without the predictor are taken over.
     """
 
     out: Path
     jobs: int
     dask: str | None
+    baselines: Path | None
 
 
 def parse(argv: list[str] | None) -> tuple[Settings, Place]:
@@ -128,6 +130,9 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
     add("--dask", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786: its "
         "workers drive, in place of processes here")  # fmt: skip
+    add("--baselines", type=Path, metavar="DIR", help="an earlier run with the same settings and "
+        "another predictor: drives of arms that do not ask one (known, optimistic, oracle, full) "
+        "are taken from there")  # fmt: skip
     add("--out", type=Path, default=Path("results/corridor"), metavar="DIR",
         help="results.json, traces.npz and the figures go here")  # fmt: skip
     args = parser.parse_args(argv)
@@ -138,4 +143,4 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
         tuple(args.world), args.route, args.episodes, args.seed, arms, args.predictor, args.risk,
         args.v_max, args.window, args.expansion, args.noise, args.dropout,
     )  # fmt: skip
-    return settings, Place(args.out, args.jobs, args.dask)
+    return settings, Place(args.out, args.jobs, args.dask, args.baselines)

@@ -17,13 +17,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.run_dir import RESULTS, TRACES
+from benchmarks.arms import ARMS
+from benchmarks.run_dir import RESULTS, TRACES, Run, RunError
 from benchmarks.settings import Settings, UsageError
 from benchmarks.summary import gap, summarise
 from predictor.whole import write_whole
 
 GROWS = ("episodes", "arms")
 """Settings that a run may be continued with more of."""
+CHOSEN = ("predictor", "weights")
+"""Settings that only arms which ask the chosen predictor know of."""
 
 
 class Store:
@@ -33,19 +36,25 @@ class Store:
         out: the folder; made if need be.
         settings: of the run.
         weights: fingerprint of the predictor's weights, if it has any.
+        baselines: folder of a run with the same settings, whose drives that did not ask the chosen
+            predictor are taken over.
 
     Raises:
-        UsageError: if the folder holds a run with other settings or weights, or cannot be written.
+        UsageError: if the folder holds a run with other settings or weights, or cannot be written;
+            if that of the baselines holds no run, or one with other settings.
     """
 
-    def __init__(self, out: Path, settings: Settings, weights: str | None) -> None:
+    def __init__(
+        self, out: Path, settings: Settings, weights: str | None, baselines: Path | None = None
+    ) -> None:
         self.out, self.settings, self.parts = out, settings, out / "parts"
         self.skipped: dict[int, str] = {}
+        self._marked = mine = _plain(settings) | {"weights": weights}
+        adopted = None if baselines is None else self._checked(baselines)
         try:
             self.parts.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"--out {out}: {error.strerror}") from None
-        self._marked = mine = _plain(settings) | {"weights": weights}
         marker = out / "settings.json"
         if marker.exists():
             try:
@@ -60,6 +69,8 @@ class Store:
         self.commit = commit()
         packed = self._packed()
         self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
+        if adopted is not None:
+            self._adopt(adopted)
 
     def done(self) -> set[tuple[int, str]]:
         """Episodes and arms that need not be driven again."""
@@ -99,6 +110,33 @@ class Store:
         for path in loose:
             path.unlink()
         return results
+
+    def _checked(self, baselines: Path) -> Run:
+        try:
+            run = Run.load(baselines)
+        except RunError as error:
+            raise UsageError(f"--baselines: {error}") from None
+        other = [k for k in self._marked if k not in (*GROWS, *CHOSEN)
+                 and self._marked[k] != run.settings.get(k)]  # fmt: skip
+        if other:
+            what = ", ".join(f"{k} {run.settings.get(k)}" for k in other)
+            raise UsageError(f"--baselines {baselines} holds a run with {what}")
+        return run
+
+    def _adopt(self, run: Run) -> None:
+        done = self.done()
+        try:
+            arrays: dict[str, list[str]] = {}
+            for name in run.archive.names:
+                arrays.setdefault(name.rpartition("/")[0], []).append(name)
+            for episode in run.episodes:
+                index, arm = episode["index"], episode["arm"]
+                wanted = index < self.settings.episodes and arm in self.settings.arms
+                if wanted and ARMS[arm].predictor != "chosen" and (index, arm) not in done:
+                    names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
+                    self.add(episode, {name: run.archive.array(name) for name in names})
+        except RunError as error:
+            raise UsageError(f"--baselines: {error}") from None
 
     def _pack_traces(self, loose: list[Path]) -> None:
         target = self.out / TRACES

@@ -135,6 +135,41 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
 
 
+def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_path, monkeypatch):
+    command = ("--world", short_map, "--episodes", 1, "--jobs", 1)
+    first, second = tmp_path / "first", tmp_path / "second"
+    arms = "known,predicted,oracle"
+    assert run(*command, "--arms", arms, "--predictor", "none", "--out", first) == 0
+    plain, driven = attempt, []
+
+    def counted(settings, weights, item):
+        driven.append(item)
+        return plain(settings, weights, item)
+
+    monkeypatch.setattr("benchmarks.drive.attempt", counted)
+    assert run(*command, "--arms", arms, "--predictor", "extend", "--baselines", first,
+               "--out", second) == 0  # fmt: skip
+    assert driven == [(0, "predicted")]
+    before, after = (results(out)["episodes"] for out in (first, second))
+    assert [e["arm"] for e in after] == ["known", "predicted", "oracle"]
+    assert (after[0], after[2]) == (before[0], before[2])
+    with np.load(first / "traces.npz") as a, np.load(second / "traces.npz") as b:
+        assert np.array_equal(a["e0/oracle/states"], b["e0/oracle/states"])
+
+
+def test_baselines_of_another_comparison_are_refused(narrow, tmp_path, capsys):
+    out, _ = narrow
+    for words, why in (
+        (("--baselines", out), "holds a run with world"),
+        (("--baselines", tmp_path / "gone"), "is not a folder"),
+    ):
+        assert run("--world", "office", *words, "--out", tmp_path / "run") == 2
+        error = capsys.readouterr().err
+        assert why in error
+        assert error.count("\n") == 1
+        assert not (tmp_path / "run").exists()
+
+
 def test_one_job_two_and_a_cluster_give_the_same_numbers(short_map, tmp_path):
     distributed = pytest.importorskip("distributed")
     command = ("--world", short_map, "--episodes", 1, "--arms", "known,predicted")
