@@ -59,14 +59,15 @@ def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> 
 
 @njit(cache=True, nogil=True)
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Cells (n, 2) of the cheapest 8-connected way from start to goal; none if there is none."""
+    """Cells (n, 2) of the cheapest 8-connected way from start to goal; none if there is none.
+
+    A cell's cost is above 0, and infinite where there is no way.
+    """
     rows, cols = cost.shape
     # With a border that nothing enters, so that every cell has eight neighbours.
     wide = cols + 2
     price = np.full((rows + 2) * wide, np.inf, dtype=np.float32)
-    for row in range(rows):
-        for col in range(cols):
-            price[(row + 1) * wide + col + 1] = cost[row, col]
+    price.reshape(rows + 2, wide)[1:-1, 1:-1] = cost
     best = np.full(price.size, np.inf, dtype=np.float32)
     towards = np.full(price.size, -1, dtype=np.int32)
     keys = np.empty(1024, dtype=np.float32)
@@ -105,6 +106,7 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
         for up in (-wide, 0, wide):
             for right in range(-1, 2):
                 other = node + up + right
+                # Nothing is gained there; the node itself is such a place.
                 if best[other] <= key:
                     continue
                 half = straight

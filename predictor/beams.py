@@ -11,8 +11,6 @@ _TINY = 1e-6
 """A way through a cell that is shorter than this is a graze and does not cross it [cells]."""
 _ONE = 2.0**40
 """One cell in fixed point."""
-
-
 _MOST = 32
 """Farthest beams apart that may spare one between them the cells near the sensor."""
 _SURE = 0.999
@@ -42,27 +40,33 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
         longest: the sensor's range [cells].
     """
     rows, cols = marks.shape
+    # All of the grid is nearer than this, and infinity has no column.
+    farthest = min(longest, rows + cols + abs(x) + abs(y))
     flat = marks.reshape(-1)
     count = ranges.size
     cos, sin, slope = np.empty(count), np.empty(count), np.empty(count)
     sector, passed = np.empty(count, dtype=np.int8), np.zeros(count, dtype=np.int64)
     for beam in range(count):
         cos[beam], sin[beam] = math.cos(first + beam * step), math.sin(first + beam * step)
+        # Four sectors: along which axis a beam is followed, and which way.
         steep = abs(sin[beam]) > abs(cos[beam])
         du, dw = (sin[beam], cos[beam]) if steep else (cos[beam], sin[beam])
         slope[beam] = dw / du
         sector[beam] = 2 * steep + (du < 0.0)
         if ranges[beam] > 0.0:
-            # Columns from the sensor's on that it passes from side to side, or one fewer.
-            passed[beam] = max(0, int(min(ranges[beam], longest) * abs(du)) - 1)
+            # At most as many columns as it leaves behind, the sensor's own included.
+            passed[beam] = max(0, int(min(ranges[beam], farthest) * abs(du)) - 1)
     for beam in range(count):
         if ranges[beam] > 0.0:
-            length = min(ranges[beam], longest)
+            length = min(ranges[beam], farthest)
+            # The largest power of two that divides its number: both neighbours at that distance
+            # begin nearer to the sensor than it does.
             apart = beam & -beam
             below, above = beam - apart, beam + apart
             skip = 0
             amid = 0 < apart <= _MOST and above < count
             if amid and sector[below] == sector[beam] == sector[above]:
+                # Beams of the same direction are no distance apart, wherever.
                 gap = max(abs(slope[above] - slope[below]), 1e-9)
                 skip = min(passed[below], passed[above], int(_SURE / gap))
             if sector[beam] >= 2:

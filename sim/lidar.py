@@ -163,7 +163,7 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
     time, so the cells it visits always share edges and no diagonal wall lets it pass.
 
     Args:
-        skips: `empty_squares` of the map, (4, rows + 2, columns + 2) uint8.
+        skips: `empty_squares` of the map, (4, rows + 2, columns + 2) uint8, contiguous.
         cells: (rows, columns) int8.
         x: position along the columns [cells].
         y: position along the rows [cells].
@@ -189,7 +189,8 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
     if squares[start] == 0:
         return out
     # Of each lane's beam: its number, direction, the inverse and the signs of that, the edges that
-    # it comes to from the start, its quadrant's plane, the cell it is in, and the square ahead.
+    # it comes to from the start, its quadrant's plane, the cell it is in, and the square ahead,
+    # whose side is 0 where the beam has ended and the lane is free.
     beam = np.empty(LANES, dtype=np.int64)
     dx, dy, inv_x, inv_y = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
     step_x, step_y = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
@@ -205,7 +206,7 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
                     continue
                 dx[i] = cos * beams[begun, 0] - sin * beams[begun, 1]
                 dy[i] = sin * beams[begun, 0] + cos * beams[begun, 1]
-                # So close to an axis the inverse would overflow, and 0 is off by less than 1e-9.
+                # So close to an axis it is rounding; the ray strays by less than 1e-9.
                 if abs(dx[i]) < 1e-13:
                     dx[i] = 0.0
                 if abs(dy[i]) < 1e-13:
@@ -234,6 +235,7 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
             across_row = min(max(across_row, min(row[i], last_row)), max(row[i], last_row))
             col[i] = past_col if through_x else across_col
             row[i] = across_row if through_x else past_row
+            # Unsigned: a signed index would be tested for counting from the end.
             ahead[i] = squares[np.uint64(plane[i] + row[i] * wide + col[i])]
             if travelled >= longest:
                 out[beam[i]] = np.inf

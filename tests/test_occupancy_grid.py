@@ -72,14 +72,15 @@ def test_a_beam_crosses_exactly_the_cells_that_it_passes(rows, cols, x, y, angle
     st.floats(-3, 43),
     st.floats(-4, 4),
     st.floats(-0.05, 0.05),
-    st.lists(st.one_of(st.floats(0.01, 60), st.sampled_from([math.nan, math.inf])), max_size=150),
+    st.lists(st.one_of(st.floats(0.01, 60), st.sampled_from([math.nan, math.inf])), max_size=300),
+    st.sampled_from([50.0, math.inf]),
 )
-def test_a_scan_crosses_what_its_beams_cross_one_by_one(x, y, first, step, ranges):
+def test_a_scan_crosses_what_its_beams_cross_one_by_one(x, y, first, step, ranges, longest):
     together, one_by_one = np.zeros((2, 40, 40), np.uint8)
-    trace_beams(together, x, y, first, step, np.array(ranges), 50.0)
+    trace_beams(together, x, y, first, step, np.array(ranges), longest)
     for beam, length in enumerate(ranges):
         marks = np.zeros((40, 40), np.uint8)
-        trace_beams(marks, x, y, first + beam * step, 0.0, np.array([length]), 50.0)
+        trace_beams(marks, x, y, first + beam * step, 0.0, np.array([length]), longest)
         np.maximum(one_by_one, marks, out=one_by_one)
     assert np.array_equal(together, one_by_one)
 
