@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS, predictor_for
-from benchmarks.settings import FAMILIES, Settings, UsageError
+from benchmarks.settings import Settings, UsageError
 from benchmarks.store import commit
 from benchmarks.workers import WorkersError
 from planner.dynamics import CarLimits
@@ -20,7 +20,7 @@ from predictor import OccupancyGrid, load_predictor
 from predictor.provenance import fingerprint_of, has_learned
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
-from sim.families import generate
+from sim.families import FAMILIES, generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
 from sim.world import sealed

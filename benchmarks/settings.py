@@ -7,7 +7,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-FAMILIES = ("corridor", "narrow", "office", "trap")
+FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
+"""`sim.families.FAMILIES`, whose import takes longer than a --help may."""
 ARM_NAMES = ("known", "known+route", "predicted", "optimistic", "oracle", "full")
 
 

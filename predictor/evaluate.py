@@ -61,7 +61,7 @@ class Evaluation:
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # Scores of other weights are other scores, whatever the weights' name.
         prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
-        mine = json.loads(json.dumps(asdict(config) | {"weights": prints}))
+        self.settings = mine = json.loads(json.dumps(asdict(config) | {"weights": prints}))
         self.commit = commit()
         marker = out / "settings.json"
         try:
@@ -99,15 +99,17 @@ class Evaluation:
 
     def finish(self) -> dict[str, Any]:
         """Write results.json and the figures of all that was scored, and return the results."""
+        import numpy as np
+
         from benchmarks.store import machine
         from predictor.drives import FAMILIES
         from predictor.scoring.evaluation_figures import draw
         from predictor.scoring.scored_drive import rows_of
-        from predictor.scoring.scores import Scores
+        from predictor.scoring.scores import BINS, Scores
 
         names = rows_of(self.config)
         groups: dict[str, dict[str, Scores]] = {}
-        bins: dict[str, dict[str, list[NDArray]]] = {}
+        bins: dict[str, dict[str, dict[str, NDArray]]] = {}
         facts: dict[str, list[dict[str, Any]]] = {}
         pictures: list[tuple[float, NDArray]] = []
         for item in self.items:
@@ -118,15 +120,18 @@ class Evaluation:
             group = group_of(item[0])
             facts.setdefault(group, []).append(fact)
             sums = groups.setdefault(group, {name: Scores() for name in names})
-            each = bins.setdefault(group, {name: [] for name in names})
+            each = bins.setdefault(group, {name: {} for name in names})
             if "skipped" in fact:
                 continue
             for name in names:
                 scores = Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
                 sums[name] += scores
-                each[name].append(scores.bins("free"))
+                of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
+                of_building += scores.bins("free")
             pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
-        summaries = {group: _summary(facts[group], groups[group], bins[group]) for group in groups}
+        summaries = {
+            group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
+        }
         learned = [group for group in groups if group in FAMILIES]
         if len(learned) > 1:
             # One family may look like another; what is then true of both is true of neither.
@@ -135,10 +140,10 @@ class Evaluation:
                 for name in names:
                     pooled[name] += groups[group][name]
             every = [fact for group in learned for fact in facts[group]]
-            of_each = {name: [part for g in learned for part in bins[g][name]] for name in names}
-            summaries[" + ".join(learned)] = _summary(every, pooled, of_each)
+            families = [bins[group] for group in learned]
+            summaries[" + ".join(learned)] = _summary(every, pooled, families)
         results = {
-            "settings": asdict(self.config),
+            "settings": self.settings,
             "machine": machine(),
             "commits": sorted({str(fact["commit"]) for every in facts.values() for fact in every}),
             "groups": summaries,
@@ -168,14 +173,16 @@ class Evaluation:
 
 
 def _summary(
-    facts: list[dict[str, Any]], sums: dict[str, Scores], bins: dict[str, list[NDArray]]
+    facts: list[dict[str, Any]],
+    sums: dict[str, Scores],
+    families: list[dict[str, dict[str, NDArray]]],
 ) -> dict[str, Any]:
     """A group's scores: predictor → measures.
 
     Args:
         facts: of each drive.
         sums: scores of all drives, by predictor.
-        bins: `Scores.bins` of free, of each drive, by predictor.
+        families: of each, predictor → building → `Scores.bins` of free.
     """
     import numpy as np
 
@@ -192,7 +199,9 @@ def _summary(
             row["ms"] = float(np.median([fact["ms"][name] for fact in scored]))
         if name in sums:
             row |= _measures(name, sums[name], slice(None))
-            row["ece_free_95"] = calibration_interval(np.stack(bins[name]))
+            row["ece_free_95"] = calibration_interval(
+                [list(family[name].values()) for family in families]
+            )
             row["rings"] = [
                 {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}
                 for i in range(RINGS)
@@ -237,10 +246,13 @@ def table(results: dict[str, Any]) -> str:
         if entry["learned"]:
             skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
         head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
-        rows = [["", *(column.replace("_", " ") for column in columns), "ece free, 95 %"]]
+        rows = [["", *(column.replace("_", " ") for column in columns)]]
         for name, row in entry["predictors"].items():
-            cells = [_cell(row.get(column)) for column in columns]
-            rows.append([name, *cells, "–".join(map(_cell, row.get("ece_free_95", ())))])
+            rows.append([name, *(_cell(row.get(column)) for column in columns)])
+        if any(row.get("ece_free_95") for row in entry["predictors"].values()):
+            rows[0].append("ece free, 95 %")
+            for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
+                cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
         parts.append(f"{head}\n\n{markdown(rows)}")
     return "\n\n".join(parts)
 

@@ -2,11 +2,16 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
+from benchmarks import settings
 from predictor.grid import OCCUPIED, UNKNOWN
 from sim.families import FAMILIES, empty_straight, generate
 
 SEEDS = range(6)
 CASES = [(family, seed) for family in FAMILIES for seed in SEEDS]
+
+
+def test_the_command_line_knows_all_families():
+    assert settings.FAMILIES == FAMILIES
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -51,20 +51,28 @@ def test_overconfidence_shows_as_calibration_error():
     assert got["ece_free"] > 0.1
 
 
-def test_drives_that_are_alike_leave_no_doubt_of_a_calibration_error():
+def test_buildings_that_are_alike_leave_no_doubt_of_a_calibration_error():
     scores = scored(some_cells())
-    low, high = calibration_interval(np.stack([scores.bins("free")] * 5))
+    low, high = calibration_interval([[scores.bins("free")] * 5, [scores.bins("free")] * 3])
     assert low == high == pytest.approx(scores.measures()["ece_free"])
 
 
-def test_drives_that_differ_leave_a_calibration_error_in_doubt():
-    # Said of every cell: one half. True in one drive, false in the next; right on average.
+def test_buildings_that_differ_leave_a_calibration_error_in_doubt():
+    # Said of every cell: one half. True in one building, false in the next; right on average.
     bins = np.zeros((20, 20, 3))
     bins[:, 10] = [100.0, 50.0, 0.0]
     bins[::2, 10, 2] = 100.0
-    low, high = calibration_interval(bins)
+    low, high = calibration_interval([list(bins)])
     assert low < 0.02
     assert 0.15 < high < 0.3
+    # Where the two kinds are families, of which there are as many each time, none is left.
+    assert calibration_interval([list(bins[::2]), list(bins[1::2])]) == (0.0, 0.0)
+
+
+def test_one_building_says_nothing_of_others():
+    bins = scored(some_cells()).bins("free")
+    assert calibration_interval([[bins, bins], [bins]]) is None
+    assert calibration_interval([[np.zeros((20, 3))] * 3]) is None
 
 
 def test_scores_of_parts_add_up_to_those_of_the_whole():

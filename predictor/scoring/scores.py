@@ -6,6 +6,7 @@ cells together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -135,20 +136,33 @@ class Scores:
         return np.column_stack([counts.sum(axis=1), sums, counts[:, 1]]).astype(np.float64)
 
 
-def calibration_interval(bins: NDArray[np.float64], rounds: int = 2000) -> tuple[float, float]:
-    """95 % interval of a calibration error, drives resampled.
+def calibration_interval(
+    families: Sequence[Sequence[NDArray[np.float64]]], rounds: int = 2000
+) -> tuple[float, float] | None:
+    """95 % interval of a calibration error, buildings resampled within their families.
 
-    An error cannot be negative: what chance does to few drives raises it.
+    The percentiles of an error, which cannot be negative: chance in few buildings raises it, so
+    that the interval may lie above the error itself.
 
     Args:
-        bins: `Scores.bins` of each drive, (drives, BINS, 3).
+        families: of each, `Scores.bins` of each building, (BINS, 3).
         rounds: resamplings; their seed is fixed.
+
+    Returns:
+        Its ends; None if a family has less than two buildings, or no cell.
     """
-    drives = len(bins)
-    drawn = np.random.default_rng(0).multinomial(drives, np.full(drives, 1.0 / drives), rounds)
-    cells, p, hits = np.moveaxis(np.tensordot(drawn, bins, 1), 2, 0)
-    errors = abs(p - hits).sum(axis=1) / np.maximum(1.0, cells.sum(axis=1))
-    low, high = np.percentile(errors, [2.5, 97.5])
+    if min(len(family) for family in families) < 2:
+        return None
+    rng = np.random.default_rng(0)
+    drawn = np.zeros((rounds, BINS, 3))
+    for family in families:
+        count = len(family)
+        times = rng.multinomial(count, np.full(count, 1.0 / count), rounds)
+        drawn += np.tensordot(times, np.stack(family), 1)
+    cells, p, hits = np.moveaxis(drawn, 2, 0)
+    if not cells.any(axis=1).all():
+        return None
+    low, high = np.percentile(abs(p - hits).sum(axis=1) / cells.sum(axis=1), [2.5, 97.5])
     return float(low), float(high)
 
 
