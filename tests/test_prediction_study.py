@@ -7,6 +7,7 @@ import pytest
 import torch
 from generated_frames import generated, write_frames
 
+from benchmarks.prediction import tables
 from benchmarks.prediction.__main__ import main
 from benchmarks.prediction.contestants import contestants, reduced
 from benchmarks.prediction.entrants import entrant
@@ -224,6 +225,30 @@ def test_tables_have_the_papers_numbers_beside(done):
     for network, printed in SSIM["simulated"]["1.30"].items():
         line = next(line for line in text.splitlines() if f"the paper's {network}" in line)
         assert f"{printed:.3f}" in line
+
+
+def test_sites_are_counted_where_both_differences_are_above_zero_for_certain():
+    def row(ssim, to_copy, to_grey):
+        low = {"copy": to_copy, "grey": to_grey, "none": -0.1}
+        return {"ssim": ssim, "above": {
+            other: {"ssim": {"low": value}, "ssim_unseen": None} for other, value in low.items()
+        }}  # fmt: skip
+
+    sites = {
+        "attic": {"1.30": {"unet_ff": row(0.9, 0.1, 0.1), "unet-logs": row(0.99, -0.1, 0.1),
+                           "compact": row(0.9, 0.1, -0.1)}},
+        "cellar": {"1.30": {"gan": row(0.5, 0.1, 0.1), "resnet_ff": row(0.6, -0.1, 0.1),
+                            "compact": row(0.9, 0.1, 0.1)}},
+    }  # fmt: skip
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]]
+             for line in tables._sites(sites, ["1.30", "2.00"]).splitlines()[2:]]  # fmt: skip
+    # The best of the paper's is the U-Net in the attic, the ResNet in the cellar.
+    assert cells == [
+        ["the paper's best", "`copy` and `grey`", "1 / 0", "0 / 0"],
+        ["the paper's best", "`none`", "0 / 0", "0 / 0"],
+        ["`compact`", "`copy` and `grey`", "1 / 0", "0 / 0"],
+        ["`compact`", "`none`", "0 / 0", "0 / 0"],
+    ]
 
 
 def test_what_is_finished_is_not_done_again_and_what_is_lost_is(done, undrawn):

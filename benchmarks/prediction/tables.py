@@ -6,6 +6,7 @@ from typing import Any
 
 from benchmarks.prediction.contestants import BASELINES
 from benchmarks.tables import interval, markdown
+from predictor.networks import ARCHITECTURES
 
 Rows = dict[str, dict[str, Any]]
 """Predictor → measures."""
@@ -30,6 +31,12 @@ The best of the paper's networks at each expansion, by SSIM of the whole square,
 `compact…`, which are given what lies beyond the crop too where the car has been. Their differences
 to each baseline, with 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
 """
+SITES = """
+## Sites above the baselines
+
+At how many of {count} sites the SSIM is above that of the others for certain: the interval of each
+difference above zero. By expansion: {expansions}.
+"""
 
 
 def summary(results: dict[str, Any]) -> str:
@@ -37,7 +44,9 @@ def summary(results: dict[str, Any]) -> str:
     return "\n".join(
         (
             ABOVE.format(block=results["settings"]["block"]),
-            _verdicts(_places(results), results["predictors"]),
+            _verdicts(_places(results)),
+            SITES.format(count=len(results["physical"]), expansions=" / ".join(_asked(results))),
+            _sites(results["physical"], _asked(results)),
             "\n## The networks\n",
             _trainings(results["predictors"]),
             "\n## What the paper's networks cost, whole\n",
@@ -98,18 +107,60 @@ def _names(entry: dict[str, Rows]) -> list[str]:
     return list(dict.fromkeys(name for rows in entry.values() for name in rows))
 
 
-def _verdicts(places: dict[str, dict[str, Rows]], predictors: dict[str, Any]) -> str:
+def _asked(results: dict[str, Any]) -> list[str]:
+    return list(dict.fromkeys(e for entry in _places(results).values() for e in entry))
+
+
+def _best(measured: Rows) -> str | None:
+    """The best of the paper's networks by SSIM; None if none was asked."""
+    networks = [name for name in measured if name in ARCHITECTURES]
+    return max(networks, key=lambda name: measured[name]["ssim"]) if networks else None
+
+
+def _compacts(measured: Rows) -> list[str]:
+    return [name for name in measured if name.startswith("compact")]
+
+
+def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
+    names = [
+        name for entry in sites.values() for rows in entry.values() for name in _compacts(rows)
+    ]
+    rows = [["predictor", "above", "whole square", "cells not seen"]]
+    for name in dict.fromkeys(["the paper's best", *names]):
+        for others in (BASELINES, ("none",)):
+            counts = []
+            for measure in ("ssim", "ssim_unseen"):
+                found = [
+                    sum(
+                        _is_above(entry.get(e, {}), name, others, measure)
+                        for entry in sites.values()
+                    )
+                    for e in expansions
+                ]
+                counts.append(" / ".join(map(str, found)))
+            rows.append([f"`{name}`" if name in names else name,
+                         " and ".join(f"`{other}`" for other in others), *counts])  # fmt: skip
+    return markdown(rows)
+
+
+def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) -> bool:
+    chosen = _best(measured) if name not in measured else name
+    above = measured[chosen]["above"] if chosen in measured else {}
+    found = [above.get(other, {}).get(measure) for other in others]
+    return all(difference is not None and difference["low"] > 0.0 for difference in found)
+
+
+def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
     head = ["where", "expansion", "network", "SSIM"]
     measures = {"ssim": "whole", "ssim_kept": "seen put back", "ssim_unseen": "unseen"}
     head += [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
     rows = [head]
     for place, entry in places.items():
         for expansion, measured in entry.items():
-            networks = [name for name in measured if expansion in predictors[name]]
-            if not networks:
+            best = _best(measured)
+            if best is None:
                 continue
-            best = max(networks, key=lambda name: measured[name]["ssim"])
-            for name in (best, *(name for name in measured if name.startswith("compact"))):
+            for name in (best, *_compacts(measured)):
                 above = measured[name]["above"]
                 found = [above[other][measure] for measure in measures for other in BASELINES]
                 rows.append([place, expansion, f"`{name}`", _number(measured[name]["ssim"]),
