@@ -123,7 +123,7 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--window", type=float, default=default.window, metavar="M",
         help="side of the square around the car in which the LIDAR is used [m]")  # fmt: skip
     add("--expansion", type=float, default=default.expansion, metavar="X",
-        help="width of the predicted square over that of the window; no wider than the car can make "
+        help="width of the predicted square over that of the window; no wider than a car can make "
         "use of: 10 m, or 14 m at 4 m/s")  # fmt: skip
     add("--noise", type=float, default=default.noise, metavar="M",
         help="standard deviation of the LIDAR's ranges [m]")  # fmt: skip

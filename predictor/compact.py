@@ -65,23 +65,24 @@ class Compact:
         if not np.isfinite(pose).all():
             raise ValueError(f"pose is {pose}, it must be finite")
         turns = quarters(float(pose[2]))
-        seen, rows, cols = _resampled(known)
-        outputs = self._outputs(np.rot90(seen, turns))
+        codes, rows, cols = _resampled(known)
+        outputs = self._outputs(np.rot90(codes, turns))
         outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
         p_free, p_occupied, confidence = outputs
         if known.unknown.all():
             # Whatever the network says of a map in which nothing was seen, it has no reason to.
             confidence[:] = 0.0
+        seen = ~known.unknown
         for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
                                  (confidence, True)):  # fmt: skip
-            np.copyto(values, observed, where=~known.unknown)
+            np.copyto(values, observed, where=seen)
         return Prediction(known.frame, p_free, p_occupied, confidence)
 
-    def _outputs(self, seen: NDArray[np.int8]) -> NDArray[np.float32]:
+    def _outputs(self, codes: NDArray[np.int8]) -> NDArray[np.float32]:
         """p_free, p_occupied, confidence (3, rows, columns) of a map that looks along +x."""
-        rows, cols = seen.shape
-        over = [-n % self._multiple for n in seen.shape]
-        padded = np.pad(seen, [(n // 2, n - n // 2) for n in over], constant_values=2)
+        rows, cols = codes.shape
+        over = [-n % self._multiple for n in codes.shape]
+        padded = np.pad(codes, [(n // 2, n - n // 2) for n in over], constant_values=2)
         top, left = over[0] // 2, over[1] // 2
         answers = self._run(np.ascontiguousarray(padded)[None])
         return answers[0, :, top : top + rows, left : left + cols]
@@ -150,4 +151,8 @@ def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
         rank = maximum_filter(rank, max(1, math.ceil(ratio - 1e-6)), mode="nearest")
         rank = rank[np.minimum(there[0], rank.shape[0] - 1)[:, None],
                     np.minimum(there[1], rank.shape[1] - 1)]  # fmt: skip
-    return np.asarray(-rank % 3, dtype=np.int8), rows, cols
+    return _CODES[rank], rows, cols
+
+
+_CODES = np.array([0, 2, 1], dtype=np.int8)
+"""Of free, not seen, occupied."""

@@ -79,13 +79,16 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
             raise BadPredictionError(
                 f"{name} is {values.dtype} {values.shape}, it must be real numbers {shape}"
             )
-        if (values < 0).any() or (values > 1).any():
+        if not _lies_within(values, 0.0, 1.0):
             raise BadPredictionError(f"{name} has values outside [0, 1]")
-        fields[name] = values.astype(np.float32)
+        fields[name] = values.astype(np.float32, copy=False)
     sum_ = fields["p_free"] + fields["p_occupied"]
-    if (sum_ > 1 + 1e-4).any():
+    if not _lies_within(sum_, 0.0, 1.0 + 1e-4):
         raise BadPredictionError("p_free + p_occupied exceeds 1 in some cells")
-    unusable = np.isnan(sum_ + fields["confidence"])
+    sum_ += fields["confidence"]
+    if np.isnan(sum_.max(initial=0.0)):
+        unusable = np.isnan(sum_)
+        fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
     hypotheses = prediction.hypotheses
     if hypotheses is not None:
         hypotheses = np.asarray(hypotheses)
@@ -93,9 +96,17 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
             raise BadPredictionError(f"hypotheses must be (K, {shape[0]}, {shape[1]}) in [0, 1]")
     seen = {"p_free": known.free, "p_occupied": known.occupied, "confidence": ~known.unknown}
     for name, observed in seen.items():
-        believed = np.where(unusable, np.float32(0.0), fields[name])
-        fields[name] = np.where(known.unknown, believed, observed).astype(np.float32, copy=False)
+        kept = np.where(known.unknown, fields[name], observed)
+        fields[name] = kept.astype(np.float32, copy=False)
     return Prediction(known.frame, **fields, hypotheses=hypotheses)
+
+
+def _lies_within(values: NDArray, low: float, high: float) -> bool:
+    """Whether no value lies outside; a NaN does not."""
+    ends = values.min(initial=low), values.max(initial=low)
+    if np.isnan(ends).any():
+        return not ((values < low) | (values > high)).any()
+    return bool(low <= ends[0] and ends[1] <= high)
 
 
 def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> None:
