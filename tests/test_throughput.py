@@ -1,6 +1,8 @@
 """What a study costs is measured in processes that do nothing else."""
 
 import mmap
+import subprocess
+import sys
 import time
 
 import pytest
@@ -49,6 +51,16 @@ def test_memory_that_is_taken_is_seen():
         for page in range(0, len(taken), mmap.PAGESIZE):
             taken[page] = 1
         assert 40 < resident() - before < 120
+
+
+def test_the_peak_of_a_process_is_not_that_of_the_one_that_started_it():
+    command = "from benchmarks.throughput import _peak, resident; print(_peak(), resident())"
+    with mmap.mmap(-1, 400 * 2**20) as taken:
+        taken.write(bytes(len(taken)))
+        told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True,
+                              check=True).stdout  # fmt: skip
+        peak, now = map(float, told.split())
+        assert now <= peak + 1 < resident() - 200
 
 
 def test_a_process_that_dies_is_told_of_in_one_line():
