@@ -90,8 +90,8 @@ def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
     assert (truth[known == 0] == 0).mean() > 0.95
     # The map holds more than was known at any moment.
     assert ((truth == 0) & (known == 2)).any()
-    # Few walls that were seen are none on the map, as in the maps of real logs.
-    assert (truth[known == 1] == 2).mean() < 0.25
+    # Poses are a little off: of walls that were seen, the map has no more than their face.
+    assert (truth[known == 1] == 2).mean() < 0.5
     assert json.loads((tmp_path / "recipe.json").read_text())["log"]["apart"] == [0.1, 1.0]
 
 
