@@ -239,12 +239,14 @@ def test_sites_are_counted_where_both_differences_are_above_zero_for_certain():
                            "compact": row(0.9, 0.1, -0.1)}},
         "cellar": {"1.30": {"gan": row(0.5, 0.1, 0.1), "resnet_ff": row(0.6, -0.1, 0.1),
                             "compact": row(0.9, 0.1, 0.1)}},
+        # Who was not asked is not above anyone, whoever else is.
+        "shed": {"2.00": {"unet_ff": row(0.9, 0.1, 0.1)}},
     }  # fmt: skip
     cells = [[cell.strip() for cell in line.split("|")[1:-1]]
              for line in tables._sites(sites, ["1.30", "2.00"]).splitlines()[2:]]  # fmt: skip
     # The best of the paper's is the U-Net in the attic, the ResNet in the cellar.
     assert cells == [
-        ["the paper's best", "`copy` and `grey`", "1 / 0", "0 / 0"],
+        ["the paper's best", "`copy` and `grey`", "1 / 1", "0 / 0"],
         ["the paper's best", "`none`", "0 / 0", "0 / 0"],
         ["`compact`", "`copy` and `grey`", "1 / 0", "0 / 0"],
         ["`compact`", "`none`", "0 / 0", "0 / 0"],

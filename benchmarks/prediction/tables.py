@@ -31,6 +31,8 @@ The best of the paper's networks at each expansion, by SSIM of the whole square,
 `compact…`, which are given what lies beyond the crop too where the car has been. Their differences
 to each baseline, with 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
 """
+BEST = "the paper's best"
+"""Which of its networks that is depends on site and expansion."""
 SITES = """
 ## Sites above the baselines
 
@@ -126,7 +128,7 @@ def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
         name for entry in sites.values() for rows in entry.values() for name in _compacts(rows)
     ]
     rows = [["predictor", "above", "whole square", "cells not seen"]]
-    for name in dict.fromkeys(["the paper's best", *names]):
+    for name in dict.fromkeys([BEST, *names]):
         for others in (BASELINES, ("none",)):
             counts = []
             for measure in ("ssim", "ssim_unseen"):
@@ -138,13 +140,13 @@ def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
                     for e in expansions
                 ]
                 counts.append(" / ".join(map(str, found)))
-            rows.append([f"`{name}`" if name in names else name,
+            rows.append([name if name == BEST else f"`{name}`",
                          " and ".join(f"`{other}`" for other in others), *counts])  # fmt: skip
     return markdown(rows)
 
 
 def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) -> bool:
-    chosen = _best(measured) if name not in measured else name
+    chosen = _best(measured) if name == BEST else name
     above = measured[chosen]["above"] if chosen in measured else {}
     found = [above.get(other, {}).get(measure) for other in others]
     return all(difference is not None and difference["low"] > 0.0 for difference in found)
