@@ -37,8 +37,9 @@ FAMILIES = ("corridor", "narrow", "office", "paper")
 """Learned from. `trap` is not, so that there is a kind of building that the network never saw."""
 WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 """Sides of the square that the LIDAR writes into [m], drawn from."""
-JOURNEYS, APART = 4, 2.0
-"""Of a simulated log: ways through its building, and from one of its samples to the next [m]."""
+JOURNEYS, APART = (1, 2, 4, 8), 2.0
+"""Of a simulated log: ways through its building, drawn from, for some robots have been through each
+door and some down one corridor; and from one of its samples to the next [m]."""
 SPREAD = 10_000_000
 """From the seed of one of them to the next: no split has as many."""
 
@@ -147,7 +148,7 @@ def _logged(
 
     # All but the first may be missing: from some starts there is no way that long.
     tasks = [sample_task(world, seed, ROBOT)]
-    for number in range(1, JOURNEYS):
+    for number in range(1, int(rng.choice(JOURNEYS))):
         with contextlib.suppress(NoTaskError):
             tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
     log = simulated_log(tasks, rng)
