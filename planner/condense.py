@@ -210,22 +210,15 @@ def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def condense(jacobian, gradient, hessian):  # type: ignore[no-untyped-def]
-    """Eliminate the states, in O(N²) (Andersson 2013, PhD thesis, §4.3).
+def condense_gradient(jacobian, gradient):  # type: ignore[no-untyped-def]
+    """The gradient (2N,) by the controls alone, of one (N+1, 6) by the stages' variables.
 
     Args:
         jacobian: (N+1, 6, 4): of stage k, by state and control, transposed; the last is unused.
         gradient: (N+1, 6).
-        hessian: (N+1, 6, 6).
-
-    Returns:
-        Hessian (2N, 2N), gradient (2N,), sensitivities of the states (N+1, 4, 2N).
     """
     n = jacobian.shape[0] - 1
-    size = 2 * n
-    s = np.zeros((n + 1, 4, size))
-    h = np.zeros((size, size))
-    g = np.empty(size)
+    g = np.empty(2 * n)
     costate = gradient[n, :4].copy()
     for k in range(n - 1, -1, -1):
         before = np.empty(4)
@@ -238,6 +231,24 @@ def condense(jacobian, gradient, hessian):  # type: ignore[no-untyped-def]
             else:
                 g[2 * k + j - 4] = total
         costate = before
+    return g
+
+
+@njit(cache=True, nogil=True)
+def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
+    """Eliminate the states, in O(N²) (Andersson 2013, PhD thesis, §4.3).
+
+    Args:
+        jacobian: as of `condense_gradient`.
+        hessian: (N+1, 6, 6).
+
+    Returns:
+        Hessian (2N, 2N), sensitivities of the states (N+1, 4, 2N).
+    """
+    n = jacobian.shape[0] - 1
+    size = 2 * n
+    s = np.zeros((n + 1, 4, size))
+    h = np.zeros((size, size))
     here, weighted, above = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
     for j in range(n):
         # How all states depend on the controls of stage j, …
@@ -281,84 +292,114 @@ def condense(jacobian, gradient, hessian):  # type: ignore[no-untyped-def]
                 for m in range(4):
                     total += jacobian[j, 4 + i, m] * weighted[m, u]
                 h[2 * j + i, 2 * j + u] = total
-    return h, g, s
+    return h, s
 
 
 @njit(cache=True, nogil=True)
-def add_smoothness(h, g, controls, last, weight):  # type: ignore[no-untyped-def]
-    """Add the cost of changing curvature, weight · Σ (κ_k - κ_{k-1})², in place."""
+def add_smoothness_gradient(g, controls, last, weight):  # type: ignore[no-untyped-def]
+    """Add the gradient of the cost of changing curvature, weight · Σ (κ_k - κ_{k-1})², in place."""
     before = last
     for k in range(controls.shape[0]):
         i = 2 * k + 1
         change = controls[k, 1] - before
         before = controls[k, 1]
-        h[i, i] += 2 * weight
         g[i] += 2 * weight * change
         if k > 0:
-            h[i - 2, i - 2] += 2 * weight
-            h[i, i - 2] -= 2 * weight
-            h[i - 2, i] -= 2 * weight
             g[i - 2] -= 2 * weight * change
 
 
 @njit(cache=True, nogil=True)
-def constraints(sensitivity, states, controls, value, normal, dt, v_max, accel, braking,  # type: ignore[no-untyped-def]
-                lateral, max_curvature, required, trust, near):  # fmt: skip
-    """The QP's bounds and rows: limits of the car, v_N = 0, and clearance (soft).
+def add_smoothness(h, weight):  # type: ignore[no-untyped-def]
+    """Add that cost's Hessian, in place."""
+    for i in range(1, h.shape[0], 2):
+        h[i, i] += 2 * weight
+        if i > 1:
+            h[i - 2, i - 2] += 2 * weight
+            h[i, i - 2] -= 2 * weight
+            h[i - 2, i] -= 2 * weight
 
-    Clearance rows are kept only where less than `near` [m] remains beyond what is required.
+
+@njit(cache=True, nogil=True)
+def nearby(value, limit):  # type: ignore[no-untyped-def]
+    """Which state and circle (rows, 2) has less clearance than a limit [m]; not the first state."""
+    which = np.empty((value.size, 2), dtype=np.int64)
+    count = 0
+    for k in range(1, value.shape[0]):
+        for i in range(2):
+            if value[k, i] < limit:
+                which[count, 0], which[count, 1] = k, i
+                count += 1
+    return which[:count]
+
+
+@njit(cache=True, nogil=True)
+def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-untyped-def]
+    """The QP's rows: limits of the car, v_N = 0, and clearance (soft).
+
+    Args:
+        sensitivity: of the states to the controls, (N+1, 4, 2N).
+        states: (N+1, 4).
+        controls: (N, 2).
+        normal: gradients of the clearances, (N+1, 2, 3).
+        near: which of these have a row, as `nearby`.
+        dt: step [s].
 
     Returns:
-        A (rows, 2N), lower and upper (2N + rows,), daqp's sense (2N + rows,) int32, and which
-        state and circle each clearance row belongs to (n, 2). Row order: bounds, v_1 … v_N,
+        A (2N + near, 2N) and daqp's sense (4N + near,) int32, bounds first. Row order: v_1 … v_N,
         lateral 0 … N-1, clearance.
     """
     n = controls.shape[0]
     size = 2 * n
-    count = 0
-    which = np.empty((2 * n, 2), dtype=np.int64)
-    for k in range(1, n + 1):
-        for i in range(2):
-            if value[k, i] < required + near:
-                which[count, 0], which[count, 1] = k, i
-                count += 1
-    a = np.zeros((2 * n + count, size))
-    lower = np.empty(size + 2 * n + count)
-    upper = np.empty(size + 2 * n + count)
-    sense = np.zeros(size + 2 * n + count, dtype=np.int32)
+    a = np.zeros((size + near.shape[0], size))
+    sense = np.zeros(2 * size + near.shape[0], dtype=np.int32)
     for k in range(n):
-        lower[2 * k] = -braking - controls[k, 0]
-        upper[2 * k] = accel - controls[k, 0]
-        lower[2 * k + 1] = max(-max_curvature - controls[k, 1], -trust)
-        upper[2 * k + 1] = min(max_curvature - controls[k, 1], trust)
-        row = k
         for j in range(k + 1):
-            a[row, 2 * j] = dt
-        # A car that is measured above v_max must still have a plan: it may brake down to it.
-        top = max(v_max, states[0, 3] - braking * dt * (k + 1))
-        lower[size + row] = -states[k + 1, 3]
-        upper[size + row] = top - states[k + 1, 3]
-    lower[size + n - 1] = upper[size + n - 1] = -states[n, 3]
+            a[k, 2 * j] = dt
     sense[size + n - 1] = 5
     for k in range(n):
         # Lateral acceleration v²κ at the faster end of the step.
         end = k + 1 if controls[k, 0] > 0 else k
         v, kappa = states[end, 3], controls[k, 1]
-        row = n + k
         for j in range(end):
-            a[row, 2 * j] = 2 * v * kappa * dt
-        a[row, 2 * k + 1] = v * v
-        lower[size + row] = min(-lateral - v * v * kappa, 0.0)
-        upper[size + row] = max(lateral - v * v * kappa, 0.0)
-    for r in range(count):
-        k, i = which[r, 0], which[r, 1]
-        row = 2 * n + r
+            a[n + k, 2 * j] = 2 * v * kappa * dt
+        a[n + k, 2 * k + 1] = v * v
+    for r in range(near.shape[0]):
+        k, i = near[r, 0], near[r, 1]
         for j in range(2 * k):
             total = 0.0
             for m in range(3):
                 total += normal[k, i, m] * sensitivity[k, m, j]
-            a[row, j] = total
-        lower[size + row] = required - value[k, i]
-        upper[size + row] = 1e30
-        sense[size + row] = 8
-    return a, lower, upper, sense, which[:count]
+            a[size + r, j] = total
+        sense[2 * size + r] = 8
+    return a, sense
+
+
+@njit(cache=True, nogil=True)
+def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, max_curvature,  # type: ignore[no-untyped-def]
+           required, trust):  # fmt: skip
+    """What the QP's variables and rows may be: lower and upper, (4N + near,) each.
+
+    The order is that of `rows`, after the variables'.
+    """
+    n = controls.shape[0]
+    size = 2 * n
+    lower = np.empty(2 * size + near.shape[0])
+    upper = np.empty(2 * size + near.shape[0])
+    for k in range(n):
+        lower[2 * k] = -braking - controls[k, 0]
+        upper[2 * k] = accel - controls[k, 0]
+        lower[2 * k + 1] = max(-max_curvature - controls[k, 1], -trust)
+        upper[2 * k + 1] = min(max_curvature - controls[k, 1], trust)
+        # A car that is measured above v_max must still have a plan: it may brake down to it.
+        top = max(v_max, states[0, 3] - braking * dt * (k + 1))
+        lower[size + k] = -states[k + 1, 3]
+        upper[size + k] = top - states[k + 1, 3]
+        end = k + 1 if controls[k, 0] > 0 else k
+        now = states[end, 3] ** 2 * controls[k, 1]
+        lower[size + n + k] = min(-lateral - now, 0.0)
+        upper[size + n + k] = max(lateral - now, 0.0)
+    lower[size + n - 1] = upper[size + n - 1] = -states[n, 3]
+    for r in range(near.shape[0]):
+        lower[2 * size + r] = required - value[near[r, 0], near[r, 1]]
+        upper[2 * size + r] = 1e30
+    return lower, upper

@@ -6,8 +6,10 @@
                 v_N = 0: every plan ends stopped, so that it is its own emergency plan.
 
 Sequential quadratic programming: casadi derives the stages' exact Hessians, each is projected to
-positive semidefinite, the states are condensed out, and daqp solves the dense QP. Every iterate
-is rolled out through the dynamics, so its gaps are closed and what is checked is what is driven.
+positive semidefinite, the states are condensed out, and daqp solves the dense QP. Its matrices
+serve one more step (Shamanskii 1967): most of the time that is all it takes to see that nothing
+more can be gained. Every iterate is rolled out through the dynamics, so its gaps are closed and
+what is checked is what is driven.
 A plan counts only once the whole body, swept along it, has been tested cell by cell against the
 safe set; the solver's word is never taken for it.
 """
@@ -31,6 +33,10 @@ from planner.risk import RiskMap
 
 CONTACT_SPACING = 0.02
 """Between the poses at which a plan's body is tested [m]."""
+NEAR = 1.0
+"""Clearance beyond what is required from which on a QP leaves it alone [m]."""
+QP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
+"""Settings of daqp: how soft soft rows are; strictly convex, so nothing is made so."""
 
 
 class Status(StrEnum):
@@ -59,7 +65,7 @@ class MPCConfig:
         violation: merit of a metre of clearance lacking of what is required.
         margin: clearance required of the circles that cover the body, beyond its outline [m].
         trust: most that a curvature may change in one iteration [1/m].
-        iterations: at most.
+        iterations: at most, of two steps each.
         tolerance: relative decrease of the merit at which the iteration stops.
     """
 
@@ -87,7 +93,7 @@ class Plan:
         controls: (N, 2) a, κ.
         cost: of the optimal-control problem, lower is better.
         status: how its solve ended.
-        iterations: QPs solved for it.
+        iterations: times that the problem's matrices were set up for it.
     """
 
     states: NDArray[np.float64]
@@ -113,15 +119,23 @@ class _Problem:
 
 
 @dataclass
-class _Duals:
-    """Lagrange multipliers of one QP, where the next one starts from.
+class _Newton:
+    """A QP that is set up, and what its last step came to.
 
     Attributes:
-        limits: of the car's limits in the QP's order, positive at an upper one, (4N,).
-        clearance: of each state's two circles, (N+1, 2); none is negative.
+        qp: as daqp has it.
+        near: which state and circle each of its clearance rows belongs to, (n, 2).
+        step: of the controls, (N, 2).
+        gain: what the step lowers the cost by if the QP is right; infinite where the controls that
+            it starts from break a limit, and the step first has to mend that.
+        clearance: multipliers of the clearance of each state's two circles, (N+1, 2), none
+            negative.
     """
 
-    limits: NDArray[np.float64]
+    qp: daqp.Model
+    near: NDArray[np.int64]
+    step: NDArray[np.float64]
+    gain: float
     clearance: NDArray[np.float64]
 
 
@@ -218,23 +232,29 @@ class MPC:
         problem = _Problem(state, path, segment, risk, last_curvature)
         states, controls = rollout(state, guess, *self.driving)
         merit = self._merit(problem, states, controls)
-        duals = _Duals(np.zeros(4 * self.stages), np.zeros((self.stages + 1, 2)))
+        clearance = np.zeros((self.stages + 1, 2))
         status = Status.ITERATION_LIMIT
         solved = 0
         while solved < self.config.iterations:
-            step, duals = self._direction(problem, states, controls, duals)
-            if step is None:
+            newton = self._newton(problem, states, controls, clearance)
+            if newton is None:
                 status = Status.QP_FAILED
                 break
             solved += 1
             before = merit
-            for length in (1.0, 0.5, 0.2, 0.05):
-                trial = rollout(state, controls + length * step, *self.driving)
-                value = self._merit(problem, *trial)
-                if value < merit:
-                    states, controls, merit = trial[0], trial[1], value
-                    break
-            if before - merit <= self.config.tolerance * (1.0 + abs(before)):
+            states, controls, merit = self._search(problem, states, controls, merit, newton.step)
+            little = self.config.tolerance * (1.0 + abs(merit))
+            if before - merit <= little:
+                status = Status.CONVERGED
+                break
+            clearance, before = newton.clearance, merit
+            if not self._again(newton, problem, states, controls):
+                continue
+            if newton.gain > little:
+                states, controls, merit = self._search(
+                    problem, states, controls, merit, newton.step
+                )
+            if before - merit <= little:
                 status = Status.CONVERGED
                 break
         if not math.isfinite(merit):
@@ -282,15 +302,93 @@ class MPC:
             c.effort, c.smoothness, c.closeness, c.violation,
         )  # fmt: skip
 
-    def _direction(
+    def _search(
         self,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
-        duals: _Duals,
-    ) -> tuple[NDArray[np.float64] | None, _Duals]:
-        """One QP: the step of the controls (N, 2), and its multipliers."""
-        c, car, io, n = self.config, self.limits, self._io, self.stages
+        merit: float,
+        step: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """States, controls and merit after the longest part of a step that lowers the merit."""
+        for length in (1.0, 0.5, 0.2, 0.05):
+            trial = rollout(problem.state, controls + length * step, *self.driving)
+            value = self._merit(problem, *trial)
+            if value < merit:
+                return trial[0], trial[1], value
+        return states, controls, merit
+
+    def _newton(
+        self,
+        problem: _Problem,
+        states: NDArray[np.float64],
+        controls: NDArray[np.float64],
+        clearance: NDArray[np.float64],
+    ) -> _Newton | None:
+        """Set up the QP of some controls and solve it; None if that fails.
+
+        Args:
+            problem: of the tick.
+            states: (N+1, 4).
+            controls: (N, 2), that lead to them.
+            clearance: multipliers, as `_Newton` has them; all 0 if none are known.
+        """
+        c, io = self.config, self._io
+        g, value, normal, lacking = self._first_order(problem, states, controls)
+        condense.costates(io["jacobian"], io["gradient"], normal, clearance, io["multiplier"])
+        self._evaluate()
+        hessian = io["hessian"]
+        condense.add_curvature(hessian, lacking, normal, c.closeness)
+        condense.make_positive(hessian, 1e-6)
+        h, sensitivity = condense.condense(io["jacobian"], hessian)
+        condense.add_smoothness(h, c.smoothness)
+        near = condense.nearby(value, self.required + NEAR)
+        a, sense = condense.rows(sensitivity, states, controls, normal, near, c.dt)
+        lower, upper = self._bounds(states, controls, value, near)
+        qp = daqp.Model()
+        qp.settings = QP
+        # Limits that the controls are at now are guessed to be at work.
+        flag, _ = qp.setup(h, g, a, upper, lower, sense, primal_start=np.zeros(len(g)))
+        newton = _Newton(qp, near, np.zeros_like(controls), math.inf, clearance)
+        return newton if flag >= 0 and self._stepped(newton, lower, upper) else None
+
+    def _again(
+        self,
+        newton: _Newton,
+        problem: _Problem,
+        states: NDArray[np.float64],
+        controls: NDArray[np.float64],
+    ) -> bool:
+        """Solve a QP again, from other controls but with the same matrices; whether it succeeds."""
+        g, value, _, _ = self._first_order(problem, states, controls)
+        lower, upper = self._bounds(states, controls, value, newton.near)
+        flag = newton.qp.update(f=g, bupper=upper, blower=lower)
+        return flag >= 0 and self._stepped(newton, lower, upper)
+
+    @staticmethod
+    def _stepped(newton: _Newton, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> bool:
+        """Solve the QP as it is set up, within bounds that it has; whether it succeeds."""
+        step, cost, flag, info = newton.qp.solve()
+        if flag not in (1, 2) or not np.isfinite(step).all():
+            return False
+        n = step.size
+        newton.step = np.asarray(step).reshape(-1, 2)
+        newton.gain = -cost if lower.max() <= 1e-6 and upper.min() >= -1e-6 else math.inf
+        newton.clearance = np.zeros_like(newton.clearance)
+        newton.clearance[newton.near[:, 0], newton.near[:, 1]] = np.maximum(
+            0.0, -np.asarray(info["lam"])[2 * n :]
+        )
+        return True
+
+    def _first_order(
+        self,
+        problem: _Problem,
+        states: NDArray[np.float64],
+        controls: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Gradient of the cost by the controls (2N,); the clearances (N+1, 2), their gradients
+        (N+1, 2, 3), and what they lack of comfort (N+1, 2)."""
+        c, io, n = self.config, self._io, self.stages
         io["z"][:, :4] = states
         io["z"][:n, 4:] = controls
         io["reference"][1:], _ = self._references(problem, states[1:])
@@ -301,30 +399,24 @@ class MPC:
         lacking = np.maximum(0.0, self.required + c.comfort - value)
         lacking[0] = 0.0
         condense.add_closeness(io["gradient"], lacking, normal, c.closeness)
-        condense.costates(io["jacobian"], io["gradient"], normal, duals.clearance, io["multiplier"])
-        gradient = io["gradient"].copy()
-        self._evaluate()
-        hessian = io["hessian"]
-        condense.add_curvature(hessian, lacking, normal, c.closeness)
-        condense.make_positive(hessian, 1e-6)
-        h, g, sensitivity = condense.condense(io["jacobian"], gradient, hessian)
-        condense.add_smoothness(h, g, controls, problem.last_curvature, c.smoothness)
-        a, lower, upper, sense, rows = condense.constraints(
-            sensitivity, states, controls, value, normal, c.dt, car.v_max, car.acceleration,
+        g = condense.condense_gradient(io["jacobian"], io["gradient"])
+        condense.add_smoothness_gradient(g, controls, problem.last_curvature, c.smoothness)
+        return g, value, normal, lacking
+
+    def _bounds(
+        self,
+        states: NDArray[np.float64],
+        controls: NDArray[np.float64],
+        value: NDArray[np.float64],
+        near: NDArray[np.int64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        car = self.limits
+        lower, upper = condense.bounds(
+            states, controls, value, near, self.config.dt, car.v_max, car.acceleration,
             car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self.required,
-            c.trust, 1.0,
+            self.config.trust,
         )  # fmt: skip
-        warm = np.concatenate([duals.limits, -duals.clearance[rows[:, 0], rows[:, 1]]])
-        step, _, flag, info = daqp.solve(
-            h, g, a, upper, lower, sense, dual_start=warm, rho_soft=1e-4, iter_limit=500,
-            eps_prox=0.0,
-        )  # fmt: skip
-        if flag not in (1, 2) or not np.isfinite(step).all():
-            return None, duals
-        found = np.asarray(info["lam"])
-        clearance = np.zeros_like(duals.clearance)
-        clearance[rows[:, 0], rows[:, 1]] = np.maximum(0.0, -found[4 * n :])
-        return np.asarray(step).reshape(n, 2), _Duals(found[: 4 * n].copy(), clearance)
+        return lower, upper
 
 
 def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from planner.dynamics import CarLimits, rollout, stage_functions
 from planner.guess import shifted
-from planner.mpc import MPC, stop_controls
+from planner.mpc import MPC, Status, stop_controls
 from planner.reference import Path
 from planner.risk import RiskMap
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
@@ -115,6 +115,15 @@ def test_a_solve_lowers_the_cost_of_standing_still(mpc):
     guess = stop_controls(mpc.stages, CAR.braking, 0.0)
     before = mpc.evaluate(mpc.roll(state, guess), path, risk, 10, 0.0)
     assert mpc.solve(state, path, risk, guess, 10).cost < before - 1.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 2.0, 4.0])
+@pytest.mark.parametrize(("risk", "path"), [(corridor(), ahead()), (room(), bend())])
+def test_a_converged_plan_leaves_little_to_gain(mpc, speed, risk, path):
+    for plan in drive(mpc, np.array([0.0, 0.3, 0.1, speed]), path, risk, 8):
+        assert plan.status is Status.CONVERGED
+        again = mpc.solve(plan.states[0], path, risk, plan.controls, 0, plan.controls[0, 1])
+        assert plan.cost - again.cost < 0.02 * (1.0 + abs(plan.cost))
 
 
 @given(seeds)
