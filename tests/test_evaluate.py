@@ -2,12 +2,10 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from predictor.evaluate import group_of, main
-from predictor.grid import Grid, GridFrame
-from predictor.scoring.scored_drive import EvaluateConfig, image_of, score_drive
+from predictor.scoring.scored_drive import EvaluateConfig, score_drive
 from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
 
@@ -127,11 +125,6 @@ def test_cells_that_were_seen_do_not_count(maps):
 def test_maps_are_reported_under_their_folder(maps):
     assert group_of("office") == "office"
     assert group_of(str(maps / "hall.yaml")) == maps.name
-
-
-def test_the_image_of_a_map_is_the_papers():
-    known = Grid(GridFrame(0.05, (0.0, 0.0), (1, 3)), np.array([[0, 100, -1]], np.int8))
-    assert image_of(known, None).tolist() == [[1.0, 0.0, 0.5]]
 
 
 class Graduate:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import BASELINES, Contestant
-from benchmarks.prediction.similarity import TERNARY
 from benchmarks.prediction.square import Square
 from predictor.data.frames import codes_of
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
-from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
+from predictor.prediction import BadPredictionError, Predictor, checked
 from predictor.registry import load_predictor
+from predictor.scoring.ternary import TERNARY, ternary
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +76,6 @@ def prints(contestant: Contestant) -> bool:
     return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
 
 
-def image_of(known: NDArray[np.uint8], belief: Prediction) -> NDArray[np.float64]:
-    """The image of a belief: of each cell not seen the median of its three possible greys.
-
-    That is what the L1 loss makes a network of the paper print.
-
-    Args:
-        known: codes of what was seen, (n, n).
-        belief: what is believed.
-    """
-    median = np.where(belief.p_free > 0.5, 1.0, np.where(belief.p_occupied > 0.5, 0.0, 0.5))
-    return np.where(known == 2, median, TERNARY[known])
-
-
 @dataclass(frozen=True)
 class _Baseline:
     """The crop as it is, or nothing.
@@ -136,7 +123,7 @@ class _Believed:
             line = " ".join(f"{type(error).__name__}: {error}".split())
             raise BadPredictionError(f"predict() raised {line}") from error
         belief = checked(raw, square.window)
-        image = image_of(codes_of(square.window.cells), belief)
+        image = ternary(square.window, belief)
         # Checked, so these are arrays of the right shape.
         nan = np.isnan(np.asarray(raw.p_free) + np.asarray(raw.p_occupied) + raw.confidence)
         nan &= square.ring >= 0

@@ -14,11 +14,12 @@ from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.entrants import entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation
 from benchmarks.prediction.scoring import Kept, drive_of
-from benchmarks.prediction.similarity import TERNARY, similarity
+from benchmarks.prediction.similarity import similarity
 from benchmarks.prediction.square import Square
 from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
 from predictor.data.frames import codes_of
+from predictor.scoring.ternary import TERNARY
 
 SHOWN, COLUMNS = 5, 8
 """Examples on a sheet, and predictors beside each other there."""

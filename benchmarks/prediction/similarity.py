@@ -25,8 +25,6 @@ SETTINGS = {
 """Of scikit-image, all as by default, written out so that a default may change."""
 LEVELS = ((0.0, 2), (1.25, 4))
 """Beyond how far from the 5 m crop [m] how many cells along each axis are averaged into one."""
-TERNARY = np.array([1.0, 0.0, 0.5])
-"""Grey of the codes 0 free, 1 occupied, 2 not known."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction.similarity import TERNARY, beyond_crop
+from benchmarks.prediction.similarity import beyond_crop
 from predictor.data.frames import CROP, NOTHING, RESOLUTION, SIDE, Frames, cells_of
 from predictor.grid import Grid, GridFrame
 from predictor.scoring.scores import rings_of
+from predictor.scoring.ternary import TERNARY
 
 
 @dataclass(frozen=True, eq=False)

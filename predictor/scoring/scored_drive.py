@@ -12,11 +12,11 @@ from scipy.ndimage import binary_opening
 from skimage.metrics import structural_similarity
 
 from predictor.data.samples import world_hash
-from predictor.grid import Grid
-from predictor.prediction import Prediction, checked
+from predictor.prediction import checked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
 from predictor.scoring.scores import Scores, rings_of
+from predictor.scoring.ternary import ternary
 
 BLANK = "grey"
 """In the tables: an image that is grey all over, for comparing SSIM."""
@@ -96,7 +96,7 @@ def score_drive(
             raw = predictor.predict(crop, state[:3])
             taken[name].append(1e3 * (time.perf_counter() - begin))
             belief = checked(raw, crop)
-            image = image_of(crop, belief)
+            image = ternary(crop, belief)
             similar[name].append(structural_similarity(image, true_image, data_range=1.0))
             trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied
             scores[name].add(belief.p_free, belief.p_occupied, free, occupied, ring)
@@ -104,7 +104,7 @@ def score_drive(
             scores[name + RELIED].add(trusted[0], 1.0 - trusted[0], room, ~room, ring)
             if name == config.predictors[-1] and (ring >= 0).any():
                 off = float(((belief.p_free - free)[ring >= 0] ** 2).mean())
-                moments.append((off, _picture(image_of(crop, None), image, true_image)))
+                moments.append((off, _picture(ternary(crop, None), image, true_image)))
     arrays = {
         f"{name}/{key}": value for name in scores for key, value in vars(scores[name]).items()
     }
@@ -125,20 +125,6 @@ def score_drive(
 def rows_of(config: EvaluateConfig) -> list[str]:
     """What is scored: each predictor in three ways."""
     return [name + end for name in config.predictors for end in ("", TRUSTED, RELIED)]
-
-
-def image_of(known: Grid, prediction: Prediction | None) -> NDArray[np.float64]:
-    """A map as a grey image, as in the paper: 1 free, 0 occupied, 0.5 unknown; between: expected.
-
-    Args:
-        known: what was seen.
-        prediction: what is believed of the rest; None: nothing.
-    """
-    image = np.where(known.free, 1.0, np.where(known.occupied, 0.0, 0.5))
-    if prediction is not None:
-        believed = 0.5 + 0.5 * prediction.p_free - 0.5 * prediction.p_occupied
-        image = np.where(known.unknown, believed, image)
-    return np.asarray(image, dtype=np.float64)
 
 
 def _picture(*images: NDArray[np.float64]) -> NDArray[np.uint8]:

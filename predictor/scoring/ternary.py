@@ -1,0 +1,38 @@
+"""The paper's image of a map: free white, occupied black, not known grey."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.restoration import denoise_tv_chambolle
+
+from predictor.grid import Grid
+from predictor.prediction import Prediction
+
+TERNARY = np.array([1.0, 0.0, 0.5])
+"""Grey of the codes 0 free, 1 occupied, 2 not known."""
+PERIMETER = 0.5
+"""What an edge of a cell's length costs, in cells that are wrongly free or wrongly not."""
+
+
+def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
+    """A map, and what is believed of the rest, as one ternary image (rows, columns).
+
+    Of cells not seen those are free that are more likely free than not, but for specks: the free
+    space is the one with the least expected number of wrong cells plus PERIMETER times its
+    perimeter. A total-variation denoising of p_free, cut at ½, has it (Chan, Esedoglu and Nikolova
+    2006; Chambolle 2004). An edge that nothing speaks for costs SSIM on both of its sides; and of
+    a cell for which each probability is below ½, grey is the median, which the L1 loss makes the
+    paper's networks print. What is certainly not free is never made so.
+
+    Args:
+        known: what was seen; it stays as it is.
+        belief: of the same cells, with no NaN; None: nothing is believed.
+    """
+    image = TERNARY[np.where(known.free, 0, np.where(known.occupied, 1, 2))]
+    if belief is None:
+        return image
+    p_free = np.where(known.unknown, belief.p_free, known.free).astype(np.float64)
+    free = (denoise_tv_chambolle(p_free, PERIMETER) > 0.5) & (belief.p_free > 0.0)
+    believed = np.where(belief.p_occupied > 0.5, 0.0, np.where(free, 1.0, 0.5))
+    return np.where(known.unknown, believed, image)
