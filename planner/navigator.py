@@ -291,8 +291,11 @@ class Navigator:
             for plan in self._solutions(state, shorter, risk, [guess], faults):
                 if self._goes_on(plan, risk):
                     return plan, False
+        # Or brake and swerve to where it can go on from, while there is still room for that.
+        swerves = (mpc.roll(state, way) for way in self.resort.ways(best))
+        others = [*candidates, *sorted((p for p in swerves if mpc.is_safe(p, risk)), key=cost)]
         # Standing still for ever is no better than standing there.
-        moving = [p for p in candidates if p.states[:, 3].max() > 0.1]
+        moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
 
     def _solutions(

@@ -44,7 +44,7 @@ class LastResort:
         if mpc.contact(plan, ~risk.certain, risk) is None:
             self.controls = shifted(plan.controls, braking)
             return plan, True
-        ways = self._ways(plan)
+        ways = self.ways(plan)
         place = mpc.body_in(~risk.certain, risk)
         wanted, curvature = plan.controls[0]
         levels = np.linspace(wanted, -braking, LEVELS)
@@ -79,14 +79,14 @@ class LastResort:
 
     def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Brake as hard as the car can, on the way that meets what was seen most slowly."""
-        ways = self._ways(plan)
+        ways = self.ways(plan)
         stops = [self.mpc.roll(state, way) for way in ways]
         badness = [self._badness(stop, risk) for stop in stops]
         best = badness.index(min(badness))
         self.controls = shifted(ways[best], self.mpc.limits.braking)
         return stops[best]
 
-    def _ways(self, plan: Plan) -> NDArray[np.float64]:
+    def ways(self, plan: Plan) -> NDArray[np.float64]:
         """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
         ways = self._swerves.copy()
         np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))

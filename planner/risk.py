@@ -24,7 +24,8 @@ class RiskMap:
         safe: cells that a plan may rely upon, (rows, columns).
         certain: cells of the safe set that a last resort may rely upon: seen free, or believed free
             beyond all doubt; at ε = 0 and ε = 1 it is `safe` itself, (rows, columns).
-        barred: cells seen occupied, or believed with confidence not to be free, (rows, columns).
+        barred: cells seen occupied, or believed, with whatever confidence, to be rather not free:
+            a plan had better not end with its nose against them, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside it, (rows,
             columns); what lies outside the frame is not safe.
     """
@@ -63,7 +64,7 @@ class RiskMap:
         if prediction is not None:
             believed = np.nan_to_num(prediction.confidence * prediction.p_free, nan=0.0)
             # A NaN compares false.
-            blocked = prediction.confidence * (1.0 - prediction.p_free) > 0.5
+            blocked = (prediction.p_free < 0.5) & (prediction.confidence > 0.0)
             row, col = prediction.frame.offset(known.frame)
             rows, cols = known.frame.shape
             r0, r1 = max(0, row), min(prediction.frame.shape[0], row + rows)

@@ -12,7 +12,9 @@ import pytest
 
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
-from predictor import OccupancyGrid, Prediction, Scan
+from planner.reference import Path as Way
+from planner.risk import RiskMap
+from predictor import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, Prediction, Scan
 from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome, run_episode
 
@@ -329,6 +331,22 @@ def test_the_straight_is_driven_to_its_end():
     assert episode.outcome is Outcome.REACHED
     assert episode.faults == {}
     assert episode.path_length == pytest.approx(task.path_length - 0.5, abs=0.3)
+
+
+def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
+    driver = navigator(straight())
+    frame = GridFrame(0.05, (-6.0, -8.0), (200, 200))
+    x, y = frame.centres()
+    # What had looked like a way out is where two walls meet.
+    room = (y[:, None] < 0.34 * x) & (x < -0.35 * y[:, None])
+    cells = np.where(room, np.int8(FREE), np.int8(OCCUPIED))
+    risk = RiskMap.from_prediction(Grid(frame, cells), None, 0.0)
+    way = np.array([[-3.0, -3.1], [-2.3, -2.95], [0.6, 0.85]])
+    driver.guide.path = Way.through(way, "ompl")
+    plan, emergency = driver._decide(np.array([-2.4, -2.98, 0.26, 3.08]), risk, [])
+    assert not emergency
+    assert driver.mpc.is_safe(plan, risk)
+    assert driver._goes_on(plan, risk)
 
 
 class Sure:
