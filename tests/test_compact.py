@@ -54,7 +54,7 @@ def test_it_is_as_small_as_promised():
 def test_what_learned_from_logs_goes_by_its_own_name():
     predictor = load_predictor("compact-logs")
     assert isinstance(predictor, Compact)
-    assert predictor.facts["before"]["fingerprint"] == Compact().facts["fingerprint"]
+    assert predictor.facts["before"]["fingerprint"] in LOGS.with_suffix(".md").read_text()
     check_predictor(predictor)
 
 
