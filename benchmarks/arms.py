@@ -29,6 +29,18 @@ class Arm:
     whole_map: bool
     about: str
 
+    def is_same(self, other: set[str]) -> bool:
+        """Whether this arm's drives are the same under other settings of these names.
+
+        Never of an arm with the chosen predictor: its code may have changed, whatever its name.
+        """
+        heedless = {"predictor", "weights"}
+        if self.predictor == "none":
+            heedless.add("expansion")
+        if self.risk is not None:
+            heedless.add("risk")
+        return self.predictor != "chosen" and other <= heedless
+
 
 ARMS = {
     "known": Arm("none", 0.0, False, False, "what was seen, no prediction at all"),

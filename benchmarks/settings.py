@@ -81,7 +81,7 @@ class Place:
         out: folder of results and figures.
         jobs: processes.
         dask: address of a Dask scheduler whose workers drive in their place, or None.
-        baselines: folder of an earlier run, whose drives without the predictor are taken over.
+        baselines: folder of an earlier run: what would be driven the same is taken over.
     """
 
     out: Path
@@ -132,9 +132,9 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
     add("--dask", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786: its "
         "workers drive, in place of processes here")  # fmt: skip
-    add("--baselines", type=Path, metavar="DIR", help="an earlier run with the same settings and "
-        "another predictor: drives of arms that do not ask one (known, optimistic, oracle, full) "
-        "are taken from there")  # fmt: skip
+    add("--baselines", type=Path, metavar="DIR", help="an earlier run with another predictor, "
+        "ε or expansion: drives that would be the same (known, optimistic, full; with the same ε "
+        "and expansion oracle) are taken from there")  # fmt: skip
     add("--out", type=Path, default=Path("results/corridor"), metavar="DIR",
         help="results.json, traces.npz and the figures go here")  # fmt: skip
     args = parser.parse_args(argv)

@@ -25,8 +25,6 @@ from predictor.whole import write_whole
 
 GROWS = ("episodes", "arms")
 """Settings that a run may be continued with more of."""
-CHOSEN = ("predictor", "weights")
-"""Settings that only arms which ask the chosen predictor know of."""
 
 
 class Store:
@@ -36,12 +34,12 @@ class Store:
         out: the folder; made if need be.
         settings: of the run.
         weights: fingerprint of the predictor's weights, if it has any.
-        baselines: folder of a run with the same settings, whose drives that did not ask the chosen
-            predictor are taken over.
+        baselines: folder of an earlier run, whose drives of arms that ask no predictor, or the
+            oracle, are taken over where these settings would give the same.
 
     Raises:
         UsageError: if the folder holds a run with other settings or weights, or cannot be written;
-            if that of the baselines holds no run, or one with other settings.
+            if that of the baselines holds no run, or none with a drive that would be the same.
     """
 
     def __init__(
@@ -116,15 +114,19 @@ class Store:
             run = Run.load(baselines)
         except RunError as error:
             raise UsageError(f"--baselines: {error}") from None
-        other = [k for k in self._marked if k not in (*GROWS, *CHOSEN)
-                 and self._marked[k] != run.settings.get(k)]  # fmt: skip
-        if other:
-            what = ", ".join(f"{k} {run.settings.get(k)}" for k in other)
+        other = self._other(run)
+        if not any(ARMS[arm].is_same(other) for arm in self.settings.arms):
+            what = ", ".join(f"{k} {run.settings.get(k)}" for k in self._marked if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")
         return run
 
+    def _other(self, run: Run) -> set[str]:
+        """Settings in which a run differs, but for those that may grow."""
+        theirs = run.settings
+        return {k for k, v in self._marked.items() if k not in GROWS and v != theirs.get(k)}
+
     def _adopt(self, run: Run) -> None:
-        done = self.done()
+        done, other = self.done(), self._other(run)
         try:
             arrays: dict[str, list[str]] = {}
             for name in run.archive.names:
@@ -132,7 +134,7 @@ class Store:
             for episode in run.episodes:
                 index, arm = episode["index"], episode["arm"]
                 wanted = index < self.settings.episodes and arm in self.settings.arms
-                if wanted and ARMS[arm].predictor != "chosen" and (index, arm) not in done:
+                if wanted and ARMS[arm].is_same(other) and (index, arm) not in done:
                     names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
                     self.add(episode, {name: run.archive.array(name) for name in names})
         except RunError as error:

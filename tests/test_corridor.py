@@ -157,6 +157,21 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
         assert np.array_equal(a["e0/oracle/states"], b["e0/oracle/states"])
 
 
+def test_baselines_of_another_risk_serve_the_arms_that_have_their_own(short_map, tmp_path):
+    command = ("--world", short_map, "--episodes", 1, "--jobs", 1, "--predictor", "none")
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*command, "--arms", "known,oracle", "--out", first) == 0
+    (first / "traces.npz").rename(tmp_path / "kept")
+    assert run(*command, "--arms", "oracle", "--risk", 0.2, "--baselines", first,
+               "--out", second) == 2  # fmt: skip
+    (tmp_path / "kept").rename(first / "traces.npz")
+    assert run(*command, "--arms", "known,oracle", "--risk", 0.2, "--expansion", 1.5,
+               "--baselines", first, "--out", second) == 0  # fmt: skip
+    before, after = (results(out)["episodes"] for out in (first, second))
+    assert after[0] == before[0]
+    assert after[1] != before[1]
+
+
 def test_baselines_of_another_comparison_are_refused(narrow, tmp_path, capsys):
     out, _ = narrow
     for words, why in (
