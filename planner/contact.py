@@ -40,7 +40,31 @@ def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, ha
 
 
 @njit(cache=True, nogil=True)
-def first_free(state, first, ways, driving, spacing, place):  # type: ignore[no-untyped-def]
+def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyped-def]
+    """Whether some arc from a pose (x, y, yaw) meets nothing.
+
+    Args:
+        pose: where the arcs begin; what follows yaw is not looked at.
+        curvatures: of the arcs [1/m].
+        length: of each [m].
+        spacing: between tested poses [m].
+        place: blocked cells, resolution, origin and the body's halves, as `first_meeting` has them.
+    """
+    count = math.ceil(length / spacing)
+    for i in range(curvatures.shape[0]):
+        free = True
+        for j in range(1, count + 1):
+            x, y, yaw = pose_along(pose[0], pose[1], pose[2], curvatures[i], length * j / count)
+            if meets(place[0], place[1], place[2], x, y, yaw, place[3], place[4]):
+                free = False
+                break
+        if free:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def first_free(state, first, ways, driving, spacing, place, onward):  # type: ignore[no-untyped-def]
     """The first of some ways that ends at rest and meets nothing blocked; -1 if there is none.
 
     Args:
@@ -50,6 +74,8 @@ def first_free(state, first, ways, driving, spacing, place):  # type: ignore[no-
         driving: what `rollout` is told of the car: its step [s], and its limits.
         spacing: between tested poses [m].
         place: blocked cells, resolution, origin and the body's halves, as `first_meeting` has them.
+        onward: what `leads_on` is told besides the pose; a way must lead on from its end. With no
+            curvatures none need do that.
     """
     for i in range(ways.shape[0]):
         controls = ways[i].copy()
@@ -61,7 +87,9 @@ def first_free(state, first, ways, driving, spacing, place):  # type: ignore[no-
             or first_meeting(states, applied, driving[0], 5.0 * spacing, *place)[0] >= 0.0
         ):
             continue
-        if first_meeting(states, applied, driving[0], spacing, *place)[0] < 0.0:
+        if first_meeting(states, applied, driving[0], spacing, *place)[0] >= 0.0:
+            continue
+        if onward[0].shape[0] == 0 or leads_on(states[-1], *onward):
             return i
     return -1
 

@@ -53,22 +53,6 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
     return controls
 
 
-@njit(cache=True, nogil=True)
-def arcs(pose, curvatures, length, spacing):  # type: ignore[no-untyped-def]
-    """Poses (ways, n, 3) along arcs of one length [m] from a pose, one for each curvature."""
-    steps = math.ceil(length / spacing)
-    out = np.empty((curvatures.size, steps, 3))
-    for i in range(curvatures.size):
-        for j in range(steps):
-            part = length * (j + 1) / steps
-            half = 0.5 * curvatures[i] * part
-            chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-            out[i, j, 0] = pose[0] + chord * math.cos(pose[2] + half)
-            out[i, j, 1] = pose[1] + chord * math.sin(pose[2] + half)
-            out[i, j, 2] = pose[2] + 2 * half
-    return out
-
-
 def shifted(controls: np.ndarray, braking: float) -> np.ndarray:
     """The rest of the last plan, one tick on, and braking after its end: (N, 2)."""
     return np.vstack([controls[1:], [[-braking, controls[-1, 1]]]])

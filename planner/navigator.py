@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.asking import Asker, LateError, RaisedError
+from planner.contact import leads_on
 from planner.dynamics import CarLimits
-from planner.guess import arcs, pursue, shifted
+from planner.guess import pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
 from planner.mpc import MPC, MPCConfig, Plan, Status, stop_controls
@@ -28,7 +29,6 @@ from predictor import (
     Predictor,
     Scan,
 )
-from predictor.body import first_contact
 
 FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""
@@ -325,17 +325,7 @@ class Navigator:
         x, y = plan.states[-1, :2]
         if math.hypot(x - self.goal[0], y - self.goal[1]) < 0.8:
             return True
-        car, frame = self.config.car, risk.frame
-        body = car.body.inflated(0.05)
-        ways = arcs(plan.states[-1], self._WAYS * car.max_curvature, 2.0 * car.turning_radius, 0.05)
-        return any(
-            first_contact(risk.barred, frame.resolution, frame.origin, way,
-                          body.half_length, body.half_width) < 0
-            for way in ways
-        )  # fmt: skip
-
-    _WAYS = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
-    """Curvatures tried there, as shares of the tightest."""
+        return bool(leads_on(plan.states[-1], *self.resort.onward(risk)))
 
     def _pursuit(
         self, state: NDArray[np.float64], path: Path, risk: RiskMap

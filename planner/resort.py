@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,8 @@ from planner.risk import RiskMap
 
 LEVELS = 16
 """Accelerations from a plan's own to hard braking, among which the first step is chosen."""
+ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
+"""Curvatures of the arcs by which a car may go on, as shares of the tightest."""
 
 
 class LastResort:
@@ -19,7 +23,9 @@ class LastResort:
 
     A plan relies on what is believed at the risk ε. After its first step, when the next scan may
     have proved that wrong, some way to brake and swerve must still lie in what is certain. By
-    induction there is always one: that of the last tick, driven on.
+    induction there is always one: that of the last tick, driven on. If it can be had, it is one
+    from whose end the car can go on: a car that cannot reverse otherwise escapes into a corner, and
+    stays there.
 
     Args:
         mpc: rolls plans out, and knows the car.
@@ -44,38 +50,72 @@ class LastResort:
         if mpc.contact(plan, ~risk.certain, risk) is None:
             self.controls = shifted(plan.controls, braking)
             return plan, True
-        ways = self.ways(plan)
-        place = mpc.body_in(~risk.certain, risk)
-        wanted, curvature = plan.controls[0]
-        levels = np.linspace(wanted, -braking, LEVELS)
-
-        def way_after(level: int) -> int:
-            first = np.array([levels[level], curvature])
-            return int(first_free(state, first, ways, mpc.driving, CONTACT_SPACING, place))
-
-        # The fastest beginning that leaves a way, by bisection.
-        fastest, way = 0, way_after(0)
+        ways, curvature = self.ways(plan), plan.controls[0, 1]
+        levels = np.linspace(plan.controls[0, 0], -braking, LEVELS)
+        fastest, way = self._fastest(state, levels, curvature, ways, risk, onward=True)
         if way < 0:
-            too_fast, fastest = 0, LEVELS - 1
-            way = way_after(fastest)
-            while way < 0 and too_fast < fastest - 1:
-                # Odd, but a gentler beginning may leave a way where a harder one does not.
-                fastest -= 1
-                way = way_after(fastest)
-            if way < 0:
-                braked = self.brake(state, plan, risk)
-                return braked, mpc.contact(braked, ~risk.certain, risk) is None
-            while fastest - too_fast > 1:
-                middle = (fastest + too_fast) // 2
-                found = way_after(middle)
-                if found < 0:
-                    too_fast = middle
-                else:
-                    fastest, way = middle, found
+            fastest, way = self._fastest(state, levels, curvature, ways, risk, onward=False)
+        if way < 0:
+            braked = self.brake(state, plan, risk)
+            return braked, mpc.contact(braked, ~risk.certain, risk) is None
         controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
         # As they are, not as applied: once at rest the car still brakes, should it come faster.
         self.controls = shifted(controls, braking)
         return (plan if fastest == 0 else mpc.roll(state, controls)), True
+
+    def _fastest(
+        self,
+        state: NDArray[np.float64],
+        levels: NDArray[np.float64],
+        curvature: float,
+        ways: NDArray[np.float64],
+        risk: RiskMap,
+        onward: bool,
+    ) -> tuple[int, int]:
+        """Number of the first acceleration after which some way is left, and that way's; -1: none.
+
+        Args:
+            state: (4,).
+            levels: accelerations, the harder the later [m/s²].
+            curvature: of the first step [1/m].
+            ways: to stop after it, (n, N, 2).
+            risk: whose certain cells they must lie in.
+            onward: whether the car must be able to go on from where they end.
+        """
+        place = self.mpc.body_in(~risk.certain, risk)
+        on = self.onward(risk)
+        after = on if onward else (on[0][:0], *on[1:])
+
+        def way_after(level: int) -> int:
+            first = np.array([levels[level], curvature])
+            found = first_free(state, first, ways, self.mpc.driving, CONTACT_SPACING, place, after)
+            return int(found)
+
+        # By bisection.
+        fastest, way = 0, way_after(0)
+        if way >= 0:
+            return fastest, way
+        too_fast, fastest = 0, LEVELS - 1
+        way = way_after(fastest)
+        while way < 0 and not onward and too_fast < fastest - 1:
+            # Odd, but a gentler beginning may leave a way where a harder one does not.
+            fastest -= 1
+            way = way_after(fastest)
+        while way >= 0 and fastest - too_fast > 1:
+            middle = (fastest + too_fast) // 2
+            found = way_after(middle)
+            if found < 0:
+                too_fast = middle
+            else:
+                fastest, way = middle, found
+        return fastest, way
+
+    def onward(self, risk: RiskMap) -> tuple[Any, ...]:
+        """What `leads_on` is told besides the pose: arcs, and what is barred."""
+        car, frame = self.mpc.limits, risk.frame
+        body = car.body.inflated(0.05)
+        place = (risk.barred, frame.resolution, frame.origin, body.half_length, body.half_width)
+        return ONWARD * car.max_curvature, 2.0 * car.turning_radius, 0.05, place
 
     def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Brake as hard as the car can, on the way that meets what was seen most slowly."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.contact import first_free, first_meeting, swerves
+from planner.contact import first_free, first_meeting, leads_on, swerves
 from planner.dynamics import CarLimits, rollout, swept
 from predictor.body import first_contact
 
@@ -12,6 +12,8 @@ DRIVING = (0.1, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_accelerati
            CAR.max_curvature)  # fmt: skip
 RESOLUTION, ORIGIN, HALVES = 0.05, (-1.0, -3.0), (0.25, 0.15)
 STAGES = 32
+NEED_NOT = (np.empty(0), 1.0, 0.05, (np.zeros((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES))
+"""Ways may end anywhere."""
 
 
 def scattered(seed, share=0.004):
@@ -73,12 +75,32 @@ def test_the_first_free_way_is_free_and_those_before_it_are_not(seed):
         states, applied = rollout(state, controls, *DRIVING)
         poses = swept(states, applied, 0.1, 0.02)
         met.append(first_contact(*place[:3], poses, *HALVES) >= 0)
-    found = first_free(state, first, ways, DRIVING, 0.02, place)
+    found = first_free(state, first, ways, DRIVING, 0.02, place, NEED_NOT)
     if found >= 0:
         assert not met[found]
     # A coarser look at other poses of the same way may find a corner that these poses miss.
     free = [i for i, hit in enumerate(met) if not hit]
     assert found in (free[:3] or [-1]) if found >= 0 else len(free) <= 2
+
+
+def test_a_way_may_have_to_lead_on_from_its_end():
+    ways = np.nan_to_num(swerves(STAGES, CAR.braking, CAR.max_curvature))
+    state, first = np.array([0.0, 0.0, 0.0, 2.0]), np.zeros(2)
+    place = (np.zeros((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES)
+    barred = np.zeros((120, 160), dtype=bool)
+    # A wall across, a little beyond where the car comes to rest if it goes straight on.
+    barred[:, round((2.1 - ORIGIN[0]) / RESOLUTION) :] = True
+    wall = (barred, RESOLUTION, ORIGIN, *HALVES)
+    ends = [rollout(state, np.vstack([first, way[1:]]), *DRIVING)[0][-1] for way in ways]
+    arcs = np.array([0.0, CAR.max_curvature, -CAR.max_curvature]), 2 * CAR.turning_radius, 0.05
+    assert first_free(state, first, ways, DRIVING, 0.02, place, NEED_NOT) == 0
+    found = first_free(state, first, ways, DRIVING, 0.02, place, (*arcs, wall))
+    assert found > 0
+    leading = [leads_on(end, *arcs, wall) for end in ends]
+    assert leading.index(True) == found
+    # None does where all is barred.
+    all_barred = (*arcs, (~np.zeros_like(barred), RESOLUTION, ORIGIN, *HALVES))
+    assert first_free(state, first, ways, DRIVING, 0.02, place, all_barred) == -1
 
 
 def test_swerves_brake_all_along_and_come_to_rest():
