@@ -34,7 +34,8 @@ SPLITS = {"train": 1_200_000, "validation": 520_000}
 """First seed of each split. What is measured and published uses others, below 10,000 and from
 700,000 on; the 200,000 before the first and 20,000 before the second made earlier weights."""
 FAMILIES = ("corridor", "narrow", "office", "paper")
-"""Learned from. `trap` is not, so that there is a kind of building that the network never saw."""
+"""Learned from by default, in turn. `trap` is not, so that there is a kind of building that the
+network never saw."""
 WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 """Sides of the square that the LIDAR writes into [m], drawn from."""
 JOURNEYS, APART = (1, 2, 4, 8), 2.0
@@ -60,6 +61,7 @@ class DrivesConfig:
         views: times that each drive is seen again.
         every: ticks between two samples.
         logs: samples of simulated robots' logs, whose truth is the map of all their scans.
+        families: of the buildings, in turn.
     """
 
     out: Path = Path("data/drives")
@@ -69,6 +71,7 @@ class DrivesConfig:
     views: int = 2
     every: int = 6
     logs: bool = False
+    families: tuple[str, ...] = FAMILIES
 
 
 def record(config: DrivesConfig, item: tuple[str, int]) -> int:
@@ -88,7 +91,7 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     split, number = item
     seed = SPLITS[split] + number
     rng = np.random.default_rng(seed)
-    family = FAMILIES[number % len(FAMILIES)]
+    family = config.families[number % len(config.families)]
     drawn = generate(family, seed)
     # Half as they are: where they differ from what it learned, the network is ill calibrated.
     world = varied(drawn, rng) if rng.random() < 0.5 else drawn
@@ -267,8 +270,8 @@ def _claim(config: DrivesConfig) -> None:
         (config.out / split).mkdir(parents=True, exist_ok=True)
     how = ({"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART} if config.logs else
            {"longest": config.longest, "every": config.every})  # fmt: skip
-    recipe = {"format": FORMAT, "seeds": SPLITS, "views": config.views, "families": FAMILIES,
-              "windows": WINDOWS}  # fmt: skip
+    recipe = {"format": FORMAT, "seeds": SPLITS, "views": config.views,
+              "families": config.families, "windows": WINDOWS}  # fmt: skip
     recipe |= how
     path, mine = config.out / RECIPE, json.loads(json.dumps(recipe))
     try:
@@ -287,6 +290,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     import os
 
+    from benchmarks.settings import FAMILIES as ALL_FAMILIES
     from benchmarks.settings import OneLineParser
     from benchmarks.workers import WorkersError
 
@@ -305,6 +309,8 @@ def main(argv: list[str] | None = None) -> int:
     add("--logs", action="store_true", help="of simulated robots' logs instead, as real ones are "
         "made: 180°, scans up to a metre apart, people, and as truth the map of all the log's "
         "scans")  # fmt: skip
+    add("--families", nargs="+", choices=ALL_FAMILIES, default=list(default.families), metavar="F",
+        help="of the buildings, in turn (default: %(default)s)")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
     args = parser.parse_args(argv)
     for name in ("train", "validation", "jobs"):
@@ -312,7 +318,9 @@ def main(argv: list[str] | None = None) -> int:
             print(f"predictor.drives: --{name} must be at least 1", file=sys.stderr)
             return 2
     try:
-        make(DrivesConfig(args.out, args.train, args.validation, logs=args.logs), args.jobs)
+        config = DrivesConfig(args.out, args.train, args.validation, logs=args.logs,
+                              families=tuple(args.families))  # fmt: skip
+        make(config, args.jobs)
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130

@@ -25,7 +25,7 @@ from predictor.training.image_arguments import NAMES, add_arguments, configured
 if TYPE_CHECKING:
     import argparse
 
-COMPACT = ("train", "validation", "steps", "start", "logs")
+COMPACT = ("train", "validation", "steps", "start", "logs", "families")
 """Arguments that are compact's alone."""
 IMAGES = ("expansion", *NAMES)
 """Arguments that are the paper's networks' alone."""
@@ -78,7 +78,8 @@ def _compact(args: argparse.Namespace) -> Path:
             start = load_weights(args.start, CompactNet)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
-    make(DrivesConfig(data, count, tuned_on, logs=args.logs), args.jobs)
+    families = tuple(args.families or drives.families)
+    make(DrivesConfig(data, count, tuned_on, logs=args.logs, families=families), args.jobs)
     # After the drives, whose processes must not wait for it.
     import torch
 
@@ -121,7 +122,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from benchmarks.settings import OneLineParser
+    from benchmarks.settings import FAMILIES, OneLineParser
     from predictor.drives import DrivesConfig
 
     default, drives = TrainConfig(), DrivesConfig()
@@ -156,6 +157,8 @@ def _parser() -> argparse.ArgumentParser:
         "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
     add("--logs", action="store_true", help="--data is of simulated robots' logs, whose truth is "
         "what they map: see predictor.drives")  # fmt: skip
+    add("--families", nargs="+", choices=FAMILIES, metavar="F", help="of the drives' buildings, in "
+        f"turn (default: {' '.join(drives.families)})")  # fmt: skip
     group = parser.add_argument_group("the paper's networks alone")
     group.add_argument("--expansion", type=float, metavar="X", help="width of the predicted square "
         f"over that of the 5 m crop; the paper has {', '.join(map(str, EXPANSIONS))} (default: "

@@ -80,9 +80,10 @@ def test_ways_through_one_building_follow_on_each_other(task):
 
 
 def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
-    config = DrivesConfig(tmp_path, train=1, validation=1, logs=True)
+    config = DrivesConfig(tmp_path, train=1, validation=1, logs=True, families=("narrow",))
     make(config, 1)
     samples = Samples.load(tmp_path / "train")
+    assert samples.about[0]["family"] == "narrow"
     codes = np.stack([samples[n] for n in range(len(samples))])
     known, truth = codes % 3, codes // 3
     assert len(samples) > 10

@@ -142,6 +142,8 @@ def test_samples_of_another_recipe_are_not_mixed_in(tmp_path):
     _claim(DrivesConfig(tmp_path, train=7))
     with pytest.raises(DrivesError, match="another way"):
         _claim(DrivesConfig(tmp_path, longest=99.0))
+    with pytest.raises(DrivesError, match="families differ"):
+        _claim(DrivesConfig(tmp_path, families=("paper",)))
 
 
 def test_a_recipe_in_another_order_is_the_same_and_a_damaged_one_is_named(tmp_path):
