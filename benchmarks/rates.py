@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
@@ -60,18 +61,16 @@ def rays(seed: int) -> dict[str, Measure]:
     for name, world in maps(seed).items():
         frame = world.grid.frame
         poses = places.anywhere(world, max(1, SCANS // 20))
-        starts = [
+        starts = np.array([
             ((x - frame.origin[0]) / frame.resolution, (y - frame.origin[1]) / frame.resolution,
              yaw + 0.05 * i)
             for x, y, yaw in poses for i in range(20)
-        ]  # fmt: skip
+        ])  # fmt: skip
         longest = config.range_max / frame.resolution
-        given = (world.skips, world.grid.cells, starts, longest)
+        given = (world.skips, world.grid.cells, starts, beams, longest)
 
         def cast(_: int, given: Any = given) -> None:
-            skips, cells, starts, longest = given
-            for x, y, bearing in starts:
-                cast_rays(skips, cells, x, y, bearing, beams, longest)
+            _casts(*given)
 
         for threads in (1, 2):
             with ThreadPoolExecutor(threads) as pool:
@@ -89,6 +88,13 @@ def rays(seed: int) -> dict[str, Measure]:
         worst, compared = error(lidar, world, poses[:CHECKED_POSES])
         found[f"rays, {name}, largest error"] = {"value": worst, "unit": "m", "samples": compared}
     return found
+
+
+@njit(cache=True, nogil=True)
+def _casts(skips, cells, starts, beams, longest):  # type: ignore[no-untyped-def]
+    # In one call: threads that came back to Python for each scan would wait for each other there.
+    for i in range(starts.shape[0]):
+        cast_rays(skips, cells, starts[i, 0], starts[i, 1], starts[i, 2], beams, longest)
 
 
 def error(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> tuple[float, int]:
