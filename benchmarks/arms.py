@@ -29,17 +29,20 @@ class Arm:
     whole_map: bool
     about: str
 
-    def is_same(self, other: set[str]) -> bool:
-        """Whether this arm's drives are the same under other settings of these names.
+    def drives_alike(self, differing: set[str]) -> bool:
+        """Whether this arm's drives are the same in comparisons that differ in some settings.
 
         Never of an arm with the chosen predictor: its code may have changed, whatever its name.
+
+        Args:
+            differing: names of these settings.
         """
         heedless = {"predictor", "weights"}
         if self.predictor == "none":
             heedless.add("expansion")
         if self.risk is not None:
             heedless.add("risk")
-        return self.predictor != "chosen" and other <= heedless
+        return self.predictor != "chosen" and differing <= heedless
 
 
 ARMS = {

@@ -115,7 +115,11 @@ class Store:
         except RunError as error:
             raise UsageError(f"--baselines: {error}") from None
         other = self._other(run)
-        if not any(ARMS[arm].is_same(other) for arm in self.settings.arms):
+        arms = [arm for arm in self.settings.arms if ARMS[arm].predictor != "chosen"]
+        if not arms:
+            raise UsageError("--baselines: all arms ask the chosen predictor, whose drives are "
+                             "never taken over")  # fmt: skip
+        if not any(ARMS[arm].drives_alike(other) for arm in arms):
             what = ", ".join(f"{k} {run.settings.get(k)}" for k in self._marked if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")
         return run
@@ -134,7 +138,7 @@ class Store:
             for episode in run.episodes:
                 index, arm = episode["index"], episode["arm"]
                 wanted = index < self.settings.episodes and arm in self.settings.arms
-                if wanted and ARMS[arm].is_same(other) and (index, arm) not in done:
+                if wanted and ARMS[arm].drives_alike(other) and (index, arm) not in done:
                     names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
                     self.add(episode, {name: run.archive.array(name) for name in names})
         except RunError as error:

@@ -357,8 +357,7 @@ def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-un
             a[k, 2 * j] = dt
     sense[size + n - 1] = 5
     for k in range(n):
-        # Lateral acceleration v²κ at the faster end of the step.
-        end = k + 1 if controls[k, 0] > 0 else k
+        end = _faster_end(controls, k)
         v, kappa = states[end, 3], controls[k, 1]
         for j in range(end):
             a[n + k, 2 * j] = 2 * v * kappa * dt
@@ -374,12 +373,33 @@ def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-un
     return a, sense
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _faster_end(controls, k):  # type: ignore[no-untyped-def]
+    """Of a step the state at which lateral acceleration v²κ is larger."""
+    return k + 1 if controls[k, 0] > 0 else k
+
+
 @njit(cache=True, nogil=True)
 def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, max_curvature,  # type: ignore[no-untyped-def]
            required, trust):  # fmt: skip
     """What the QP's variables and rows may be: lower and upper, (4N + near,) each.
 
-    The order is that of `rows`, after the variables'.
+    The order is that of `rows`, after the variables'. On a second step `rows` are those of the
+    controls before, so what keeps to these bounds keeps to the limits to first order only.
+
+    Args:
+        states: (N+1, 4).
+        controls: (N, 2).
+        value: clearance of their circles, (N+1, 2) [m].
+        near: which of these have a row, as `nearby`.
+        dt: step [s].
+        v_max: top speed [m/s].
+        accel: most acceleration [m/s²].
+        braking: most deceleration [m/s²].
+        lateral: most lateral acceleration [m/s²].
+        max_curvature: tightest [1/m].
+        required: of the clearance [m].
+        trust: most that a curvature may change [1/m].
     """
     n = controls.shape[0]
     size = 2 * n
@@ -394,7 +414,7 @@ def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, ma
         top = max(v_max, states[0, 3] - braking * dt * (k + 1))
         lower[size + k] = -states[k + 1, 3]
         upper[size + k] = top - states[k + 1, 3]
-        end = k + 1 if controls[k, 0] > 0 else k
+        end = _faster_end(controls, k)
         now = states[end, 3] ** 2 * controls[k, 1]
         lower[size + n + k] = min(-lateral - now, 0.0)
         upper[size + n + k] = max(lateral - now, 0.0)

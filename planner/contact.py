@@ -64,7 +64,7 @@ def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def first_free(state, first, ways, driving, spacing, place, onward):  # type: ignore[no-untyped-def]
+def first_free(state, first, ways, driving, spacing, place, onward, arcs):  # type: ignore[no-untyped-def]
     """The first of some ways that ends at rest and meets nothing blocked; -1 if there is none.
 
     Args:
@@ -74,8 +74,8 @@ def first_free(state, first, ways, driving, spacing, place, onward):  # type: ig
         driving: what `rollout` is told of the car: its step [s], and its limits.
         spacing: between tested poses [m].
         place: blocked cells, resolution, origin and the body's halves, as `first_meeting` has them.
-        onward: what `leads_on` is told besides the pose; a way must lead on from its end. With no
-            curvatures none need do that.
+        onward: whether a way must lead on from its end.
+        arcs: what `leads_on` is told besides the pose.
     """
     for i in range(ways.shape[0]):
         controls = ways[i].copy()
@@ -89,7 +89,7 @@ def first_free(state, first, ways, driving, spacing, place, onward):  # type: ig
             continue
         if first_meeting(states, applied, driving[0], spacing, *place)[0] >= 0.0:
             continue
-        if onward[0].shape[0] == 0 or leads_on(states[-1], *onward):
+        if not onward or leads_on(states[-1], *arcs):
             return i
     return -1
 

@@ -35,8 +35,13 @@ CONTACT_SPACING = 0.02
 """Between the poses at which a plan's body is tested [m]."""
 NEAR = 1.0
 """Clearance beyond what is required from which on a QP leaves it alone [m]."""
-QP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
-"""Settings of daqp: how soft soft rows are; strictly convex, so nothing is made so."""
+ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
+"""Curvatures of the arcs by which a car may go on, as shares of the tightest."""
+ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
+"""Around the body on them, and between the poses at which they are tested [m]."""
+DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
+"""Settings of daqp: how soft soft rows are; no proximal term, for the Hessian is positive
+definite."""
 
 
 class Status(StrEnum):
@@ -64,9 +69,10 @@ class MPCConfig:
         comfort: clearance beyond what is required below which closeness costs [m].
         violation: merit of a metre of clearance lacking of what is required.
         margin: clearance required of the circles that cover the body, beyond its outline [m].
-        trust: most that a curvature may change in one iteration [1/m].
+        trust: most that a curvature may change in one step [1/m].
         iterations: at most, of two steps each.
-        tolerance: relative decrease of the merit at which the iteration stops.
+        tolerance: relative decrease of the merit, had by a first step or foretold of a second, at
+            which the iteration stops.
     """
 
     dt: float = 0.1
@@ -118,23 +124,32 @@ class _Problem:
     last_curvature: float
 
 
-@dataclass
-class _Newton:
-    """A QP that is set up, and what its last step came to.
+@dataclass(frozen=True)
+class _QP:
+    """The quadratic program of some controls, as daqp has it, with its matrices factorised.
 
     Attributes:
-        qp: as daqp has it.
+        model: daqp's.
         near: which state and circle each of its clearance rows belongs to, (n, 2).
-        step: of the controls, (N, 2).
-        gain: what the step lowers the cost by if the QP is right; infinite where the controls that
-            it starts from break a limit, and the step first has to mend that.
+    """
+
+    model: daqp.Model
+    near: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What a QP came to.
+
+    Attributes:
+        controls: what they change by, (N, 2).
+        gain: what the QP says that lowers the cost by; infinite where the controls before break a
+            limit or lack clearance, which the step first has to mend.
         clearance: multipliers of the clearance of each state's two circles, (N+1, 2), none
             negative.
     """
 
-    qp: daqp.Model
-    near: NDArray[np.int64]
-    step: NDArray[np.float64]
+    controls: NDArray[np.float64]
     gain: float
     clearance: NDArray[np.float64]
 
@@ -205,6 +220,20 @@ class MPC:
         f = risk.frame
         return blocked, f.resolution, f.origin, body.half_length, body.half_width
 
+    def arcs_in(
+        self, risk: RiskMap
+    ) -> tuple[
+        NDArray[np.float64],
+        float,
+        float,
+        tuple[NDArray[np.bool_], float, tuple[float, float], float, float],
+    ]:
+        """What `planner.contact.leads_on` is told besides the pose: arcs, and what is barred."""
+        car, f = self.limits, risk.frame
+        body = car.body.inflated(ONWARD_MARGIN)
+        place = (risk.barred, f.resolution, f.origin, body.half_length, body.half_width)
+        return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
+
     def solve(
         self,
         state: NDArray[np.float64],
@@ -236,27 +265,25 @@ class MPC:
         status = Status.ITERATION_LIMIT
         solved = 0
         while solved < self.config.iterations:
-            newton = self._newton(problem, states, controls, clearance)
-            if newton is None:
+            qp, step = self._first_step(problem, states, controls, clearance)
+            if step is None:
                 status = Status.QP_FAILED
                 break
             solved += 1
             before = merit
-            states, controls, merit = self._search(problem, states, controls, merit, newton.step)
+            states, controls, merit = self._search(problem, states, controls, merit, step)
             little = self.config.tolerance * (1.0 + abs(merit))
             if before - merit <= little:
                 status = Status.CONVERGED
                 break
-            clearance, before = newton.clearance, merit
-            if not self._again(newton, problem, states, controls):
+            clearance = step.clearance
+            second = self._second_step(qp, problem, states, controls)
+            if second is None:
                 continue
-            if newton.gain > little:
-                states, controls, merit = self._search(
-                    problem, states, controls, merit, newton.step
-                )
-            if before - merit <= little:
+            if second.gain <= little:
                 status = Status.CONVERGED
                 break
+            states, controls, merit = self._search(problem, states, controls, merit, second)
         if not math.isfinite(merit):
             status = Status.NOT_FINITE
         return Plan(states, controls, merit, status, solved)
@@ -308,30 +335,30 @@ class MPC:
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
         merit: float,
-        step: NDArray[np.float64],
+        step: _Step,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """States, controls and merit after the longest part of a step that lowers the merit."""
         for length in (1.0, 0.5, 0.2, 0.05):
-            trial = rollout(problem.state, controls + length * step, *self.driving)
+            trial = rollout(problem.state, controls + length * step.controls, *self.driving)
             value = self._merit(problem, *trial)
             if value < merit:
                 return trial[0], trial[1], value
         return states, controls, merit
 
-    def _newton(
+    def _first_step(
         self,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
         clearance: NDArray[np.float64],
-    ) -> _Newton | None:
-        """Set up the QP of some controls and solve it; None if that fails.
+    ) -> tuple[_QP, _Step | None]:
+        """The QP of some controls, and its step; None if it fails.
 
         Args:
             problem: of the tick.
             states: (N+1, 4).
             controls: (N, 2), that lead to them.
-            clearance: multipliers, as `_Newton` has them; all 0 if none are known.
+            clearance: multipliers, as `_Step` has them; all 0 if none are known.
         """
         c, io = self.config, self._io
         g, value, normal, lacking = self._first_order(problem, states, controls)
@@ -345,40 +372,45 @@ class MPC:
         near = condense.nearby(value, self.required + NEAR)
         a, sense = condense.rows(sensitivity, states, controls, normal, near, c.dt)
         lower, upper = self._bounds(states, controls, value, near)
-        qp = daqp.Model()
-        qp.settings = QP
+        qp = _QP(daqp.Model(), near)
+        qp.model.settings = DAQP
         # Limits that the controls are at now are guessed to be at work.
-        flag, _ = qp.setup(h, g, a, upper, lower, sense, primal_start=np.zeros(len(g)))
-        newton = _Newton(qp, near, np.zeros_like(controls), math.inf, clearance)
-        return newton if flag >= 0 and self._stepped(newton, lower, upper) else None
+        flag, _ = qp.model.setup(h, g, a, upper, lower, sense, primal_start=np.zeros(len(g)))
+        return qp, self._solved(qp, flag, lower, upper, value)
 
-    def _again(
+    def _second_step(
         self,
-        newton: _Newton,
+        qp: _QP,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
-    ) -> bool:
-        """Solve a QP again, from other controls but with the same matrices; whether it succeeds."""
+    ) -> _Step | None:
+        """The step of a QP from other controls, but with its matrices; None if it fails."""
         g, value, _, _ = self._first_order(problem, states, controls)
-        lower, upper = self._bounds(states, controls, value, newton.near)
-        flag = newton.qp.update(f=g, bupper=upper, blower=lower)
-        return flag >= 0 and self._stepped(newton, lower, upper)
+        lower, upper = self._bounds(states, controls, value, qp.near)
+        flag = qp.model.update(f=g, bupper=upper, blower=lower)
+        return self._solved(qp, flag, lower, upper, value)
 
-    @staticmethod
-    def _stepped(newton: _Newton, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> bool:
-        """Solve the QP as it is set up, within bounds that it has; whether it succeeds."""
-        step, cost, flag, info = newton.qp.solve()
+    def _solved(
+        self,
+        qp: _QP,
+        flag: int,
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+        value: NDArray[np.float64],
+    ) -> _Step | None:
+        """Solve a QP that is set up, as daqp's flag says, with bounds and at clearances."""
+        if flag < 0:
+            return None
+        step, cost, flag, info = qp.model.solve()
         if flag not in (1, 2) or not np.isfinite(step).all():
-            return False
-        n = step.size
-        newton.step = np.asarray(step).reshape(-1, 2)
-        newton.gain = -cost if lower.max() <= 1e-6 and upper.min() >= -1e-6 else math.inf
-        newton.clearance = np.zeros_like(newton.clearance)
-        newton.clearance[newton.near[:, 0], newton.near[:, 1]] = np.maximum(
-            0.0, -np.asarray(info["lam"])[2 * n :]
-        )
-        return True
+            return None
+        keeps = lower.max() <= 1e-6 and upper.min() >= -1e-6
+        keeps = keeps and value[1:].min() >= self.required - 1e-6
+        clearance = np.zeros((self.stages + 1, 2))
+        found = np.asarray(info["lam"])[2 * step.size :]
+        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -found)
+        return _Step(np.asarray(step).reshape(-1, 2), -cost if keeps else math.inf, clearance)
 
     def _first_order(
         self,

@@ -211,6 +211,7 @@ class Navigator:
         xs, ys = frame.centres()
         limit = what_limits(plan, risk, self.goal, c.car, emergency)
         if plan is not intended:
+            # It is held back for the case that what was not seen is not as believed.
             limit = Limit.UNSEEN
         self.plan, self._curvature = intended, float(control[1])
         self.faults.update(faults)
@@ -292,8 +293,8 @@ class Navigator:
                 if self._goes_on(plan, risk):
                     return plan, False
         # Or brake and swerve to where it can go on from, while there is still room for that.
-        swerves = (mpc.roll(state, way) for way in self.resort.ways(best))
-        others = [*candidates, *sorted((p for p in swerves if mpc.is_safe(p, risk)), key=cost)]
+        stops = (mpc.roll(state, way) for way in self.resort.ways(best))
+        others = [*candidates, *sorted((p for p in stops if mpc.is_safe(p, risk)), key=cost)]
         # Standing still for ever is no better than standing there.
         moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
@@ -325,7 +326,7 @@ class Navigator:
         x, y = plan.states[-1, :2]
         if math.hypot(x - self.goal[0], y - self.goal[1]) < 0.8:
             return True
-        return bool(leads_on(plan.states[-1], *self.resort.onward(risk)))
+        return bool(leads_on(plan.states[-1], *self.mpc.arcs_in(risk)))
 
     def _pursuit(
         self, state: NDArray[np.float64], path: Path, risk: RiskMap

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +12,9 @@ from planner.risk import RiskMap
 
 LEVELS = 16
 """Accelerations from a plan's own to hard braking, among which the first step is chosen."""
-ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
-"""Curvatures of the arcs by which a car may go on, as shares of the tightest."""
+SLOW = 0.2
+"""Below this a last resort need not lead on: nothing can be made of it any more, and a car that
+would not move for it stood for good [m/s]."""
 
 
 class LastResort:
@@ -23,9 +22,9 @@ class LastResort:
 
     A plan relies on what is believed at the risk ε. After its first step, when the next scan may
     have proved that wrong, some way to brake and swerve must still lie in what is certain. By
-    induction there is always one: that of the last tick, driven on. If it can be had, it is one
-    from whose end the car can go on: a car that cannot reverse otherwise escapes into a corner, and
-    stays there.
+    induction there is always one: that of the last tick, driven on. It is one from whose end the
+    car can go on, if there is one after the plan's own first step, or after hard braking: a car
+    that cannot reverse otherwise escapes into a corner, and stays there.
 
     Args:
         mpc: rolls plans out, and knows the car.
@@ -52,12 +51,15 @@ class LastResort:
             return plan, True
         ways, curvature = self.ways(plan), plan.controls[0, 1]
         levels = np.linspace(plan.controls[0, 0], -braking, LEVELS)
-        fastest, way = self._fastest(state, levels, curvature, ways, risk, onward=True)
-        if way < 0:
-            fastest, way = self._fastest(state, levels, curvature, ways, risk, onward=False)
-        if way < 0:
+        found = None
+        if state[3] > SLOW:
+            found = self._fastest(state, levels, curvature, ways, risk, onward=True)
+        if found is None:
+            found = self._fastest(state, levels, curvature, ways, risk, onward=False)
+        if found is None:
             braked = self.brake(state, plan, risk)
             return braked, mpc.contact(braked, ~risk.certain, risk) is None
+        fastest, way = found
         controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
         # As they are, not as applied: once at rest the car still brakes, should it come faster.
         self.controls = shifted(controls, braking)
@@ -71,8 +73,8 @@ class LastResort:
         ways: NDArray[np.float64],
         risk: RiskMap,
         onward: bool,
-    ) -> tuple[int, int]:
-        """Number of the first acceleration after which some way is left, and that way's; -1: none.
+    ) -> tuple[int, int] | None:
+        """Number of the first acceleration after which some way is left, and that way's.
 
         Args:
             state: (4,).
@@ -82,26 +84,26 @@ class LastResort:
             risk: whose certain cells they must lie in.
             onward: whether the car must be able to go on from where they end.
         """
-        place = self.mpc.body_in(~risk.certain, risk)
-        on = self.onward(risk)
-        after = on if onward else (on[0][:0], *on[1:])
+        place, arcs = self.mpc.body_in(~risk.certain, risk), self.mpc.arcs_in(risk)
 
         def way_after(level: int) -> int:
             first = np.array([levels[level], curvature])
-            found = first_free(state, first, ways, self.mpc.driving, CONTACT_SPACING, place, after)
-            return int(found)
+            return int(first_free(state, first, ways, self.mpc.driving, CONTACT_SPACING, place,
+                                  onward, arcs))  # fmt: skip
 
-        # By bisection.
-        fastest, way = 0, way_after(0)
+        way = way_after(0)
         if way >= 0:
-            return fastest, way
+            return 0, way
         too_fast, fastest = 0, LEVELS - 1
         way = way_after(fastest)
         while way < 0 and not onward and too_fast < fastest - 1:
             # Odd, but a gentler beginning may leave a way where a harder one does not.
             fastest -= 1
             way = way_after(fastest)
-        while way >= 0 and fastest - too_fast > 1:
+        if way < 0:
+            return None
+        # By bisection.
+        while fastest - too_fast > 1:
             middle = (fastest + too_fast) // 2
             found = way_after(middle)
             if found < 0:
@@ -109,13 +111,6 @@ class LastResort:
             else:
                 fastest, way = middle, found
         return fastest, way
-
-    def onward(self, risk: RiskMap) -> tuple[Any, ...]:
-        """What `leads_on` is told besides the pose: arcs, and what is barred."""
-        car, frame = self.mpc.limits, risk.frame
-        body = car.body.inflated(0.05)
-        place = (risk.barred, frame.resolution, frame.origin, body.half_length, body.half_width)
-        return ONWARD * car.max_curvature, 2.0 * car.turning_radius, 0.05, place
 
     def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Brake as hard as the car can, on the way that meets what was seen most slowly."""

@@ -5,6 +5,10 @@ import pytest
 
 from planner.contact import first_free, first_meeting, leads_on, swerves
 from planner.dynamics import CarLimits, rollout, swept
+from planner.mpc import MPC
+from planner.resort import LastResort
+from planner.risk import RiskMap
+from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, Prediction
 from predictor.body import first_contact
 
 CAR = CarLimits()
@@ -12,8 +16,8 @@ DRIVING = (0.1, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_accelerati
            CAR.max_curvature)  # fmt: skip
 RESOLUTION, ORIGIN, HALVES = 0.05, (-1.0, -3.0), (0.25, 0.15)
 STAGES = 32
-NEED_NOT = (np.empty(0), 1.0, 0.05, (np.zeros((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES))
-"""Ways may end anywhere."""
+NOWHERE = (np.zeros(1), 1.0, 0.05, (np.ones((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES))
+"""Arcs all of which are barred."""
 
 
 def scattered(seed, share=0.004):
@@ -75,7 +79,7 @@ def test_the_first_free_way_is_free_and_those_before_it_are_not(seed):
         states, applied = rollout(state, controls, *DRIVING)
         poses = swept(states, applied, 0.1, 0.02)
         met.append(first_contact(*place[:3], poses, *HALVES) >= 0)
-    found = first_free(state, first, ways, DRIVING, 0.02, place, NEED_NOT)
+    found = first_free(state, first, ways, DRIVING, 0.02, place, False, NOWHERE)
     if found >= 0:
         assert not met[found]
     # A coarser look at other poses of the same way may find a corner that these poses miss.
@@ -93,14 +97,12 @@ def test_a_way_may_have_to_lead_on_from_its_end():
     wall = (barred, RESOLUTION, ORIGIN, *HALVES)
     ends = [rollout(state, np.vstack([first, way[1:]]), *DRIVING)[0][-1] for way in ways]
     arcs = np.array([0.0, CAR.max_curvature, -CAR.max_curvature]), 2 * CAR.turning_radius, 0.05
-    assert first_free(state, first, ways, DRIVING, 0.02, place, NEED_NOT) == 0
-    found = first_free(state, first, ways, DRIVING, 0.02, place, (*arcs, wall))
+    assert first_free(state, first, ways, DRIVING, 0.02, place, False, NOWHERE) == 0
+    found = first_free(state, first, ways, DRIVING, 0.02, place, True, (*arcs, wall))
     assert found > 0
     leading = [leads_on(end, *arcs, wall) for end in ends]
     assert leading.index(True) == found
-    # None does where all is barred.
-    all_barred = (*arcs, (~np.zeros_like(barred), RESOLUTION, ORIGIN, *HALVES))
-    assert first_free(state, first, ways, DRIVING, 0.02, place, all_barred) == -1
+    assert first_free(state, first, ways, DRIVING, 0.02, place, True, NOWHERE) == -1
 
 
 def test_swerves_brake_all_along_and_come_to_rest():
@@ -112,3 +114,36 @@ def test_swerves_brake_all_along_and_come_to_rest():
         states, _ = rollout(np.array([0.0, 0.0, 0.0, 4.0]), way, *DRIVING)
         assert states[-1, 3] < 1e-9
     assert len({way.tobytes() for way in np.nan_to_num(ways, nan=99.0)}) == len(ways)
+
+
+@pytest.mark.parametrize("seed", [14, 16, 33, 38, 41, 43, 49, 51])
+def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves_one(seed):
+    mpc, rng = MPC(CAR), np.random.default_rng(seed)
+    frame = GridFrame(0.05, (-5.0, -5.0), (200, 200))
+    x, y = frame.centres()
+    cells = np.full(frame.shape, FREE, np.int8)
+    edge, side = rng.uniform(1.0, 2.5), rng.uniform(-0.6, 0.6)
+    cells[:, x > edge] = UNKNOWN
+    # A wall across half of the way, and one along it: together a corner.
+    cells[np.ix_(y > side, x > rng.uniform(edge - 1.2, edge))] = OCCUPIED
+    cells[y > rng.uniform(0.8, 2.0)] = OCCUPIED
+    ones = np.ones(frame.shape, np.float32)
+    belief = Prediction(frame, 0.95 * ones, 0.0 * ones, ones)
+    risk = RiskMap.from_prediction(Grid(frame, cells), belief, 0.1)
+    state = np.array([-1.0, 0.0, rng.uniform(-0.4, 0.4), rng.uniform(1.5, 3.0)])
+    curvature = rng.uniform(-0.3, 0.3)
+    controls = np.column_stack([np.full(mpc.stages, 1.0), np.full(mpc.stages, curvature)])
+    controls[18:, 0] = -CAR.braking
+    resort, plan = LastResort(mpc), mpc.roll(state, controls)
+    assert mpc.contact(plan, ~risk.certain, risk) is not None
+    place, arcs = mpc.body_in(~risk.certain, risk), mpc.arcs_in(risk)
+    ways, begun = resort.ways(plan), [np.array([a, curvature]) for a in (1.0, -CAR.braking)]
+    can_lead_on = [
+        first_free(state, first, ways, mpc.driving, 0.02, place, True, arcs) >= 0 for first in begun
+    ]
+    driven, survivable = resort.begin(state, plan, risk)
+    assert survivable
+    last = mpc.roll(driven.states[1], resort.controls)
+    assert mpc.contact(last, ~risk.certain, risk) is None
+    assert any(can_lead_on)
+    assert leads_on(last.states[-1], *arcs)

@@ -48,6 +48,21 @@ def test_specks_are_not():
     assert (ternary(UNSEEN, believed(p_free)) == 1.0).all()
 
 
+def test_nor_are_specks_of_free_space():
+    p_free = np.full((N, N), 0.1)
+    p_free[20, 20] = 0.6
+    p_free[40:42, 30] = 0.8
+    assert (ternary(UNSEEN, believed(p_free)) == 0.5).all()
+
+
+def test_what_is_certainly_not_free_is_not_made_so():
+    p_free = np.full((N, N), 0.9)
+    p_free[20, 20] = 0.0
+    image = ternary(UNSEEN, believed(p_free))
+    assert image[20, 20] == 0.5
+    assert (image == 1.0).sum() == N * N - 1
+
+
 def test_nothing_comes_of_no_belief():
     known = Grid(FRAME, np.zeros((N, N), np.int8))
     known.cells[30, 30] = -1
