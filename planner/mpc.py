@@ -6,10 +6,10 @@
                 v_N = 0: every plan ends stopped, so that it is its own emergency plan.
 
 Sequential quadratic programming: casadi derives the stages' exact Hessians, each is projected to
-positive semidefinite, the states are condensed out, and daqp solves the dense QP. Its matrices
-serve one more step (Shamanskii 1967): most of the time that is all it takes to see that nothing
-more can be gained. Every iterate is rolled out through the dynamics, so its gaps are closed and
-what is checked is what is driven.
+positive semidefinite, the states are condensed out, and daqp solves the dense QP. Where its step
+could be taken whole its matrices serve one more (Shamanskii 1967): often that is all it takes to
+see that nothing more can be gained. Every iterate is rolled out through the dynamics, so its gaps
+are closed and what is checked is what is driven.
 A plan counts only once the whole body, swept along it, has been tested cell by cell against the
 safe set; the solver's word is never taken for it.
 """
@@ -39,6 +39,8 @@ ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs by which a car may go on, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
 """Around the body on them, and between the poses at which they are tested [m]."""
+DOUBTED = 10.0
+"""How many tolerances a second step may foretell, and gain none, for an iteration to stop."""
 DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
 """Settings of daqp: how soft soft rows are; no proximal term, for the Hessian is positive
 definite."""
@@ -70,9 +72,8 @@ class MPCConfig:
         violation: merit of a metre of clearance lacking of what is required.
         margin: clearance required of the circles that cover the body, beyond its outline [m].
         trust: most that a curvature may change in one step [1/m].
-        iterations: at most, of two steps each.
-        tolerance: relative decrease of the merit, had by a first step or foretold of a second, at
-            which the iteration stops.
+        iterations: at most, of one or two steps each.
+        tolerance: relative decrease of the merit by a step at which the iteration stops.
     """
 
     dt: float = 0.1
@@ -145,12 +146,14 @@ class _Step:
         controls: what they change by, (N, 2).
         gain: what the QP says that lowers the cost by; infinite where the controls before break a
             limit or lack clearance, which the step first has to mend.
+        limits: multipliers of the car's limits, in the QP's order, positive at an upper one, (4N,).
         clearance: multipliers of the clearance of each state's two circles, (N+1, 2), none
             negative.
     """
 
     controls: NDArray[np.float64]
     gain: float
+    limits: NDArray[np.float64]
     clearance: NDArray[np.float64]
 
 
@@ -261,29 +264,32 @@ class MPC:
         problem = _Problem(state, path, segment, risk, last_curvature)
         states, controls = rollout(state, guess, *self.driving)
         merit = self._merit(problem, states, controls)
-        clearance = np.zeros((self.stages + 1, 2))
+        step: _Step | None = None
         status = Status.ITERATION_LIMIT
         solved = 0
         while solved < self.config.iterations:
-            qp, step = self._first_step(problem, states, controls, clearance)
+            qp, step = self._first_step(problem, states, controls, step)
             if step is None:
                 status = Status.QP_FAILED
                 break
             solved += 1
             before = merit
-            states, controls, merit = self._search(problem, states, controls, merit, step)
+            length, states, controls, merit = self._search(problem, states, controls, merit, step)
             little = self.config.tolerance * (1.0 + abs(merit))
             if before - merit <= little:
                 status = Status.CONVERGED
                 break
-            clearance = step.clearance
-            second = self._second_step(qp, problem, states, controls)
+            # Where the QP was no good even for its own step it is none for another.
+            second = self._second_step(qp, problem, states, controls) if length == 1.0 else None
             if second is None:
                 continue
-            if second.gain <= little:
+            step, before = second, merit
+            if step.gain > little:
+                _, states, controls, merit = self._search(problem, states, controls, merit, step)
+            # One that foretells much and gains nothing speaks against the QP, not for the plan.
+            if before - merit <= little and step.gain <= DOUBTED * little:
                 status = Status.CONVERGED
                 break
-            states, controls, merit = self._search(problem, states, controls, merit, second)
         if not math.isfinite(merit):
             status = Status.NOT_FINITE
         return Plan(states, controls, merit, status, solved)
@@ -336,21 +342,21 @@ class MPC:
         controls: NDArray[np.float64],
         merit: float,
         step: _Step,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """States, controls and merit after the longest part of a step that lowers the merit."""
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
+        """The longest part of a step that lowers the merit; states, controls and merit after it."""
         for length in (1.0, 0.5, 0.2, 0.05):
             trial = rollout(problem.state, controls + length * step.controls, *self.driving)
             value = self._merit(problem, *trial)
             if value < merit:
-                return trial[0], trial[1], value
-        return states, controls, merit
+                return length, trial[0], trial[1], value
+        return 0.0, states, controls, merit
 
     def _first_step(
         self,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
-        clearance: NDArray[np.float64],
+        last: _Step | None,
     ) -> tuple[_QP, _Step | None]:
         """The QP of some controls, and its step; None if it fails.
 
@@ -358,10 +364,11 @@ class MPC:
             problem: of the tick.
             states: (N+1, 4).
             controls: (N, 2), that lead to them.
-            clearance: multipliers, as `_Step` has them; all 0 if none are known.
+            last: the step that led to them; None: they are a guess.
         """
         c, io = self.config, self._io
         g, value, normal, lacking = self._first_order(problem, states, controls)
+        clearance = np.zeros_like(value) if last is None else last.clearance
         condense.costates(io["jacobian"], io["gradient"], normal, clearance, io["multiplier"])
         self._evaluate()
         hessian = io["hessian"]
@@ -374,8 +381,12 @@ class MPC:
         lower, upper = self._bounds(states, controls, value, near)
         qp = _QP(daqp.Model(), near)
         qp.model.settings = DAQP
-        # Limits that the controls are at now are guessed to be at work.
-        flag, _ = qp.model.setup(h, g, a, upper, lower, sense, primal_start=np.zeros(len(g)))
+        # At work are supposed to be the limits that a guess is at, and later those of the last QP.
+        start = (
+            {"primal_start": np.zeros(len(g))} if last is None
+            else {"dual_start": np.append(last.limits, -clearance[near[:, 0], near[:, 1]])}
+        )  # fmt: skip
+        flag, _ = qp.model.setup(h, g, a, upper, lower, sense, **start)
         return qp, self._solved(qp, flag, lower, upper, value)
 
     def _second_step(
@@ -407,10 +418,11 @@ class MPC:
             return None
         keeps = lower.max() <= 1e-6 and upper.min() >= -1e-6
         keeps = keeps and value[1:].min() >= self.required - 1e-6
-        clearance = np.zeros((self.stages + 1, 2))
-        found = np.asarray(info["lam"])[2 * step.size :]
-        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -found)
-        return _Step(np.asarray(step).reshape(-1, 2), -cost if keeps else math.inf, clearance)
+        found, limits = np.asarray(info["lam"]), 2 * step.size
+        clearance = np.zeros_like(value)
+        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -found[limits:])
+        gain = -cost if keeps else math.inf
+        return _Step(np.asarray(step).reshape(-1, 2), gain, found[:limits].copy(), clearance)
 
     def _first_order(
         self,

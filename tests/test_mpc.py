@@ -138,7 +138,7 @@ def test_a_converged_plan_leaves_little_to_gain(mpc, speed, risk, path):
         assert plan.status is Status.CONVERGED
     plans = list(drive(mpc, np.array([0.0, 0.1, 0.1, speed]), path, risk, 8))
     for plan, second in zip(plans, again, strict=True):
-        assert plan.cost - second.cost < 1e-3 * (1.0 + abs(plan.cost))
+        assert plan.cost - second.cost < 2e-3 * (1.0 + abs(plan.cost))
 
 
 @given(seeds)
