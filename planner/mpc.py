@@ -24,7 +24,7 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from planner import condense
+from planner import condense, constraints
 from planner.codegen import compiled
 from planner.contact import first_meeting
 from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions, swept
@@ -376,8 +376,8 @@ class MPC:
         condense.make_positive(hessian, 1e-6)
         h, sensitivity = condense.condense(io["jacobian"], hessian)
         condense.add_smoothness(h, c.smoothness)
-        near = condense.nearby(value, self.required + NEAR)
-        a, sense = condense.rows(sensitivity, states, controls, normal, near, c.dt)
+        near = constraints.nearby(value, self.required + NEAR)
+        a, sense = constraints.rows(sensitivity, states, controls, normal, near, c.dt)
         lower, upper = self._bounds(states, controls, value, near)
         qp = _QP(daqp.Model(), near)
         qp.model.settings = DAQP
@@ -455,7 +455,7 @@ class MPC:
         near: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         car = self.limits
-        lower, upper = condense.bounds(
+        lower, upper = constraints.bounds(
             states, controls, value, near, self.config.dt, car.v_max, car.acceleration,
             car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self.required,
             self.config.trust,
