@@ -92,7 +92,7 @@ def rays(seed: int) -> dict[str, Measure]:
 
 @njit(cache=True, nogil=True)
 def _casts(skips, cells, starts, beams, longest):  # type: ignore[no-untyped-def]
-    # In one call: threads that came back to Python for each scan would wait for each other there.
+    # In one call, so that what is counted is rays, and not how threads take turns in Python.
     for i in range(starts.shape[0]):
         cast_rays(skips, cells, starts[i, 0], starts[i, 1], starts[i, 2], beams, longest)
 

@@ -14,7 +14,7 @@ TERNARY = np.array([1.0, 0.0, 0.5])
 PERIMETER = 1.0
 """What an edge of a cell's length costs, in cells that are wrongly free or wrongly not."""
 ITERATIONS = 20
-"""Of the denoising: towards that space. Specks go first, and SSIM is not raised by more."""
+"""Of the denoising, which goes towards that space; specks go first."""
 
 
 def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
