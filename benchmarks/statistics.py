@@ -56,8 +56,10 @@ def grouped_mean(
     sums: NDArray[np.float64],
     weights: NDArray[np.float64],
     rounds: int = 2000,
-) -> dict[str, float] | None:
+) -> dict[str, Any] | None:
     """A weighted mean with its 95 % interval, groups resampled; None without any weight.
+
+    One group says nothing of others: then the interval's ends are None.
 
     Args:
         groups: to which each entry belongs, (n,); those of one group are drawn together.
@@ -73,10 +75,9 @@ def grouped_mean(
     parts = np.stack([np.bincount(of, values[there]) for values in (sums, weights)])
     drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), rounds)
     top, bottom = parts @ drawn.T
-    low, high = np.percentile(top / bottom, [2.5, 97.5])
+    ends = np.percentile(top / bottom, [2.5, 97.5]).tolist() if count > 1 else [None, None]
     total = parts.sum(axis=1)
-    return {"value": float(total[0] / total[1]), "low": float(low), "high": float(high),
-            "groups": count}  # fmt: skip
+    return {"value": float(total[0] / total[1]), "low": ends[0], "high": ends[1], "groups": count}
 
 
 def paired_speed(arms: dict[str, list[Result]], arm: str) -> dict[str, Any]:

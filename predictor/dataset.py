@@ -71,6 +71,8 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
 def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int) -> None:
     """Make all that is missing of a set of logs, with a progress bar, and say what was skipped.
 
+    The set is of these logs: of one that is not named any more the file stays, but is not in it.
+
     Args:
         folder: of the set.
         paths: of the logs: CARMEN, or bags of ROS 1 or 2.
@@ -85,10 +87,10 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
 
     from benchmarks.workers import finished
     from predictor.data.frame_set import FrameSet
-    from predictor.data.survey import make_log, settings_of, site_of
+    from predictor.data.survey import make_log, settings_of, site_of, sources_of
 
     sites = {site_of(path): path for path in paths}
-    frames = FrameSet(folder, "physical", settings_of(paths, config), list(sites))
+    frames = FrameSet(folder, "physical", settings_of(config), list(sites), sources_of(paths))
     todo = [sites[name] for name in frames.missing]
     with tqdm(total=len(sites), initial=len(sites) - len(todo), unit="log") as bar:
         for path, facts in finished(partial(make_log, folder, config), todo, jobs):

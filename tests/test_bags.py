@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from predictor.data.bags import BagConfig, is_bag, read_bag
+from predictor.data.frames import Frames
 from predictor.data.laser_log import LogError
 from predictor.data.transforms import Transforms
+from predictor.dataset import main
 
 pytest.importorskip("rosbags", reason="the extra `bags` is not installed")
 
@@ -66,9 +68,9 @@ class Bag:
         pack = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         self.writer.write(self.topics[topic], int(1e9 * time), pack(message, kind))
 
-    def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", longest=25.0):
+    def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", longest=25.0, step=0.5):
         message = self.make(
-            "sensor_msgs/msg/LaserScan", self.header(time, "laser"), -0.5, 0.5, 0.5, 0.0, 0.1,
+            "sensor_msgs/msg/LaserScan", self.header(time, "laser"), -0.5, 0.5, step, 0.0, 0.1,
             0.2, longest, np.array(ranges, np.float32), np.zeros(0, np.float32),
         )  # fmt: skip
         self.write(topic, time, message)
@@ -175,6 +177,17 @@ def test_scans_without_a_pose_are_skipped_and_counted(tmp_path):
     assert log.skipped["scans without a pose"] == 3
 
 
+def test_where_a_localiser_was_lost_for_long_nothing_is_interpolated(tmp_path):
+    with bag(tmp_path, 2) as out:
+        for time in (1.0, 2.0, 9.0, 9.5):
+            out.pose(time, time, 0.0, 0.0)
+        for time in (1.5, 2.0, 2.5, 8.9, 9.0, 9.2):
+            out.scan(time)
+    log = read_bag(out.path)
+    assert log.poses[:, 0] == pytest.approx([1.5, 2.0, 9.0, 9.2])
+    assert log.skipped["scans without a pose"] == 2
+
+
 @pytest.mark.parametrize("ros", ROS)
 def test_ranges_that_are_none_say_nothing_and_are_counted(tmp_path, ros):
     ranges = [math.nan, -1.0, 0.1, 5.0, math.inf, 30.0]
@@ -261,6 +274,38 @@ def test_a_sensor_without_a_range_is_refused(tmp_path):
         out.scan(1.0, longest=0.0)
     with pytest.raises(LogError, match=r"/scan gives a range_max of 0\.0 m"):
         read_bag(out.path)
+
+
+@pytest.mark.parametrize("step", [0.0, math.nan])
+def test_beams_that_look_nowhere_are_refused(tmp_path, step):
+    with bag(tmp_path, 2) as out:
+        out.scan(1.0, step=step)
+    with pytest.raises(LogError, match=rf"/scan has beams from -0\.5 rad on, {step} rad apart"):
+        read_bag(out.path)
+
+
+def test_a_bag_of_ros_2_that_is_cut_off_is_an_error(tmp_path):
+    with bag(tmp_path, 2) as out:
+        for time in range(200):
+            out.scan(float(time))
+    (stored,) = (path for path in out.path.iterdir() if path.suffix in (".db3", ".mcap"))
+    stored.write_bytes(stored.read_bytes()[: stored.stat().st_size // 2])
+    with pytest.raises(LogError, match="cannot be read as a bag"):
+        read_bag(out.path)
+
+
+def test_the_command_makes_a_set_of_a_bag(tmp_path, capsys):
+    with bag(tmp_path, 2) as out:
+        for time in (1.0, 1.4, 1.8, 2.2, 2.6):
+            out.pose(time, time, 0.0, 0.0)
+            out.scan(time + 0.1, np.linspace(2.0, 4.0, 90), step=0.02)
+    folder = tmp_path / "set"
+    assert main(["--log", str(out.path), "--out", str(folder), "--jobs", "1"]) == 0
+    assert "skipped: 1 scans without a pose" in capsys.readouterr().err
+    frames = Frames.load(folder, "physical")
+    assert len(frames) == 4
+    assert frames.about[0]["map"] == "site"
+    assert (frames.estimated[-1] != 2).any()
 
 
 def test_damaged_and_missing_bags_are_errors_of_one_line(tmp_path):

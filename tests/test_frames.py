@@ -1,6 +1,8 @@
 """Frames come back as they were written, and a set that is not whole says what is wrong."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -217,7 +219,9 @@ def test_a_manifest_that_is_no_json_is_an_error(folder):
 
 def test_a_set_goes_on_where_it_was(tmp_path):
     write_set(tmp_path, NAMES[:2])
-    (tmp_path / "test-000.npz.123.tmp").write_bytes(b"half")
+    gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], check=True,
+                          capture_output=True, text=True).stdout.strip()  # fmt: skip
+    (tmp_path / f"test-000.npz.{gone}.tmp").write_bytes(b"half")
     again = FrameSet(tmp_path, "simulated", {"a": 1}, NAMES)
     assert again.missing == ["test-000"]
     assert not list(tmp_path.glob("*.tmp"))

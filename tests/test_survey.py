@@ -9,7 +9,7 @@ import pytest
 from predictor.data.frames import Frames, cells_of
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.samples import world_hash
-from predictor.data.survey import clipped, frame_around, record, settings_of, site_of, surveyed
+from predictor.data.survey import clipped, frame_around, record, site_of, sources_of, surveyed
 from predictor.grid import GridFrame
 from predictor.scan import Scan
 from sim import Lidar, LidarConfig, generate
@@ -172,33 +172,61 @@ def test_a_log_that_cannot_be_read_leaves_no_frames_and_says_why(tmp_path, capsy
     assert main(["--log", str(path), "--out", str(tmp_path / "set"), "--jobs", "1"]) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert says in said
-    assert not list((tmp_path / "set").glob("*.npz*"))
+    assert not list((tmp_path / "set").iterdir())
 
 
-def test_a_log_that_has_changed_is_another_set(tmp_path, journey, capsys):
+def short_log(path, log, first):
+    path.write_text("".join(line(log.scans[i], log.poses[i], i) for i in range(first, first + 3)))
+    return path
+
+
+def test_a_log_that_has_changed_is_read_again(tmp_path, journey):
     from predictor.dataset import main
 
-    log, _ = journey
-    path = tmp_path / "office.log"
-    path.write_text("".join(line(s, p, i) for i, (s, p) in
-                            enumerate(zip(log.scans[:3], log.poses[:3], strict=True))))  # fmt: skip
+    path = short_log(tmp_path / "office.log", journey[0], 0)
     command = ["--log", str(path), "--out", str(tmp_path / "set"), "--jobs", "1"]
     assert main(command) == 0
+    first = Frames.load(tmp_path / "set").about[0]
     assert main(command) == 0
-    (tmp_path / "office.json").write_text(json.dumps({"no_return_at_or_above_m": 30}))
-    assert main(command) == 2
-    assert "another settings" in capsys.readouterr().err
+    assert Frames.load(tmp_path / "set").about[0] == first
+    (tmp_path / "office.json").write_text(json.dumps({"no_return_at_or_above_m": 2}))
+    assert main(command) == 0
+    again = Frames.load(tmp_path / "set").about[0]
+    assert again["source"] != first["source"]
+    assert again["sha256"] != first["sha256"]
+
+
+def test_a_set_grows_and_shrinks_by_logs_and_a_bad_one_spoils_nothing(tmp_path, journey, capsys):
+    from predictor.dataset import main
+
+    log, out = journey[0], tmp_path / "set"
+    good, other = (short_log(tmp_path / f"{n}.log", log, 3 * i) for i, n in enumerate("ab"))
+    bad = tmp_path / "bad.log"
+    bad.write_text("FLASER 3 1 2\n")
+
+    def made(*paths):
+        return main(["--log", *map(str, paths), "--out", str(out), "--jobs", "1"])
+
+    assert made(good, bad) == 2
+    assert "cut off" in capsys.readouterr().err
+    assert made(good) == 0
+    first = Frames.load(out).about
+    assert [facts["map"] for facts in first] == ["a"]
+    assert made(good, other) == 0
+    both = Frames.load(out).about
+    assert [facts["map"] for facts in both] == ["a", "b"]
+    assert both[0] == first[0]
+    assert made(other) == 0
+    assert [facts["map"] for facts in Frames.load(out).about] == ["b"]
 
 
 def test_two_logs_of_one_name_or_missing_ones_are_refused(tmp_path):
-    from predictor.data.bags import BagConfig
-
     paths = [tmp_path / name / "a.log" for name in ("one", "two")]
     with pytest.raises(LogError, match="no such file"):
-        settings_of(paths, BagConfig())
+        sources_of(paths)
     for path in paths:
         path.parent.mkdir()
         path.write_text("x")
     with pytest.raises(LogError, match="each site once"):
-        settings_of(paths, BagConfig())
+        sources_of(paths)
     assert site_of(paths[0]) == "a"

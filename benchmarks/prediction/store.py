@@ -18,9 +18,9 @@ import numpy as np
 
 from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.scoring import Kept, Stretch
-from predictor.whole import write_whole
+from predictor.whole import clear, write_whole
 
-VERSION = 2
+VERSION = 3
 """Of what is measured; another number when a measure changes its meaning."""
 
 
@@ -34,6 +34,7 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
+        clear(folder)
 
     def scores_path(self, stretch: Stretch, sha256: str, contestant: Contestant) -> Path:
         """Where a contestant's scores on a stretch are kept.

@@ -149,7 +149,8 @@ def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) 
     chosen = _best(measured) if name == BEST else name
     above = measured[chosen]["above"] if chosen in measured else {}
     found = [above.get(other, {}).get(measure) for other in others]
-    return all(difference is not None and difference["low"] > 0.0 for difference in found)
+    # Without an interval, of one block, nothing is for certain.
+    return all(difference is not None and (difference["low"] or 0.0) > 0.0 for difference in found)
 
 
 def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
@@ -253,5 +254,7 @@ def _number(value: float | None, form: str = ".3f") -> str:
     return "–" if value is None else format(value, form)
 
 
-def _interval(value: dict[str, float] | None) -> str:
-    return "–" if value is None else interval(value, "+.3f")
+def _interval(value: dict[str, Any] | None) -> str:
+    if value is None or value["low"] is None:
+        return "–" if value is None else _number(value["value"], "+.3f")
+    return interval(value, "+.3f")

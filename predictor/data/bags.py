@@ -3,8 +3,8 @@
 Scans are sensor_msgs/LaserScan. Their poses come from /tf, where that leads from the map to the
 laser, or from a topic of geometry_msgs/PoseStamped, PoseWithCovarianceStamped or nav_msgs/Odometry,
 which say where the robot is: the frame that the laser is fixed to by /tf_static. Poses are
-interpolated at the scans' times; scans before the first and after the last pose are skipped and
-counted. A LaserScan has one time, and so it has here: how far the robot moves during it is passed
+interpolated at the scans' times; scans before the first pose, after the last, and where for more
+than a second there is none, are skipped and counted. A LaserScan has one time, and so it has here: how far the robot moves during it is passed
 over.
 """
 
@@ -101,7 +101,7 @@ class _Bag:
             raise LogError(f"{self.path}: nothing leads from {root!r} to the laser's frame "
                            f"{frame!r}") from None  # fmt: skip
         if not known.any():
-            raise LogError(f"{self.path}: no scan was taken between the first and the last pose")
+            raise LogError(f"{self.path}: no scan was taken within a second of two poses")
         matrices = turns.as_matrix()
         if (abs(matrices[known, 2, 2]) < LEVEL).any():
             raise LogError(f"{self.path}: the laser leans by more than 10°; level ones are read")
@@ -123,10 +123,13 @@ class _Bag:
             ranges = np.asarray(message.ranges, dtype=np.float64)
             if not message.range_max > 0:
                 raise LogError(f"{self.path}: {topic} gives a range_max of {message.range_max} m")
+            beams = float(message.angle_min), float(message.angle_increment)
+            if not np.isfinite(beams).all() or beams[1] == 0.0:
+                raise LogError(f"{self.path}: {topic} has beams from {beams[0]} rad on, "
+                               f"{beams[1]} rad apart")  # fmt: skip
             ranges, wrong = cleaned(ranges, float(message.range_min))
             bad += wrong
-            scans.append(Scan(ranges, float(message.angle_min), float(message.angle_increment),
-                              float(message.range_max)))  # fmt: skip
+            scans.append(Scan(ranges, *beams, float(message.range_max)))
             times.append(_seconds(message.header.stamp))
             frame = message.header.frame_id.lstrip("/")
         if not scans:
@@ -185,7 +188,7 @@ class _Bag:
             raise LogError(f"{self.path} has no {what}; topics: {have}")
         if len(fitting) > 1:
             raise LogError(f"{self.path} has several topics of {what}: {', '.join(fitting)}; "
-                           f"choose one by {flag}")  # fmt: skip
+                           f"choose one by {flag} of predictor.dataset")  # fmt: skip
         return fitting[0]
 
     def _messages(self, topic: str) -> Iterator[Any]:

@@ -176,12 +176,13 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
         raise LogError(f"{where}: FLASER is followed by no number of beams") from None
     if count < 2:
         raise LogError(f"{where}: a scan of {count} beams, at least 2 are needed")
-    if len(words) < count + 9:
-        raise LogError(f"{where} is cut off: {count} ranges, two poses and a time are "
-                       f"{count + 7} numbers, it has {len(words) - 2}")  # fmt: skip
     if len(words) > count + 11:
         raise LogError(f"{where} has {len(words) - count - 11} words too many after {count} ranges:"
                        " is that the number of its beams?")  # fmt: skip
+    # Cut anywhere before its last word, it has numbers that are too short, or none.
+    if len(words) < count + 11:
+        raise LogError(f"{where} is cut off: {count} ranges, two poses, a time, a host and another "
+                       f"time are {count + 9} words, it has {len(words) - 2}")  # fmt: skip
     try:
         values = np.array(words[2 : count + 9], dtype=np.float64)
     except ValueError as error:

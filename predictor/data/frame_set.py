@@ -13,27 +13,36 @@ from numpy.typing import NDArray
 
 from predictor.data.frames import FORMAT, MANIFEST, FramesError, checksum, read_manifest
 from predictor.data.samples import RECIPE
-from predictor.whole import write_whole
+from predictor.whole import clear, write_whole
 
 
 class FrameSet:
     """The folder of a set that is being made.
 
-    The manifest is there from the beginning, so that a folder holds one set, and is written again
-    whenever a trajectory is done. A set whose making was killed goes on where it was.
+    The manifest is written whenever a trajectory is done, from the first one on. A set whose making
+    was killed goes on where it was; one may grow and shrink by trajectories.
 
     Args:
         folder: made if need be.
         kind: "simulated" or "physical".
-        settings: all that decides the frames.
+        settings: all that decides the frames, but the logs.
         names: of the trajectories that belong to it, in order.
+        sources: fingerprints of the logs that they are made from: those made from another are
+            missing.
 
     Raises:
         FramesError: if the folder holds another set, or a manifest that cannot be read.
     """
 
-    def __init__(self, folder: Path, kind: str, settings: dict[str, Any], names: list[str]) -> None:
-        self.folder, self.names = folder, names
+    def __init__(
+        self,
+        folder: Path,
+        kind: str,
+        settings: dict[str, Any],
+        names: list[str],
+        sources: dict[str, str] | None = None,
+    ) -> None:
+        self.folder, self.names, self.sources = folder, names, sources or {}
         if (folder / RECIPE).exists():
             raise FramesError(f"{folder} holds samples of predictor.drives: choose another folder")
         folder.mkdir(parents=True, exist_ok=True)
@@ -48,10 +57,9 @@ class FrameSet:
                 raise FramesError(f"{folder} holds a set with another {' and '.join(other)}: "
                                   "choose another folder")  # fmt: skip
             kept = {Path(facts["file"]).stem: facts for facts in theirs["trajectories"]}
-            self.done = {name: kept[name] for name in names if self._is_whole(kept.get(name))}
-        for leftover in folder.glob("*.npz.*.tmp"):
-            leftover.unlink()
-        self._write()
+            self.done = {name: kept[name] for name in names if self._is_whole(name, kept)}
+            self._write()
+        clear(folder)
 
     @property
     def missing(self) -> list[str]:
@@ -60,11 +68,13 @@ class FrameSet:
 
     def add(self, name: str, facts: dict[str, Any]) -> None:
         """Enter a trajectory whose file is written; after this a kill cannot lose it."""
-        self.done[name] = facts
+        source = {"source": self.sources[name]} if name in self.sources else {}
+        self.done[name] = facts | source
         self._write()
 
-    def _is_whole(self, facts: dict[str, Any] | None) -> bool:
-        if facts is None:
+    def _is_whole(self, name: str, kept: dict[str, dict[str, Any]]) -> bool:
+        facts = kept.get(name)
+        if facts is None or facts.get("source") != self.sources.get(name):
             return False
         path = self.folder / facts["file"]
         return path.is_file() and checksum(path) == facts["sha256"]

@@ -43,8 +43,13 @@ def site_of(path: Path) -> str:
     return name_of(path) if path.is_file() and not is_bag(path) else path.stem
 
 
-def settings_of(paths: list[Path], bag: BagConfig) -> dict[str, Any]:
-    """All that decides the frames of a set of logs.
+def settings_of(bag: BagConfig) -> dict[str, Any]:
+    """All that decides the frames of a log, but the log."""
+    return {"reach": REACH, "window": WINDOW, "hits": HITS, "bag": asdict(bag)}
+
+
+def sources_of(paths: list[Path]) -> dict[str, str]:
+    """What each log is called, and the fingerprint of all that it is made of.
 
     Raises:
         LogError: if a log does not exist, or two have one name.
@@ -55,7 +60,7 @@ def settings_of(paths: list[Path], bag: BagConfig) -> dict[str, Any]:
     logs = {site_of(path): _fingerprint(path) for path in paths}
     if len(logs) < len(paths):
         raise LogError("--log wants each site once, and a name of its own for each")
-    return {"reach": REACH, "window": WINDOW, "hits": HITS, "bag": asdict(bag), "logs": logs}
+    return logs
 
 
 def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:

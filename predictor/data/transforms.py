@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+LONGEST_GAP = 1.0
+"""Between two transforms that are interpolated [s]: in a longer one a robot may go anywhere."""
 MOST_FRAMES = 50
 """Of a chain; a longer one runs in a circle."""
 
@@ -31,14 +33,17 @@ class Edge:
     turns: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     def at(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], Rotation, NDArray]:
-        """Positions (n, 3), rotations, and whether each time lies within what is known (n,)."""
+        """Positions (n, 3), rotations, and whether they are known at each time (n,)."""
         if self.fixed:
             count = len(times)
             turn = Rotation.from_quat(np.tile(self.turns[-1], (count, 1)))
             return np.tile(self.positions[-1], (count, 1)), turn, np.ones(count, dtype=bool)
         known, order = np.unique(np.array(self.times), return_index=True)
         positions, turns = np.array(self.positions)[order], np.array(self.turns)[order]
+        after = np.clip(np.searchsorted(known, times), 1, max(1, len(known) - 1))
+        gaps = known[np.minimum(after, len(known) - 1)] - known[after - 1]
         inside = (times >= known[0]) & (times <= known[-1])
+        inside &= (gaps <= LONGEST_GAP) | np.isin(times, known)
         at = np.clip(times, known[0], known[-1])
         moved = np.stack([np.interp(at, known, positions[:, axis]) for axis in range(3)], axis=1)
         if len(known) == 1:

@@ -2,7 +2,7 @@
 
 A checkpoint holds everything that decides what comes next, and what a step does depends on its
 number and the seed alone: a training that was killed and started again by the same command ends
-as if it had not been.
+as if it had not been, on a CPU to the last bit.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.whole import write_whole
+from predictor.whole import clear, write_whole
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -90,6 +90,8 @@ class Trainer:
         self.brief = self.device.type == "cuda" or bool(
             torch.cpu.get_capabilities().get("avx512_bf16")
         )
+        # Where one sum in another order would make another network.
+        torch.backends.cudnn.deterministic = True
         torch.manual_seed(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -100,12 +102,17 @@ class Trainer:
         self.log: list[dict[str, float]] = []
         self.losses: list[float] = []
         """Of the steps since the last validation."""
+        self.commits: set[str] = set()
+        """Of the code that made its steps."""
         out.mkdir(parents=True, exist_ok=True)
+        clear(out)
         self._facts = {
             "config": dataclasses.asdict(config),
             "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
             # What else decides the last bits of the sums.
-            "arithmetic": [self.device.type, torch.get_num_threads(), self.brief],
+            "arithmetic": {"device": self.device.type, "threads": torch.get_num_threads(),
+                           "bfloat16": self.brief},
+            "data": [train.digest, validation.digest],
             "before": {
                 name: before[name]
                 for name in ("fingerprint", "config", "drives", "samples", "commit", "before")
@@ -134,7 +141,9 @@ class Trainer:
         """
         from tqdm import tqdm
 
-        steps = self.config.steps
+        from benchmarks.store import commit
+
+        steps, code = self.config.steps, commit()
         saved = time.monotonic()
         with (
             tqdm(total=steps, initial=self.step, unit="step", smoothing=0.05) as bar,
@@ -143,6 +152,7 @@ class Trainer:
             for codes in self._batches(ahead):
                 self.losses.append(self._learn(codes))
                 self.step += 1
+                self.commits.add(code)
                 bar.update()
                 if self.step % validate_every == 0 or self.step == steps:
                     self._note()
@@ -162,18 +172,19 @@ class Trainer:
 
         state = {
             "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
-            "net": self.net.state_dict(), "averaged": self.averaged,
+            "commits": sorted(self.commits), "net": self.net.state_dict(),
+            "averaged": self.averaged,
             "optimizer": self.optimizer.state_dict(),
         }  # fmt: skip
         write_checkpoint(self.checkpoint, state)
 
     def export(self) -> Path:
         """Write the averaged weights, the log, and the curve."""
-        from benchmarks.store import commit
         from predictor.training.curve import draw_curve
         from predictor.weights import save_weights
 
-        facts = self._facts | {"commit": commit(), "validation": self.log[-1]}
+        commits = " ".join(sorted(self.commits))
+        facts = self._facts | {"commit": commits, "validation": self.log[-1]}
         path = self.out / "compact.safetensors"
         save_weights(path, self.smoothed(), facts)
         draw_curve(self.log, self.out / "curve.png", CURVES)
@@ -198,6 +209,7 @@ class Trainer:
             self.averaged = state["averaged"]
             self.optimizer.load_state_dict(state["optimizer"])
             self.step, self.log, self.losses = state["step"], state["log"], state["losses"]
+            self.commits = set(state["commits"])
 
     def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[Tensor]:
         """The codes of each step still to be made, one made ready while another is learnt from."""

@@ -30,7 +30,7 @@ from predictor.training.group import Group
 from predictor.training.image_validation import fit, images_alike
 from predictor.training.learner import Adversary, Learner
 from predictor.training.pairs import Pairs
-from predictor.whole import write_whole
+from predictor.whole import clear, write_whole
 
 if TYPE_CHECKING:
     from threading import Event
@@ -93,6 +93,7 @@ class ImageTrainer:
         """Of the steps since the last entry of the log."""
         if group.first:
             out.mkdir(parents=True, exist_ok=True)
+            clear(out)
         self._facts: dict[str, Any] = {
             "config": dataclasses.asdict(training),
             "network": dataclasses.asdict(config),
