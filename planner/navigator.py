@@ -237,7 +237,10 @@ class Navigator:
         if self._tick == 0:
             patience = max(FIRST_DEADLINE, patience)
         try:
-            return asker.ask(crop, state[:3].copy(), patience)
+            prediction = asker.ask(crop, state[:3].copy(), patience)
+            if prediction.nan_cells:
+                faults.append("predictor_nan")
+            return prediction
         except LateError:
             faults.append("predictor_late")
         except BadPredictionError:

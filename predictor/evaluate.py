@@ -49,6 +49,7 @@ class Evaluation:
         from benchmarks.store import commit
         from predictor import load_predictor
         from predictor.provenance import fingerprint_of
+        from predictor.scoring.scored_drive import MEASURES
         from sim.map_server import load_world
 
         self.config, self.out, self.parts = config, out, out / "parts"
@@ -61,7 +62,8 @@ class Evaluation:
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # Scores of other weights are other scores, whatever the weights' name.
         prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
-        self.settings = mine = json.loads(json.dumps(asdict(config) | {"weights": prints}))
+        kept = asdict(config) | {"weights": prints, "measures": MEASURES}
+        self.settings = mine = json.loads(json.dumps(kept))
         self.commit = commit()
         marker = out / "settings.json"
         try:
@@ -265,6 +267,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     from benchmarks.settings import OneLineParser, UsageError
     from benchmarks.workers import WorkersError
+    from predictor.prediction import BadPredictionError
     from predictor.registry import PredictorError
     from predictor.scoring.scored_drive import EvaluateConfig
     from sim.map_server import MapError
@@ -300,7 +303,8 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here", file=sys.stderr)
         return 130
-    except (EvaluateError, UsageError, PredictorError, MapError, OSError, WorkersError) as error:
+    except (EvaluateError, UsageError, PredictorError, BadPredictionError, MapError, OSError,
+            WorkersError) as error:  # fmt: skip
         print(f"predictor.evaluate: {error}", file=sys.stderr)
         return 2
     return 0

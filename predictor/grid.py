@@ -188,13 +188,19 @@ class OccupancyGrid:
         that the beam was free up to there (REP 117).
 
         Raises:
-            ValueError: if the pose is not finite, or the scan's range is not positive.
+            ValueError: if the pose or the scan's geometry is not finite, its range not positive, or
+                there is no beam.
         """
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
             raise ValueError(f"pose is ({x}, {y}, {yaw}), it must be finite")
+        if not len(scan.ranges):
+            raise ValueError("the scan has no beams")
         if not scan.range_max > 0:
             raise ValueError(f"range_max is {scan.range_max} m, it must be positive")
+        beams = (scan.angle_min, scan.angle_increment, *scan.mount)
+        if not all(map(math.isfinite, beams)):
+            raise ValueError(f"angle_min, angle_increment and mount are {beams}, not all finite")
         window = self.cover(self.frame.square(x, y, self.window))
         sx, sy, bearing = scan.sensor_pose(x, y, yaw)
         row, col = self.frame.offset(window)

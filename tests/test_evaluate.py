@@ -2,8 +2,10 @@
 
 import json
 
+import numpy as np
 import pytest
 
+from predictor import Prediction
 from predictor.evaluate import group_of, main
 from predictor.scoring.scored_drive import EvaluateConfig, score_drive
 from predictor.scoring.scores import Scores
@@ -161,3 +163,25 @@ def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
     assert both["cells"] == one["cells"] + other["cells"]
     mean = (one["cells"] * one["brier_free"] + other["cells"] * other["brier_free"]) / both["cells"]
     assert both["brier_free"] == pytest.approx(mean)
+
+
+class Raising:
+    def predict(self, known, pose):
+        raise RuntimeError("no memory of that")
+
+
+class Narrow:
+    def predict(self, known, pose):
+        none = np.zeros((3, 3), np.float32)
+        return Prediction(known.frame, none, none, none)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("Raising", "RuntimeError: no memory of that"), ("Narrow", "p_free is float32 (3, 3)")],
+)
+def test_a_plug_in_that_breaks_the_contract_is_one_line(maps, tmp_path, capsys, name, says):
+    command = ("--world", maps / "hall.yaml", "--drives", 1, "--jobs", 1, "--out", tmp_path)
+    assert run(*command, "--predictors", f"test_evaluate:{name}") == 2
+    assert says in capsys.readouterr().err.strip().splitlines()[-1]
+    assert not (tmp_path / "results.json").exists()

@@ -1,6 +1,11 @@
 """Training: it learns, it can be killed at any moment, and it says what it was made of."""
 
 import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,18 +70,21 @@ def trainer(data, out, config=CONFIG):
 def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, monkeypatch):
     trainer(data, tmp_path / "whole").run(validate_every=4, save_every=0.0)
     killed = trainer(data, tmp_path / "killed")
-    learn = killed._learn
+    learn, save = killed._learn, killed.save
 
     def die(codes):
         if killed.step == 6:
             raise KeyboardInterrupt
         return learn(codes)
 
+    # Its last checkpoint is older than its log.
+    monkeypatch.setattr(killed, "save", lambda: save() if killed.step == 3 else None)
     monkeypatch.setattr(killed, "_learn", die)
     with pytest.raises(KeyboardInterrupt):
         killed.run(validate_every=4, save_every=0.0)
+    assert [json.loads(line)["step"] for line in (killed.out / "log.jsonl").open()] == [4]
     again = trainer(data, tmp_path / "killed")
-    assert again.step == 6
+    assert again.step == 3
     again.run(validate_every=4, save_every=0.0)
     one, two = (tmp_path / name / "log.jsonl" for name in ("whole", "killed"))
     assert one.read_text() == two.read_text()
@@ -133,7 +141,7 @@ def test_other_validation_drives_are_another_training(data, tmp_path, small):
     trainer(data, tmp_path).save()
     some_drive(data / "other", 4)
     train_set, other = (Samples.load(data / name) for name in ("train", "other"))
-    with pytest.raises(TrainError, match="another validation_worlds"):
+    with pytest.raises(TrainError, match="another data, validation_worlds"):
         Trainer(CONFIG, train_set, other, tmp_path)
 
 
@@ -164,15 +172,53 @@ def test_a_damaged_checkpoint_is_named(data, tmp_path, small):
         trainer(data, tmp_path)
 
 
+def test_other_samples_of_the_same_buildings_are_another_training(data, tmp_path, small):
+    trainer(data, tmp_path / "out").save()
+    shutil.copytree(data, tmp_path / "data")
+    path = tmp_path / "data" / "train" / "000001.npz"
+    with np.load(path) as file:
+        about = json.loads(bytes(file["about"]))
+        first = file["codes"][: file["ends"][0]].tobytes()
+    write_samples(path, [first], about)
+    with pytest.raises(TrainError, match=r"another data, samples .* choose another folder"):
+        trainer(tmp_path / "data", tmp_path / "out")
+
+
+def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, small, capsys):
+    trainer(data, tmp_path / "one").run(validate_every=12, save_every=60.0)
+    weights = str(tmp_path / "one" / "compact.safetensors")
+    swapped = tmp_path / "swapped"
+    shutil.copytree(data / "train", swapped / "validation")
+    shutil.copytree(data / "validation", swapped / "train")
+    config = TrainConfig(steps=1, start=load_weights(Path(weights), CompactNet)[1]["fingerprint"])
+    train_set, validation = (Samples.load(swapped / name) for name in ("train", "validation"))
+    start = load_weights(Path(weights), CompactNet)
+    with pytest.raises(TrainError, match="have learned from 2 of the buildings to validate on"):
+        Trainer(config, train_set, validation, tmp_path / "two", start)
+
+
 @pytest.mark.slow
-def test_one_command_makes_samples_trains_and_writes_weights(tmp_path):
-    data, out = tmp_path / "data", tmp_path / "out"
-    assert main(["--data", str(data), "--out", str(out), "--train", "1", "--validation", "1",
-                 "--steps", "4", "--batch", "2"]) == 0  # fmt: skip
+def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_warning(tmp_path):
+    data = tmp_path / "data"
+    command = [sys.executable, "-m", "predictor.train", "--data", str(data), "--train", "1",
+               "--validation", "1", "--steps", "12", "--batch", "2", "--jobs", "1"]  # fmt: skip
+    subprocess.run([*command, "--out", tmp_path / "whole"], check=True, capture_output=True)
     assert len(Samples.load(data / "train")) > 20
     assert {"checkpoint.pt", "log.jsonl", "curve.png", "compact.safetensors"} <= {
-        path.name for path in out.iterdir()
+        path.name for path in (tmp_path / "whole").iterdir()
     }
+    out = tmp_path / "killed"
+    with subprocess.Popen([*command, "--out", out], stderr=subprocess.PIPE) as process:
+        while not (out / "log.jsonl").exists():
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.01)
+        process.kill()
+    subprocess.run([*command, "--out", out], check=True, capture_output=True)
+    logs = [(tmp_path / name / "log.jsonl").read_text() for name in ("whole", "killed")]
+    assert logs[0] == logs[1]
+    prints = [load_weights(tmp_path / name / "compact.safetensors", CompactNet)[1]["fingerprint"]
+              for name in ("whole", "killed")]  # fmt: skip
+    assert prints[0] == prints[1]
 
 
 @pytest.mark.parametrize(

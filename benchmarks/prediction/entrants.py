@@ -14,7 +14,7 @@ from benchmarks.prediction.square import Square
 from predictor.data.frames import codes_of
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
-from predictor.prediction import BadPredictionError, Predictor, checked
+from predictor.prediction import BadPredictionError, Predictor, asked
 from predictor.registry import load_predictor
 from predictor.scoring.ternary import TERNARY, ternary
 
@@ -116,18 +116,9 @@ class _Believed:
     predictor: Predictor
 
     def answer(self, square: Square) -> Answer:
-        try:
-            raw = self.predictor.predict(square.window, square.pose)
-        except Exception as error:
-            # A stranger's code may raise whatever it likes.
-            line = " ".join(f"{type(error).__name__}: {error}".split())
-            raise BadPredictionError(f"predict() raised {line}") from error
-        belief = checked(raw, square.window)
+        belief = asked(self.predictor, square.window, square.pose)
         image = ternary(square.window, belief)
-        # Checked, so these are arrays of the right shape.
-        nan = np.isnan(np.asarray(raw.p_free) + np.asarray(raw.p_occupied) + raw.confidence)
-        nan &= square.ring >= 0
-        return Answer(image, image, belief.p_free, belief.p_occupied, int(nan.sum()))
+        return Answer(image, image, belief.p_free, belief.p_occupied, belief.nan_cells)
 
 
 @lru_cache(maxsize=8)

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_opening
 from skimage.metrics import structural_similarity
 
 from predictor.data.samples import world_hash
-from predictor.prediction import checked
+from predictor.prediction import asked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
 from predictor.scoring.scores import Scores, rings_of
@@ -25,6 +25,10 @@ TRUSTED = " (c·p)"
 RELIED = " (room)"
 """After a predictor's name: confidence · p_free, as a planner relies upon it, scored not against
 whether a cell is free, but whether it lies in a free square as wide as the car."""
+
+
+MEASURES = 2
+"""What is measured; another number when a measure changes its meaning."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class EvaluateConfig:
         every: ticks between two predictions.
     """
 
-    world: tuple[str, ...] = ("corridor", "narrow", "office", "trap")
+    world: tuple[str, ...] = ("corridor", "narrow", "office", "paper", "trap")
     predictors: tuple[str, ...] = ("none", "extend", "compact")
     drives: int = 20
     seed: int = 0
@@ -58,6 +62,9 @@ def score_drive(
     Args:
         config: what.
         item: a family or a map file, and a seed.
+
+    Raises:
+        BadPredictionError: if a predictor breaks its contract, or raises.
     """
     from benchmarks.drive import task_in
     from planner.navigator import NavigatorConfig
@@ -93,9 +100,8 @@ def score_drive(
         similar[BLANK].append(structural_similarity(blank, true_image, data_range=1.0))
         for name, predictor in predictors.items():
             begin = time.perf_counter()
-            raw = predictor.predict(crop, state[:3])
+            belief = asked(predictor, crop, state[:3])
             taken[name].append(1e3 * (time.perf_counter() - begin))
-            belief = checked(raw, crop)
             image = ternary(crop, belief)
             similar[name].append(structural_similarity(image, true_image, data_range=1.0))
             trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied

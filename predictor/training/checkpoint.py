@@ -56,8 +56,8 @@ def read_checkpoint(
     if theirs != facts:
         other = ", ".join(_told(k, theirs.get(k), facts[k]) for k in sorted(facts)
                           if theirs.get(k) != facts[k])  # fmt: skip
-        raise TrainError(f"{path.parent} holds a training with another {other}; choose another "
-                         "folder by --out")  # fmt: skip
+        raise TrainError(f"{path.parent} holds a training with another {other}; give the command "
+                         "that began it, or choose another folder by --out")  # fmt: skip
     return state
 
 

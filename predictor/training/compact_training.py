@@ -70,7 +70,8 @@ class Trainer:
         start: weights to start from, and the facts of their training; None: random ones.
 
     Raises:
-        TrainError: if the folder holds another training.
+        TrainError: if the folder holds another training, or the weights to start from have learned
+            from buildings to validate on.
     """
 
     def __init__(
@@ -84,6 +85,7 @@ class Trainer:
         import torch
 
         from predictor.networks.compact_net import CompactNet
+        from predictor.training.checkpoint import TrainError
 
         self.config, self.train, self.validation, self.out = config, train, validation, out
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -94,6 +96,10 @@ class Trainer:
         torch.backends.cudnn.deterministic = True
         torch.manual_seed(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
+        both = validation.worlds & set(before.get("worlds", ()))
+        if both:
+            raise TrainError(f"--start: its weights have learned from {len(both)} of the buildings "
+                             "to validate on")  # fmt: skip
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
         self.optimizer = torch.optim.AdamW(self.net.parameters(), config.rate, (0.9, 0.98),
@@ -110,8 +116,9 @@ class Trainer:
             "config": dataclasses.asdict(config),
             "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
             # What else decides the last bits of the sums.
-            "arithmetic": {"device": self.device.type, "threads": torch.get_num_threads(),
-                           "bfloat16": self.brief},
+            "device": self.device.type,
+            "threads (--jobs)": torch.get_num_threads(),
+            "bfloat16": self.brief,
             "data": [train.digest, validation.digest],
             "before": {
                 name: before[name]
