@@ -109,7 +109,7 @@ def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
     parts = [np.where(known.unknown, values, observed).astype(np.float32)
              for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
                                       (sure, True))]  # fmt: skip
-    return Prediction(known.frame, *parts)
+    return Prediction(known.frame, parts[0], parts[1], parts[2])
 
 
 class _Printed(nn.Module):

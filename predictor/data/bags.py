@@ -4,8 +4,8 @@ Scans are sensor_msgs/LaserScan. Their poses come from /tf, where that leads fro
 laser, or from a topic of geometry_msgs/PoseStamped, PoseWithCovarianceStamped or nav_msgs/Odometry,
 which say where the robot is: the frame that the laser is fixed to by /tf_static. Poses are
 interpolated at the scans' times; scans before the first pose, after the last, and where for more
-than a second there is none, are skipped and counted. A LaserScan has one time, and so it has here: how far the robot moves during it is passed
-over.
+than a second there is none, are skipped and counted. A LaserScan has one time, and so it has here:
+how far the robot moves during it is passed over.
 """
 
 from __future__ import annotations

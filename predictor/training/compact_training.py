@@ -150,7 +150,7 @@ class Trainer:
 
         from benchmarks.store import commit
 
-        steps, code = self.config.steps, commit()
+        steps, code = self.config.steps, commit() or "no checkout"
         saved = time.monotonic()
         with (
             tqdm(total=steps, initial=self.step, unit="step", smoothing=0.05) as bar,
