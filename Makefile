@@ -5,7 +5,7 @@ BIN := .venv/bin
 
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e
 
-# What of the study is trained: all of it, reduced to what 2 cores do in an hour or two. With a GPU:
+# What of the study is trained: all of it, reduced to what 2 cores do in two or three hours. With a GPU:
 # make study STUDY='--preset paper --epochs 2 --batch 32 --bf16 --minutes 20'
 STUDY ?= --preset short
 OUT ?= results/study
@@ -31,8 +31,9 @@ corridor: .venv/.installed
 # Each command goes on where it was; tables and figures are of what is trained by then.
 study: setup
 	$(BIN)/python -m predictor.dataset
-	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT)
-	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs $(OUT) --out $(OUT)/prediction
+	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT); failed=$$?; [ $$failed -le 1 ] && \
+	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs $(OUT) --out $(OUT)/prediction && \
+	exit $$failed
 
 test: setup
 	$(BIN)/ruff format --check .

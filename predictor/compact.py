@@ -57,6 +57,10 @@ class Compact:
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict the rest of a window.
 
+        Args:
+            known: the window, of any size.
+            pose: x, y, yaw of the robot, (3,) [m, m, rad].
+
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """

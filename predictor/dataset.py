@@ -136,8 +136,15 @@ def _parsed(argv: list[str] | None) -> Any:
         "where it was: give the same command.",
     )
     add = parser.add_argument
-    add("--out", type=Path, metavar="DIR", help=f"default: {SIMULATED}, with --log {PHYSICAL}")
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    add("--out", type=Path, metavar="DIR", help="folder of the set (default: "
+        f"{SIMULATED}, with --log {PHYSICAL})")  # fmt: skip
+    add(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes (default: %(default)s)",
+    )
     simulated = parser.add_argument_group("simulated")
     add = simulated.add_argument
     add("--train", type=int, default=default.train, metavar="N", help="frames of the four drives "

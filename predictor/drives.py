@@ -301,7 +301,8 @@ def main(argv: list[str] | None = None) -> int:
         "through generated buildings. Interrupted, it goes on where it was: give the same command.",
     )
     add = parser.add_argument
-    add("--out", type=Path, default=default.out, metavar="DIR", help="default: %(default)s")
+    add("--out", type=Path, default=default.out, metavar="DIR",
+        help="folder of the samples (default: %(default)s)")  # fmt: skip
     add("--train", type=int, default=default.train, metavar="N", help="drives to learn from "
         "(default: %(default)s; one gives about 50 samples)")  # fmt: skip
     add("--validation", type=int, default=default.validation, metavar="N",
@@ -310,8 +311,14 @@ def main(argv: list[str] | None = None) -> int:
         "made: 180°, scans up to a metre apart, people, and as truth the map of all the log's "
         "scans")  # fmt: skip
     add("--families", nargs="+", choices=ALL_FAMILIES, default=list(default.families), metavar="F",
-        help="of the buildings, in turn (default: %(default)s)")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+        help=f"of the buildings, in turn (default: {' '.join(default.families)})")  # fmt: skip
+    add(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes (default: %(default)s)",
+    )
     args = parser.parse_args(argv)
     for name in ("train", "validation", "jobs"):
         if getattr(args, name) < 1:

@@ -282,19 +282,27 @@ def main(argv: list[str] | None = None) -> int:
     add = parser.add_argument
     add("--world", nargs="+", default=list(default.world), metavar="W",
         help="families of generated worlds, map_server .yaml files, folders of them (default: "
-        "%(default)s)")  # fmt: skip
+        f"{' '.join(default.world)})")  # fmt: skip
     add("--predictors", nargs="+", default=list(default.predictors), metavar="P",
-        help="names, module:Class, FILE.safetensors (default: %(default)s)")  # fmt: skip
+        help="names, module:Class, FILE.safetensors (default: "
+        f"{' '.join(default.predictors)})")  # fmt: skip
     add("--drives", type=int, default=default.drives, metavar="N",
         help="in each family, and in each map (default: %(default)s)")  # fmt: skip
-    add("--seed", type=int, default=default.seed, metavar="N", help="default: %(default)s")
+    add("--seed", type=int, default=default.seed, metavar="N",
+        help="of the first drive (default: %(default)s)")  # fmt: skip
     add("--window", type=float, default=default.window, metavar="M",
         help="side of the square in which the LIDAR is used [m] (default: "
         "%(default)s)")  # fmt: skip
     add("--expansion", type=float, default=default.expansion, metavar="X",
         help="width of the predicted square over that of the window (default: "
         "%(default)s)")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    add(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes (default: %(default)s)",
+    )
     add("--out", type=Path, default=Path("results/evaluate"), metavar="DIR", help="scores and "
         "pictures (default: %(default)s)")  # fmt: skip
     args = parser.parse_args(argv)

@@ -1,6 +1,6 @@
 """Train all of the paper's networks: three and a perceptron, at five expansions each.
 
-    python -m predictor.study --preset short        all 20, in about an hour of 2 cores
+    python -m predictor.study --preset short        all 20, in two or three hours of 2 cores
     python -m predictor.study                       as printed: months, without a GPU
     python -m predictor.study --epochs 2 --batch 32 --bf16 --minutes 20        on a GPU for a while
 
@@ -265,7 +265,8 @@ def main(argv: list[str] | None = None) -> int:
     add_arguments(parser)
     add("--batch", type=int, metavar="N", help="frames a step (default: the preset's)")
     add("--rate", type=float, metavar="R", help="learning rate (default: the preset's)")
-    add("--seed", type=int, metavar="N", help="default: 0")
+    add("--seed", type=int, metavar="N", help="of first weights and order of frames "
+        "(default: 0)")  # fmt: skip
     args = parser.parse_args(argv)
     try:
         if args.jobs is not None and args.jobs < 1:

@@ -140,7 +140,8 @@ def _parser() -> argparse.ArgumentParser:
         f"{paper.training.batch}; short: {short.training.batch})")  # fmt: skip
     add("--rate", type=float, metavar="R", help=f"highest learning rate (default: {default.rate:g};"
         f" paper: {paper.training.rate:g}; short: {short.training.rate:g})")  # fmt: skip
-    add("--seed", type=int, metavar="N", help=f"default: {default.seed}")
+    add("--seed", type=int, metavar="N", help="of first weights and order of samples "
+        f"(default: {default.seed})")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes, threads "
         "(default: %(default)s)")  # fmt: skip
     group = parser.add_argument_group("compact alone")
@@ -148,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--train", type=int, metavar="N", help=f"drives to learn from (default: {drives.train})")
     add("--validation", type=int, metavar="N",
         help=f"drives to measure on (default: {drives.validation})")  # fmt: skip
-    add("--steps", type=int, metavar="N", help=f"default: {default.steps}")
+    add("--steps", type=int, metavar="N", help=f"of the optimiser (default: {default.steps})")
     add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
         "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
     add("--logs", action="store_true", help="--data is of simulated robots' logs, whose truth is "

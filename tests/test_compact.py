@@ -58,6 +58,11 @@ def test_what_learned_from_logs_goes_by_its_own_name():
     check_predictor(predictor)
 
 
+@pytest.mark.parametrize("weights", [SHIPPED, LOGS])
+def test_the_card_beside_weights_is_theirs(weights):
+    assert Compact(weights).facts["fingerprint"] in weights.with_suffix(".md").read_text()
+
+
 @pytest.mark.parametrize("shape", [(40, 40), (200, 200), (280, 120)])
 def test_the_network_keeps_the_shape_of_its_input(shape):
     assert CompactNet().eval()(torch.zeros(2, 2, *shape)).shape == (2, 4, *shape)

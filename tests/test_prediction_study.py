@@ -346,7 +346,9 @@ def test_a_training_as_printed_is_not_reduced():
     from predictor.networks.image_config import ImageTraining
 
     facts = {"network": asdict(ImageConfig()), "config": asdict(ImageTraining(seed=3))}
+    facts["frames"] = 5221
     assert reduced(facts) is None
+    assert reduced(facts | {"frames": 46}) == {"frames": 46}
     facts["config"] = asdict(ImageTraining(batch=16))
     assert reduced(facts) == {"batch": 16}
 

@@ -66,6 +66,15 @@ def test_the_first_drives_are_read_when_not_all_are_wanted(tmp_path):
     assert Samples.load(tmp_path, 2).worlds == {"0", "0 as drawn", "1", "1 as drawn"}
 
 
+def test_a_drive_that_is_missing_between_others_is_an_error(tmp_path):
+    for number in range(4):
+        write(tmp_path, f"{number:06d}", world=str(number))
+    (tmp_path / "000002.npz").unlink()
+    with pytest.raises(SamplesError, match="misses 1 of its drives"):
+        Samples.load(tmp_path)
+    assert len(Samples.load(tmp_path, 2)) == 6
+
+
 def test_a_drive_without_samples_is_no_harm(tmp_path):
     write(tmp_path, "000000", samples=[])
     write(tmp_path, "000001")

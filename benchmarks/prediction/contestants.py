@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from predictor.data.frames import checksum
+from predictor.data.simulated import SimulatedConfig
 from predictor.networks.image_config import PRESETS
 from predictor.provenance import fingerprint_of
 from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
@@ -74,8 +75,11 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
         facts: of an image network's weights.
     """
     paper = PRESETS["paper"]
-    printed = asdict(paper.training) | {"width": paper.width, "side": paper.side, "given": "crop"}
-    theirs = facts.get("config", {}) | facts.get("network", {})
+    printed = asdict(paper.training) | {
+        "width": paper.width, "side": paper.side, "given": "crop", "turned": False,
+        "frames": SimulatedConfig().train,
+    }  # fmt: skip
+    theirs = facts.get("config", {}) | facts.get("network", {}) | {"frames": facts.get("frames")}
     other = {name: theirs.get(name) for name, value in printed.items()
              if name != "seed" and theirs.get(name) != value}  # fmt: skip
     return other or None

@@ -106,11 +106,17 @@ class Samples:
             drives: how many, the first ones; None: all.
 
         Raises:
-            SamplesError: if there is nothing, or a file is damaged or of another format.
+            SamplesError: if there is nothing, a drive between others is missing, or a file is
+                damaged or of another format.
         """
         paths = sorted(folder.glob("*.npz"))[:drives] if folder.is_dir() else []
         if not paths:
             raise SamplesError(f"{folder} holds no samples: python -m predictor.drives makes some")
+        numbers = [int(path.stem) for path in paths if path.stem.isdecimal()]
+        lost = max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
+        if lost:
+            raise SamplesError(f"{folder} misses {lost} of its drives: give the command that makes "
+                               "them again")  # fmt: skip
         codes, starts, about = [], [], []
         for drive, path in enumerate(paths):
             try:

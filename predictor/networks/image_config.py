@@ -129,5 +129,5 @@ PRESETS = {
     "paper": Preset(1.0, 256, ImageTraining()),
     "short": Preset(0.125, 128, ImageTraining(epochs=4.0, batch=8, rate=1e-3)),
 }
-"""`paper` is Katyal et al. 2018's. `short` is what 2 CPU cores do, for all 20 networks, in little
-more than an hour, and is nobody's but ours."""
+"""`paper` is Katyal et al. 2018's. `short` is what 2 CPU cores do, for all 20 networks, in two
+or three hours, and is nobody's but ours."""
