@@ -9,6 +9,7 @@ import pytest
 import torch
 from generated_frames import generated, write_frames
 
+from benchmarks.prediction.contestants import reduced
 from predictor.data.sample_frames import SampleFrames
 from predictor.data.samples import Samples, write_samples
 from predictor.networks import ARCHITECTURES
@@ -75,8 +76,10 @@ def test_a_killed_training_ends_as_if_it_had_not_been(tmp_path, monkeypatch, arc
     learn = killed._learn
 
     def die(*images):
+        # Its log is a step further than its last checkpoint.
         if killed.step == middle:
             killed.save()
+        if killed.step == middle + 1:
             raise KeyboardInterrupt
         return learn(*images)
 
@@ -208,6 +211,24 @@ def test_twenty_steps_of_the_papers_own_schedule(tmp_path, arch):
     assert one.steps == 20
     assert one.run().exists()
     assert len(log_of(tmp_path)) == 20
+
+
+@pytest.mark.slow
+def test_twenty_steps_of_the_papers_own_u_net(tmp_path):
+    """Reduced in nothing but its epochs: 54 million parameters, images of 256 pixels."""
+    data, out = tmp_path / "data", tmp_path / "out"
+    write_frames(data, {"train": TRAIN, "validation": VALIDATION})
+    assert main(["--arch", "unet_ff", "--expansion", "1.1", "--preset", "paper", "--epochs", "2",
+                 "--data", str(data), "--out", str(out), "--jobs", "1"]) == 0  # fmt: skip
+    net, facts = load_weights(out / "unet_ff.safetensors", ImageNet)
+    assert facts["steps"] == 20
+    assert reduced(facts) == {"epochs": 2.0, "frames": 10}
+    assert sum(values.numel() for values in net.parameters()) > 54e6
+    losses = [entry["l1"] for entry in log_of(out)]
+    assert np.mean(losses[-5:]) < np.mean(losses[:5])
+    # Half a gigabyte each.
+    for path in (out / "checkpoint.pt", out / "unet_ff.safetensors"):
+        path.unlink()
 
 
 def test_two_hundred_epochs_are_what_the_paper_made(tmp_path):
