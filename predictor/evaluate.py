@@ -237,7 +237,7 @@ def _plain(value: Any) -> Any:
 
 
 def table(results: dict[str, Any]) -> str:
-    """The scores as Markdown: one table a group, one line a predictor."""
+    """The scores as Markdown: of each group of all cells, and by distance; a line a predictor."""
     from benchmarks.tables import markdown
 
     columns = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier_free",
@@ -256,7 +256,24 @@ def table(results: dict[str, Any]) -> str:
             for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
                 cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
         parts.append(f"{head}\n\n{markdown(rows)}")
+        parts.append(_by_distance(entry["predictors"]))
     return "\n\n".join(parts)
+
+
+def _by_distance(predictors: dict[str, Any]) -> str:
+    """Free cells by distance beyond the frontier, of what predictors say without confidence."""
+    from benchmarks.tables import markdown
+
+    rows: list[list[str]] = []
+    for name, row in predictors.items():
+        if "rings" in row and "(" not in name:
+            edges = [ring["from"] for ring in row["rings"]]
+            spans = [f"{low:g}–{high:g} m" for low, high in zip(edges, edges[1:], strict=False)]
+            rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
+            found = [[ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
+                     for ring in row["rings"]]  # fmt: skip
+            rows.append([name, *(" / ".join(map(_cell, values)) for values in found)])
+    return markdown(rows) if rows else ""
 
 
 def _cell(value: float | None) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from predictor import Prediction
-from predictor.evaluate import group_of, main
+from predictor.evaluate import group_of, main, table
 from predictor.scoring.scored_drive import EvaluateConfig, score_drive
 from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
@@ -52,6 +52,7 @@ def test_it_writes_scores_and_pictures(evaluated):
     # Of one building there is no knowing what another would have been like.
     assert rows["extend"]["ece_free_95"] is None
     assert results["settings"]["weights"] == {"none": None, "extend": None}
+    assert "| 0.25–0.5 m" in table(results)
 
 
 def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
