@@ -11,6 +11,7 @@ import os
 import sys
 from dataclasses import asdict
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -268,7 +269,7 @@ def _by_distance(predictors: dict[str, Any]) -> str:
     for name, row in predictors.items():
         if "rings" in row and "(" not in name:
             edges = [ring["from"] for ring in row["rings"]]
-            spans = [f"{low:g}–{high:g} m" for low, high in zip(edges, edges[1:], strict=False)]
+            spans = [f"{low:g}–{high:g} m" for low, high in pairwise(edges)]
             rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
             found = [[ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
                      for ring in row["rings"]]  # fmt: skip
