@@ -6,10 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from benchmarks.run_dir import Run, RunError
 from benchmarks.settings import OneLineParser
-from benchmarks.video import VideoError, kind_for, write_video
+
+if TYPE_CHECKING:
+    from benchmarks.run_dir import Run
 
 DESCRIPTION = """\
 Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
@@ -29,6 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command; returns its exit status."""
     parser = _parser()
     options = parser.parse_args(arguments)
+    # Only now, so that help and bad arguments need not wait for it.
+    from benchmarks.run_dir import RunError
+    from benchmarks.video import VideoError
+
     try:
         paths = _draw(options)
     except (RunError, VideoError, OSError) as error:
@@ -70,8 +76,11 @@ def _positive(text: str) -> int:
 
 
 def _draw(options: argparse.Namespace) -> list[Path]:
+    from benchmarks.run_dir import Run
+    from benchmarks.video import kind_for
+
     runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
-    # Only now, so that help and bad arguments need not wait for it.
+    # Only now, so that a bad run need not wait for it.
     from benchmarks.figures import draw_run, draw_together
 
     kind = kind_for(options.format) if options.animate else ""
@@ -90,6 +99,7 @@ def _draw(options: argparse.Namespace) -> list[Path]:
 
 def _animate(run: Run, out: Path, kind: str, options: argparse.Namespace) -> Path:
     from benchmarks.animation import Animation
+    from benchmarks.video import write_video
 
     drive = Animation(run, options.episode, options.arm, options.stride)
     path = out / f"drive-{drive.index}-{drive.arm}.{kind}"

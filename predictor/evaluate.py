@@ -20,7 +20,7 @@ from predictor.whole import write_whole
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from predictor.scoring.scored_drive import EvaluateConfig
+    from predictor.scoring.evaluate_config import EvaluateConfig
     from predictor.scoring.scores import Scores
 
 
@@ -287,8 +287,7 @@ def main(argv: list[str] | None = None) -> int:
     from benchmarks.workers import WorkersError
     from predictor.prediction import BadPredictionError
     from predictor.registry import PredictorError
-    from predictor.scoring.scored_drive import EvaluateConfig
-    from sim.map_server import MapError
+    from predictor.scoring.evaluate_config import EvaluateConfig
 
     default = EvaluateConfig()
     parser = OneLineParser(
@@ -324,6 +323,9 @@ def main(argv: list[str] | None = None) -> int:
     add("--out", type=Path, default=Path("results/evaluate"), metavar="DIR", help="scores and "
         "pictures (default: %(default)s)")  # fmt: skip
     args = parser.parse_args(argv)
+    # Only now, so that help and bad arguments need not wait for it.
+    from sim.map_server import MapError
+
     try:
         print(_run(args))
     except KeyboardInterrupt:
@@ -344,7 +346,7 @@ def _run(args: argparse.Namespace) -> str:
         raise EvaluateError("--drives and --jobs are at least 1, --seed is not negative")
     if not (1 <= args.window <= 100 and 1 <= args.expansion <= 4):
         raise EvaluateError("--window lies between 1 and 100 m, --expansion between 1 and 4")
-    from predictor.scoring.scored_drive import EvaluateConfig
+    from predictor.scoring.evaluate_config import EvaluateConfig
 
     config = EvaluateConfig(tuple(args.world), tuple(args.predictors), args.drives, args.seed,
                             args.window, args.expansion)  # fmt: skip

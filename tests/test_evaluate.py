@@ -7,7 +7,8 @@ import pytest
 
 from predictor import Prediction
 from predictor.evaluate import group_of, main, table
-from predictor.scoring.scored_drive import EvaluateConfig, score_drive
+from predictor.scoring.evaluate_config import EvaluateConfig
+from predictor.scoring.scored_drive import score_drive
 from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from predictor.data.samples import world_hash
 from predictor.prediction import asked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
+from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.scores import Scores, rings_of
 from predictor.scoring.ternary import ternary
 
@@ -29,29 +29,6 @@ whether a cell is free, but whether it lies in a free square as wide as the car.
 
 MEASURES = 2
 """What is measured; another number when a measure changes its meaning."""
-
-
-@dataclass(frozen=True)
-class EvaluateConfig:
-    """What is scored, on what.
-
-    Attributes:
-        world: families of generated worlds, map_server files, folders of them.
-        predictors: by name, `package.module:Class`, or path of a .safetensors file.
-        drives: in each family; in each map.
-        seed: of the first.
-        window: side of the square that the LIDAR writes into [m].
-        expansion: predicted square over window.
-        every: ticks between two predictions.
-    """
-
-    world: tuple[str, ...] = ("corridor", "narrow", "office", "paper", "trap")
-    predictors: tuple[str, ...] = ("none", "extend", "compact")
-    drives: int = 20
-    seed: int = 0
-    window: float = 5.0
-    expansion: float = 2.0
-    every: int = 10
 
 
 def score_drive(
