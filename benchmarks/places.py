@@ -9,6 +9,13 @@ from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.task import Task
 from sim.world import World
 
+STEP = 0.25
+"""From one pose of `on_ways` to the next [m]: of a tick at 2.5 m/s."""
+TICKS = 20
+"""Poses on a way, at most."""
+CLEAR = 0.3
+"""Kept from what is solid on a way [m]; more than `STEP`, so that no wall is passed."""
+
 
 def along(task: Task, count: int) -> NDArray[np.float64]:
     """Poses along a task's way, (count, 3)."""
@@ -25,6 +32,21 @@ def anywhere(world: World, count: int) -> NDArray[np.float64]:
     rows, cols = free[rng.integers(len(free), size=count)].T
     xs, ys = frame.centres()
     return np.column_stack([xs[cols], ys[rows], rng.uniform(-np.pi, np.pi, count)])
+
+
+def on_ways(world: World, count: int) -> NDArray[np.float64]:
+    """Poses as a driving car's ticks make them, (≤ count, 3): `STEP` apart, on straight ways.
+
+    The ways begin at places drawn evenly, and end where something solid is near.
+    """
+    poses: list[tuple[float, float, float]] = []
+    for x, y, yaw in anywhere(world, count):
+        for _ in range(TICKS):
+            if world.clearance[world.grid.frame.cell(x, y)] < CLEAR:
+                break
+            poses.append((x, y, yaw))
+            x, y = x + STEP * np.cos(yaw), y + STEP * np.sin(yaw)
+    return np.array(poses[:count])
 
 
 def corridors(task: Task, side: int) -> World:

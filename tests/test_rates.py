@@ -58,6 +58,31 @@ def test_maps_have_the_size_that_their_names_say_and_poses_lie_in_free_space():
         assert world.grid.free[world.grid.frame.cell(*pose[:2])]
 
 
+def test_poses_on_ways_are_ticks_apart_and_pass_no_wall():
+    world = places.cluttered(500, 1)
+    poses = places.on_ways(world, 300)
+    assert poses.shape == (300, 3)
+    for pose in poses:
+        assert world.clearance[world.grid.frame.cell(*pose[:2])] >= places.CLEAR
+    far = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    same_way = np.diff(poses[:, 2]) == 0.0
+    assert far[same_way] == pytest.approx(places.STEP)
+    assert 0.8 < same_way.mean() < 1.0
+
+
+def test_rays_are_counted_on_ways_and_from_fresh_places(monkeypatch):
+    monkeypatch.setattr(rates, "maps", lambda seed: {"a": places.cluttered(200, 0)})
+    for name, few in (("SCANS", 30), ("ROUNDS", 3), ("CHECKED_POSES", 2), ("CHECKED_BEAMS", 9)):
+        monkeypatch.setattr(rates, name, few)
+    found = rates.rays(0)
+    assert list(found) == [
+        "rays, on ways, a, 1 thread", "rays, on ways, a, 2 threads",
+        "rays, fresh places, a, 1 thread", "rays, fresh places, a, 2 threads",
+        "rays, a, largest error",
+    ]  # fmt: skip
+    assert found["rays, fresh places, a, 2 threads"]["samples"] == 2 * 30 * 1081 * 3
+
+
 def test_no_beam_is_cut_short_of_its_range_in_mapping(monkeypatch):
     monkeypatch.setattr(rates, "REPEATS", 3)
     world = places.cluttered(900, 0)
