@@ -1,7 +1,8 @@
-"""The programs that a user would pick instead, each at its best, paired with ours in one run.
+"""The programs that a user would pick instead, each at its best, beside ours in one run.
 
 Each stage gives its own callable and those of the peers; they are called in turn, so that
-whatever else the machine does meets all alike. They come with the extra `peers`.
+whatever else the machine does meets all alike. Those of the MPC are in `benchmarks.peers_mpc`. All
+come with the extra `peers`.
 """
 
 from __future__ import annotations

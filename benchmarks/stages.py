@@ -97,6 +97,8 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     for stage, of_stage in found.items():
         for name, s in of_stage.items():
             cells = [format(s[key], f) if key in s else "" for key, f in form.items()]
+            if "dearer_low" in s:
+                cells[4] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
             cells[4] += " %" if cells[4] else ""
             rows.append([stage, name, *cells])
     return markdown(rows)

@@ -94,6 +94,18 @@ def test_what_posts_add_to_the_cost_is_told_beside_it(monkeypatch):
     assert found["ours"]["dearer_percent"] == 0.0
     assert found["ours"]["excess"] == pytest.approx(found["IPOPT"]["excess"], abs=0.1)
     assert found["ours"]["excess"] > -0.01
+    other = found["IPOPT"]
+    assert other["dearer_low"] <= other["dearer_percent"] <= other["dearer_high"]
+    assert f"({other['dearer_low']:+.3f} to" in peers_table({"mpc": found})
+
+
+def test_clearance_costs_up_to_where_it_does_in_driving():
+    free, driving = (MPC(config=PROBLEMS[name]) for name in PROBLEMS)
+    assert free.required < 0.0 < driving.required
+    assert free.required + free.config.comfort == pytest.approx(
+        driving.required + driving.config.comfort
+    )
+    assert free.config.closeness == driving.config.closeness
 
 
 def test_calls_are_timed_in_turn(monkeypatch):
