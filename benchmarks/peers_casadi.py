@@ -45,23 +45,25 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
         names.extend((k, name, i) for i in range(len(lower)))
 
     for k in range(n + 1):
-        x = xs[k]
+        # Without κ.
+        x = xs[k][:4]
         if k < n:
             u = us[k]
             after = ca.vertcat(problem.successor(x, u), u[1])
             constrain(k, "step", xs[k + 1] - after, [0.0] * 5, [0.0] * 5)
         if k == 0:
-            constrain(k, "start", x - start[:5], [0.0] * 5, [0.0] * 5)
+            constrain(k, "start", xs[0] - start[:5], [0.0] * 5, [0.0] * 5)
         if k < n:
             constrain(k, "lateral", problem.laterals(x, u), [-problem.lateral] * 2,
                       [problem.lateral] * 2)  # fmt: skip
             constrain(k, "control", u, [-car.braking, -car.max_curvature],
                       [car.acceleration, car.max_curvature])  # fmt: skip
-            cost += problem.effort(u) + mpc.config.smoothness * (u[1] - x[4]) ** 2
+            cost += problem.effort(u) + mpc.config.smoothness * (u[1] - xs[k][4]) ** 2
         constrain(k, "speed", x[3], [0.0], [car.v_max if k < n else 0.0])
         if k > 0:
             clearances = problem.clearances(x, start[5:], field)
-            cost += problem.standing(x, k == n) + problem.closeness(clearances)
+            cost += problem.closeness(clearances)
+            cost += problem.standing(x) if k < n else problem.ending(x)
             if problem.keeps_inside:
                 constrain(k, "inside", clearances, [mpc.required] * 2, [np.inf] * 2)
     variables = [v for k in range(n) for v in (xs[k], us[k])] + [xs[n]]

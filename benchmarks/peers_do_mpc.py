@@ -18,9 +18,10 @@ from planner.mpc import MPC
 def do_mpc(mpc: MPC, compiled: bool) -> Solver:
     """do-mpc's controller on a discrete model, started from the last solution, one tick on.
 
-    What reads the map is added between `prepare_nlp` and `create_nlp`, as do-mpc offers: within
-    its stage functions, which are called and not expanded, it is some times as slow. Only `solve`
-    is timed: `make_step` copies the map into a history beside it.
+    What reads the map is added between `prepare_nlp` and `create_nlp`, as do-mpc offers, and the
+    map behind do-mpc's own parameters: those go through all its stage functions and their
+    derivatives, and with the map among them a solve takes twice as long. Only `solve` is timed,
+    not `make_step`, which keeps a history beside it.
 
     Args:
         mpc: whose settings and limits count.
@@ -30,7 +31,7 @@ def do_mpc(mpc: MPC, compiled: bool) -> Solver:
     with warnings.catch_warnings():
         # Its import and its set-up warn of features that are not needed, and of casadi's future.
         warnings.simplefilter("ignore")
-        controller = _controller(mpc, compiled)
+        controller, numbers = _controller(mpc, compiled)
 
     def prepare(tick: Tick) -> Solve:
         if tick.is_first:
@@ -38,10 +39,9 @@ def do_mpc(mpc: MPC, compiled: bool) -> Solver:
             controller.flags["initial_run"] = False
         plan = mpc.roll(tick.state, tick.guess)
         clearance = np.asarray(tick.risk.clearance, dtype=np.float64).ravel()
-        numbers: Any = controller.opt_p_num
         numbers["_x0"] = tick.state
-        numbers["_p", 0] = np.concatenate([tick.risk.frame.origin, clearance])
         numbers["_u_prev"] = np.array([0.0, tick.last])
+        controller.opt_p_num = ca.vertcat(numbers, tick.risk.frame.origin, clearance)
         first: Any = controller.opt_x_num
         first["_x", :, 0, 0] = list(plan.states)
         first["_u", :, 0] = list(plan.controls)
@@ -58,8 +58,11 @@ def do_mpc(mpc: MPC, compiled: bool) -> Solver:
     return prepare
 
 
-def _controller(mpc: MPC, compiled: bool) -> Any:
-    """do-mpc's controller of the whole problem."""
+def _controller(mpc: MPC, compiled: bool) -> tuple[Any, Any]:
+    """do-mpc's controller of the whole problem, and its own parameters' numbers.
+
+    After those its problem has the map's origin (2,) and clearances (SIDE²,).
+    """
     import do_mpc as library
 
     n, car, problem = mpc.stages, mpc.limits, Problem(mpc)
@@ -67,8 +70,6 @@ def _controller(mpc: MPC, compiled: bool) -> Any:
     names, controls = ("x", "y", "yaw", "v"), ("a", "kappa")
     x = ca.vertcat(*(model.set_variable("_x", name) for name in names))
     u = ca.vertcat(*(model.set_variable("_u", name) for name in controls))
-    model.set_variable("_p", "origin", shape=(2, 1))
-    model.set_variable("_p", "field", shape=(SIDE * SIDE, 1))
     for name, value in zip(names, ca.vertsplit(problem.successor(x, u)), strict=True):
         model.set_rhs(name, value)
     model.setup()
@@ -83,9 +84,7 @@ def _controller(mpc: MPC, compiled: bool) -> Any:
     settings.nlpsol_opts = {"print_time": False, "calc_lam_p": False} | IPOPT
     if compiled:
         settings.nlpsol_opts |= COMPILED
-    controller.set_objective(
-        lterm=problem.standing(x, False) + problem.effort(u), mterm=problem.standing(x, True)
-    )
+    controller.set_objective(lterm=problem.standing(x) + problem.effort(u), mterm=problem.ending(x))
     controller.set_rterm(kappa=mpc.config.smoothness)
     for which, sign, speed in (("lower", -1.0, 0.0), ("upper", 1.0, car.v_max)):
         controller.bounds[which, "_x", "v"] = speed
@@ -94,16 +93,16 @@ def _controller(mpc: MPC, compiled: bool) -> Any:
         controller.terminal_bounds[which, "v"] = 0.0
         laterals = sign * problem.laterals(x, u)
         controller.set_nl_cons(f"lateral_{which}", laterals, ub=problem.lateral)
-    given = controller.get_p_template(1)
-    controller.set_p_fun(lambda _: given)
     controller.prepare_nlp()
-    read = controller.opt_p["_p", 0]
+    numbers = controller.opt_p_num
+    origin, field = ca.MX.sym("origin", 2), ca.MX.sym("field", SIDE * SIDE)
+    controller.opt_p = ca.vertcat(controller.opt_p, origin, field)
     for k in range(1, n + 1):
-        clearances = problem.clearances(controller.opt_x["_x", k, 0, 0], read[:2], read[2:])
+        clearances = problem.clearances(controller.opt_x["_x", k, 0, 0], origin, field)
         controller.nlp_obj += problem.closeness(clearances)
         if problem.keeps_inside:
             controller.nlp_cons.append(clearances)
             controller.nlp_cons_lb.append(np.full((2, 1), mpc.required))
             controller.nlp_cons_ub.append(np.full((2, 1), np.inf))
     controller.create_nlp()
-    return controller
+    return controller, numbers

@@ -1,13 +1,16 @@
 """The peers solve the problem that ours solves, and are timed alike."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from benchmarks import hall, peers, peers_mpc
 from benchmarks.drive import task_in
+from benchmarks.hall_problem import Problem
 from benchmarks.peers_casadi import general
 from benchmarks.places import along
 from benchmarks.stages import peers_table
+from planner import condense
 from planner.mpc import MPC
 from sim import CarConfig
 
@@ -42,6 +45,24 @@ def test_a_general_solver_finds_the_plan_that_ours_finds(problem, make):
     started = mpc.evaluate(mpc.roll(state, guess), path, risk, 58, 0.0)
     assert costs[0] == pytest.approx(costs[1], rel=5e-3)
     assert max(costs) < started
+
+
+def test_the_map_is_read_and_derived_as_ours_is():
+    mpc, risk = MPC(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
+    x = ca.MX.sym("x", 4)
+    field = np.asarray(risk.clearance, dtype=np.float64)
+    read = Problem(mpc).clearances(x, ca.MX(risk.frame.origin), ca.MX(field.ravel()))
+    read = ca.Function("read", [x], [read, ca.jacobian(read, x)])
+    rng = np.random.default_rng(0)
+    states = rng.uniform([2, -2, -3, 0], [8, 2, 3, 4], (50, 4))
+    value, gradient = condense.clearances(
+        risk.clearance, risk.frame.resolution, risk.frame.origin, states,
+        mpc.limits.body.length / 4,
+    )  # fmt: skip
+    for i, state in enumerate(states):
+        got, derived = read(state)
+        assert np.asarray(got).ravel() == pytest.approx(value[i], abs=1e-9)
+        assert np.asarray(derived)[:, :3] == pytest.approx(gradient[i][:, :3], abs=1e-6)
 
 
 def test_a_general_solver_drives_as_ours_does():
