@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,8 @@ from benchmarks.store import machine
 from predictor.whole import write_whole
 
 PACKAGES = ("benchmarks", "planner", "predictor", "sim")
+RUNTIME = "openvino"
+"""Runs networks where it is installed."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,8 @@ class Part:
 class Parts:
     """The parts that a folder keeps.
 
-    What was measured by other code, on another machine or with other settings counts as missing.
+    What was measured by other code, on another machine, with other packages or with other settings
+    counts as missing.
 
     Args:
         folder: where; made if need be.
@@ -66,9 +71,19 @@ class Parts:
 
 def _of(part: Part) -> dict[str, Any]:
     """What a measurement is of, as JSON gives it back."""
-    of = {"name": part.name, "code": code(), "machine": machine(), "settings": part.settings}
+    of = {"name": part.name, "code": code(), "machine": machine(), "runtime": installed([RUNTIME]),
+          "settings": part.settings}  # fmt: skip
     plain: dict[str, Any] = json.loads(json.dumps(of))
     return plain
+
+
+def installed(packages: Iterable[str]) -> dict[str, str]:
+    """Versions of those packages that are installed, by name."""
+    found = {}
+    for package in packages:
+        with contextlib.suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
 
 
 @lru_cache(maxsize=1)

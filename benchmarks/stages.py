@@ -15,13 +15,17 @@ from benchmarks.tables import markdown
 
 if TYPE_CHECKING:
     from argparse import Namespace
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from benchmarks.parts import Part
 
 ARMS = ("predicted", "known", "oracle")
-PEERS = ("octomap", "pyoctomap", "raycast2D", "irsim", "cv2", "do_mpc", "pytorch_mppi")
-"""Modules that `--peers` needs."""
+PEERS = {
+    "octomap": "octomap-python", "pyoctomap": "pyoctomap", "raycast2D": "raycast2D",
+    "irsim": "ir-sim", "cv2": "opencv-python-headless", "do_mpc": "do-mpc",
+    "pytorch_mppi": "pytorch-mppi",
+}  # fmt: skip
+"""Modules that `--peers` needs, and the packages that bring them."""
 COMPILER = "gcc"
 """What casadi and do-mpc call by default."""
 HALLS, HALL_TICKS = 20, 100
@@ -64,15 +68,17 @@ def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
 
 def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
     from benchmarks import peers, peers_mpc
-    from benchmarks.parts import Part
+    from benchmarks.parts import Part, installed
 
+    packages = {"packages": installed(PEERS.values())}
     found = [
-        Part(f"peers/{name}", {"seed": seed}, partial(peers.beside, name, seed))
+        Part(f"peers/{name}", {"seed": seed, **packages}, partial(peers.beside, name, seed))
         for name in peers.STAGES
     ]
     for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
         measure = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
-        found.append(Part(f"peers/{name}", {"halls": HALLS, "ticks": HALL_TICKS}, measure))
+        settings = {"halls": HALLS, "ticks": HALL_TICKS, **packages}
+        found.append(Part(f"peers/{name}", settings, measure))
     return found
 
 
@@ -136,7 +142,8 @@ def main(argv: list[str] | None = None) -> int:
         "after a warm-up; how the stages grow with sensor, map, window and horizon; how much the "
         "kernels and a study's processes get done. Leave the machine alone meanwhile. An "
         "interrupted run goes on from where it was: give the same command again. What was "
-        "measured by other code, on another machine or with other settings is measured anew.",
+        "measured by other code, on another machine, with other packages or other settings is "
+        "measured anew.",
     )
     add = parser.add_argument
     add(
@@ -197,7 +204,7 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _ask_for(modules: tuple[str, ...]) -> None:
+def _ask_for(modules: Iterable[str]) -> None:
     """Find out before anything is measured that something is missing."""
     import shutil
     from importlib.util import find_spec
@@ -216,7 +223,7 @@ def _run(args: Namespace) -> str:
 
     import benchmarks.workers  # noqa: F401  One thread, set before numpy is there.
     from benchmarks.growth import draw
-    from benchmarks.parts import Parts
+    from benchmarks.parts import RUNTIME, Parts, installed
     from benchmarks.store import commit, machine
     from predictor.whole import write_whole
 
@@ -235,8 +242,10 @@ def _run(args: Namespace) -> str:
             found[group] |= measured if group == "measures" else {name: measured}
             bar.set_postfix_str("")
             bar.update()
+    here = machine()
+    here["packages"] |= installed([RUNTIME, *(PEERS.values() if args.peers else ())])
     results = {
-        "machine": machine(), "commit": commit(), "threads": 1, "drives": args.drives,
+        "machine": here, "commit": commit(), "threads": 1, "drives": args.drives,
         "seed": args.seed, "stages": found["arms"]["predicted"],
         "peak_memory_mib": found["measures"]["worker, peak memory"]["value"], **found,
     }  # fmt: skip

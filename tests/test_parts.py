@@ -24,7 +24,14 @@ def test_other_settings_code_or_machine_count_as_missing(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(parts, "machine", lambda: {"cores": 64})
         assert kept.find(same) is None
+    with monkeypatch.context() as patch:
+        patch.setattr(parts, "installed", lambda packages: dict.fromkeys(packages, "another"))
+        assert kept.find(same) is None
     assert kept.find(same) == [1]
+
+
+def test_only_packages_that_are_installed_have_a_version():
+    assert parts.installed(["numpy", "no-such-package"]).keys() == {"numpy"}
 
 
 def test_names_that_look_alike_on_disk_and_broken_files_count_as_missing(tmp_path):

@@ -125,13 +125,21 @@ def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
 
 
 def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(stages, "PEERS", ("json", "no_such_module"))
+    monkeypatch.setattr(stages, "PEERS", {"json": "json", "no_such_module": "no-such-package"})
     assert main(["--peers", "--out", str(tmp_path)]) == 2
     assert "--peers needs no_such_module" in capsys.readouterr().err
 
 
+def test_peers_are_measured_anew_when_one_of_them_is_another(monkeypatch):
+    monkeypatch.setattr("benchmarks.parts.installed", lambda packages: dict.fromkeys(packages, "1"))
+    of_peers = stages._peers(0, print)
+    assert {"rays", "mpc"} <= {part.name.removeprefix("peers/") for part in of_peers}
+    for part in of_peers:
+        assert part.settings["packages"] == dict.fromkeys(stages.PEERS.values(), "1")
+
+
 def test_a_missing_compiler_is_named_too(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(stages, "PEERS", ("json",))
+    monkeypatch.setattr(stages, "PEERS", {"json": "json"})
     monkeypatch.setattr(stages, "COMPILER", "no-such-compiler")
     assert main(["--peers", "--out", str(tmp_path)]) == 2
     assert "--peers needs no-such-compiler" in capsys.readouterr().err
