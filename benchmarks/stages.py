@@ -6,6 +6,7 @@ python -m benchmarks.stages --help
 from __future__ import annotations
 
 import json
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -28,6 +29,10 @@ PEERS = {
 """Modules that `--peers` needs, and the packages that bring them."""
 COMPILER = "gcc"
 """What casadi and do-mpc call by default."""
+THREADS = 1
+"""That a library may take while it is measured."""
+LIMITS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""What tells libraries so, here and in the processes that are started from here."""
 HALLS, HALL_TICKS = 20, 100
 """Drives of each solver of the MPC's problem, and how long they are."""
 
@@ -45,7 +50,9 @@ def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
 
     def arm(name: str) -> dict[str, dict[str, float]]:
         times = closed_loop(name, args.drives, args.seed)
-        return {stage: spread(taken) for stage, taken in times.items() if taken}
+        return {
+            stage: {**spread(taken), "threads": THREADS} for stage, taken in times.items() if taken
+        }
 
     seed = {"seed": args.seed}
     found = [
@@ -84,11 +91,13 @@ def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
 
 def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     """The stages of each arm, in Markdown."""
-    rows = [["arm", "stage", "median [ms]", "p95 [ms]", "p99 [ms]", "samples"]]
+    rows = [["arm", "stage", "median [ms]", "p95 [ms]", "p99 [ms]", "threads", "samples"]]
     for arm, of_arm in stages.items():
         for name, s in of_arm.items():
             numbers = [f"{s[key]:.2f}" for key in ("median_ms", "p95_ms", "p99_ms")]
-            rows.append([f"`{arm}`", name, *numbers, str(s["samples"])])
+            # One, in results from before this was told stage by stage.
+            counts = [str(s.get("threads", 1)), str(s["samples"])]
+            rows.append([f"`{arm}`", name, *numbers, *counts])
     return markdown(rows)
 
 
@@ -219,14 +228,17 @@ def _ask_for(modules: Iterable[str]) -> None:
 
 
 def _run(args: Namespace) -> str:
+    # Before numpy is there, and whatever the user's environment says.
+    os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
+    import torch
     from tqdm import tqdm
 
-    import benchmarks.workers  # noqa: F401  One thread, set before numpy is there.
     from benchmarks.growth import draw
     from benchmarks.parts import RUNTIME, Parts, installed
     from benchmarks.store import commit, machine
     from predictor.whole import write_whole
 
+    torch.set_num_threads(THREADS)
     kept = Parts(args.out / "parts")
     found: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
     with tqdm(unit="part", smoothing=0.0) as bar:
@@ -245,7 +257,7 @@ def _run(args: Namespace) -> str:
     here = machine()
     here["packages"] |= installed([RUNTIME, *(PEERS.values() if args.peers else ())])
     results = {
-        "machine": here, "commit": commit(), "threads": 1, "drives": args.drives,
+        "machine": here, "commit": commit(), "threads": THREADS, "drives": args.drives,
         "seed": args.seed, "stages": found["arms"]["predicted"],
         "peak_memory_mib": found["measures"]["worker, peak memory"]["value"], **found,
     }  # fmt: skip

@@ -24,7 +24,9 @@ MOST_SIZES = 8
 def runner(
     module: nn.Module, runtime: str | None = None, example: tuple[int, int] = (80, 120)
 ) -> tuple[Run, str]:
-    """A function that runs a network on one core, and the name and version of what runs it.
+    """A function that runs a network, and the name and version of what runs it.
+
+    OpenVINO runs it on one core, PyTorch on as many as its `set_num_threads` lets it take.
 
     Args:
         module: one int8 array (1, rows, columns) in, one float array out.

@@ -1,13 +1,15 @@
 """The stages' benchmark times what it says it times, and keeps what it has measured."""
 
 import json
+import os
 import time
 
 import numpy as np
 import pytest
+import torch
 
 from benchmarks import growth, places, rates, stages, throughput, timing
-from benchmarks.stages import main, measures_table
+from benchmarks.stages import main, measures_table, table
 from benchmarks.tables import main as show
 from benchmarks.timing import spread, timed
 
@@ -38,6 +40,14 @@ def test_a_hall_has_walls_and_things():
     assert hall.occupied[0].all()
     assert 0.02 < hall.occupied[1:-1, 1:-1].mean() < 0.5
     assert np.array_equal(hall.cells, places.cluttered(200, 0).grid.cells)
+
+
+def test_each_stage_is_told_with_its_tails_threads_and_samples():
+    stage = {"median_ms": 1.0, "p95_ms": 2.0, "p99_ms": 3.0, "samples": 7}
+    told = table({"known": {"scan": {**stage, "threads": 1}}})
+    cells = [cell.strip() for cell in told.splitlines()[2].split("|")[1:-1]]
+    assert cells == ["`known`", "scan", "1.00", "2.00", "3.00", "1", "7"]
+    assert table({"known": {"scan": stage}}) == told
 
 
 def test_measures_are_told_with_their_intervals_and_tails():
@@ -79,6 +89,9 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
 ):
     command = ["--out", str(tmp_path), "--drives", "1"]
     measure = growth.grown
+    for name in stages.LIMITS:
+        monkeypatch.setenv(name, "2")
+    torch.set_num_threads(2)
 
     def interrupted(axis, seed, report):
         raise KeyboardInterrupt
@@ -100,6 +113,9 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     )
     for stage in results["stages"].values():
         assert 0 < stage["median_ms"] <= stage["p99_ms"]
+        assert stage["threads"] == 1
+    assert torch.get_num_threads() == 1
+    assert os.environ["OMP_NUM_THREADS"] == "1"
     assert results["stages"]["cycle"]["median_ms"] > results["stages"]["predict"]["median_ms"]
     assert [entry["value"] for entry in results["growth"]["beams"]] == [90, 180]
     measures = results["measures"]
