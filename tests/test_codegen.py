@@ -51,6 +51,17 @@ def test_without_a_compiler_it_is_interpreted_and_says_so(monkeypatch):
     assert np.array_equal(value(made), value(function()))
 
 
+def test_a_compiler_may_come_with_a_launcher_and_options(monkeypatch):
+    monkeypatch.setenv("CC", "env cc -O1")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = compiled(function())
+    assert np.array_equal(value(made), value(function()))
+    monkeypatch.setenv("CC", " ")
+    compiled(function())
+    assert len(list(cache().glob("waves-*.so"))) == 2
+
+
 def test_a_compiler_that_fails_is_quoted(monkeypatch):
     monkeypatch.setattr(codegen, "FLAGS", ("--no-such-flag",))
     with pytest.warns(InterpretedWarning, match="no-such-flag"):
