@@ -1,6 +1,6 @@
 """Train a network: the compact one, or one of the paper's.
 
-    python -m predictor.train                      compact; two to three hours on 2 cores, all in
+    python -m predictor.train                      compact; about two hours on 2 cores, all in
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
     python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      from weights on
     python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
