@@ -140,7 +140,8 @@ def drive(
         task.seed,
     )
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
-    rng = np.random.default_rng([settings.seed, index])
+    # Of the task's seed, so that an episode is the same whichever it is of a run.
+    rng = np.random.default_rng([task.seed, 2])
     episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
     _give_back()
     trace = episode.trace

@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks import tables
 from benchmarks.corridor import main
-from benchmarks.drive import attempt
+from benchmarks.drive import attempt, drive
+from benchmarks.settings import Settings
 from sim import empty_straight, save_world
 
 SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
@@ -133,6 +134,14 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
+
+
+def test_an_episode_is_that_of_its_seed_with_noise_too():
+    common = {"world": ("corridor",), "noise": 0.03, "dropout": 0.1}
+    second, a = drive(Settings(**common, seed=0), 1, "known")
+    first, b = drive(Settings(**common, seed=1), 0, "known")
+    assert untimed([second | {"index": 0}]) == untimed([first])
+    assert np.array_equal(a["e1/known/states"], b["e0/known/states"])
 
 
 def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_path, monkeypatch):
