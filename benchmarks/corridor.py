@@ -26,6 +26,10 @@ def main(argv: list[str] | None = None) -> int:
     except UsageError as error:
         print(f"benchmarks.corridor: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        # Of what is not a drive, or a second one. Drives are on disk, packed or not.
+        print("benchmarks.corridor: interrupted; the same command goes on", file=sys.stderr)
+        return 130
 
 
 def _run(settings: Settings, place: Place) -> int:
@@ -78,17 +82,18 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
     from benchmarks.drive import attempt
     from benchmarks.workers import WorkersError, finished
 
+    done = store.done()
     todo = [
         (index, arm)
         for index in range(settings.episodes)
         for arm in settings.arms
-        if (index, arm) not in store.done() and index not in store.skipped
+        if (index, arm) not in done and index not in store.skipped
     ]
     total = settings.episodes * len(settings.arms)
     with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
-            done = finished(partial(attempt, settings, weights), todo, place.jobs, place.dask)
-            for (index, arm), driven in done:
+            drives = finished(partial(attempt, settings, weights), todo, place.jobs, place.dask)
+            for (index, arm), driven in drives:
                 if isinstance(driven, str):
                     store.skipped[index] = driven
                 else:

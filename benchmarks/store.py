@@ -7,6 +7,7 @@ import io
 import json
 import os
 import platform
+import shutil
 import subprocess
 import zipfile
 from functools import lru_cache
@@ -79,18 +80,17 @@ class Store:
         buffer = io.BytesIO()
         text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
         np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
-        write_whole(self.parts / f"{result['index']}-{result['arm']}.npz", buffer.getvalue())
+        write_whole(self.parts / _part(result), buffer.getvalue())
         self.episodes.append(result)
 
     def pack(self) -> dict[str, Any]:
         """Write results.json and traces.npz from all that is finished, and return the results."""
         arms = self.settings.arms
-        chosen = [
-            e
-            for e in sorted(self.episodes, key=lambda e: (e["index"], arms_order(arms, e["arm"])))
-            if e["arm"] in arms and e["index"] < self.settings.episodes
-        ]
-        loose = sorted(self.parts.glob("*.npz"))
+        chosen = [e for e in self.episodes if self._wanted(e)]
+        chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
+        # An interrupt may have left a drive on disk alone, for the next time.
+        known = {_part(e) for e in self.episodes}
+        loose = sorted(path for path in self.parts.glob("*.npz") if path.name in known)
         if loose:
             self._pack_traces(loose)
         results = {
@@ -102,12 +102,15 @@ class Store:
             "gap": gap(chosen, arms),
             "skipped": {str(k): v for k, v in self.skipped.items()},
             "episodes": chosen,
-            "unused": [e for e in self.episodes if e not in chosen],
+            "unused": [e for e in self.episodes if not self._wanted(e)],
         }
         write_whole(self.out / RESULTS, json.dumps(results, indent=1).encode())
         for path in loose:
             path.unlink()
         return results
+
+    def _wanted(self, episode: dict[str, Any]) -> bool:
+        return episode["index"] < self.settings.episodes and episode["arm"] in self.settings.arms
 
     def _checked(self, baselines: Path) -> Run:
         try:
@@ -137,8 +140,8 @@ class Store:
                 arrays.setdefault(name.rpartition("/")[0], []).append(name)
             for episode in run.episodes:
                 index, arm = episode["index"], episode["arm"]
-                wanted = index < self.settings.episodes and arm in self.settings.arms
-                if wanted and ARMS[arm].drives_alike(other) and (index, arm) not in done:
+                if (self._wanted(episode) and (index, arm) not in done
+                        and ARMS[arm].drives_alike(other)):  # fmt: skip
                     names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
                     self.add(episode, {name: run.archive.array(name) for name in names})
         except RunError as error:
@@ -147,18 +150,19 @@ class Store:
     def _pack_traces(self, loose: list[Path]) -> None:
         target = self.out / TRACES
         temporary = target.with_suffix(".tmp")
-        with zipfile.ZipFile(temporary, "w") as packed:
-            names: set[str] = set()
-            for path in ([target] if target.exists() else []) + loose:
+        if target.exists():
+            shutil.copyfile(target, temporary)
+        else:
+            temporary.unlink(missing_ok=True)
+        # What was packed before is copied as it is: to deflate it anew would take hours.
+        with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED, compresslevel=4) as packed:
+            names = set(packed.namelist())
+            for path in loose:
                 with zipfile.ZipFile(path) as part:
-                    for info in part.infolist():
-                        if info.filename in names or info.filename.startswith("__"):
-                            continue
-                        names.add(info.filename)
-                        with part.open(info) as data:
-                            packed.writestr(
-                                info.filename, data.read(), zipfile.ZIP_DEFLATED, compresslevel=4
-                            )
+                    for name in part.namelist():
+                        if name not in names and not name.startswith("__"):
+                            names.add(name)
+                            packed.writestr(name, part.read(name))
         os.replace(temporary, target)
 
     def _packed(self) -> list[dict[str, Any]]:
@@ -183,11 +187,6 @@ class Store:
             if (result["index"], result["arm"]) not in packed:
                 found.append(result)
         return found
-
-
-def arms_order(arms: tuple[str, ...], arm: str) -> int:
-    """Where an arm stands among those asked for; last if it was not."""
-    return arms.index(arm) if arm in arms else len(arms)
 
 
 def machine() -> dict[str, Any]:
@@ -222,6 +221,10 @@ def commit() -> str | None:
         return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "-uno") else "")
     except (OSError, subprocess.CalledProcessError):
         return None
+
+
+def _part(episode: dict[str, Any]) -> str:
+    return f"{episode['index']}-{episode['arm']}.npz"
 
 
 def _plain(settings: Settings) -> dict[str, Any]:

@@ -136,6 +136,16 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
 
 
+def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("benchmarks.drive.attempt", interrupted)
+    monkeypatch.setattr("benchmarks.store.Store.pack", interrupted)
+    assert run("--world", short_map, "--jobs", 1, "--out", tmp_path / "run") == 130
+    assert capsys.readouterr().err.splitlines()[-1].startswith("benchmarks.corridor: interrupted")
+
+
 def test_an_episode_is_that_of_its_seed_with_noise_too():
     common = {"world": ("corridor",), "noise": 0.03, "dropout": 0.1}
     second, a = drive(Settings(**common, seed=0), 1, "known")
