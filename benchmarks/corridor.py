@@ -52,9 +52,9 @@ def _run(settings: Settings, place: Place) -> int:
     except (PredictorError, MapError) as error:
         raise UsageError(str(error)) from None
     out = place.out
-    store = Store(out, settings, weights, place.baselines)
-    interrupted = _drive_all(store, settings, weights, place)
-    results = store.pack()
+    with Store(out, settings, weights, place.baselines) as store:
+        interrupted = _drive_all(store, settings, weights, place)
+        results = store.pack()
     print(f"\n{title(results['settings'])}\n")
     print(table(results["summary"], results["gap"]))
     for index, why in store.skipped.items():

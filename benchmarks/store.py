@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fcntl
 import io
 import json
 import os
@@ -13,7 +14,7 @@ import zipfile
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ GROWS = ("episodes", "arms")
 
 
 class Store:
-    """The folder of a run.
+    """The folder of a run, which lets no other run in until the block ends or the process dies.
 
     Args:
         out: the folder; made if need be.
@@ -39,8 +40,9 @@ class Store:
             oracle, are taken over where these settings would give the same.
 
     Raises:
-        UsageError: if the folder holds a run with other settings or weights, or cannot be written;
-            if that of the baselines holds no run, or none with a drive that would be the same.
+        UsageError: if the folder holds a run with other settings or weights, cannot be written, or
+            another run is at work there; if that of the baselines holds no run, or none with a
+            drive that would be the same.
     """
 
     def __init__(
@@ -52,6 +54,10 @@ class Store:
         adopted = None if baselines is None else self._checked(baselines)
         try:
             self.parts.mkdir(parents=True, exist_ok=True)
+            self._lock = (self.parts / "lock").open("w")
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f"--out {out}: another run is at work there") from None
         except OSError as error:
             raise UsageError(f"--out {out}: {error.strerror}") from None
         marker = out / "settings.json"
@@ -70,6 +76,12 @@ class Store:
         self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
         if adopted is not None:
             self._adopt(adopted)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.close()
 
     def done(self) -> set[tuple[int, str]]:
         """Episodes and arms that need not be driven again."""
