@@ -19,7 +19,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0 when it ran, whatever the outcome; 2 for bad arguments or input; 130 if interrupted.
+        0 when it ran, whatever the outcome; 1 if drives are missing, for processes died of them; 2
+        for bad arguments or input; 130 if interrupted.
     """
     try:
         return _run(*parse(argv))
@@ -72,7 +73,7 @@ def _run(settings: Settings, place: Place) -> int:
         for path in draw_all(out):
             print(path)
     print(out / "results.json")
-    return 0
+    return 1 if store.lost else 0
 
 
 def _drive_all(store: Store, settings: Settings, weights: str | None, place: Place) -> bool:
@@ -80,7 +81,7 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
     from tqdm import tqdm
 
     from benchmarks.drive import attempt
-    from benchmarks.workers import WorkersError, finished
+    from benchmarks.workers import LostError, WorkersError, finished
 
     done = store.done()
     todo = [
@@ -103,6 +104,9 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
                 bar.update()
         except KeyboardInterrupt:
             return True
+        except LostError as error:
+            store.lost = list(error.items)
+            bar.write(f"mind: {error}; the same command tries again", file=sys.stderr)
         except WorkersError as error:
             raise UsageError(f"{error}; what was done is kept") from None
     return False

@@ -50,6 +50,7 @@ class Store:
     ) -> None:
         self.out, self.settings, self.parts = out, settings, out / "parts"
         self.skipped: dict[int, str] = {}
+        self.lost: list[tuple[int, str]] = []
         self._marked = mine = _plain(settings) | {"weights": weights}
         adopted = None if baselines is None else self._checked(baselines)
         try:
@@ -113,6 +114,7 @@ class Store:
             "summary": summarise(chosen, arms),
             "gap": gap(chosen, arms),
             "skipped": {str(k): v for k, v in self.skipped.items()},
+            "lost": self.lost,
             "episodes": chosen,
             "unused": [e for e in self.episodes if not self._wanted(e)],
         }

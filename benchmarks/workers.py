@@ -9,7 +9,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from typing import Any, TypeVar
 
 # Before a worker imports numpy: threads of its libraries would fight over the cores.
@@ -19,12 +19,25 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-TRIES = 3
-"""How often processes may die without an item getting finished, before that is given up."""
+DEATHS = 10
+"""How often processes may die with nothing finished between, before what is left is given up."""
 
 
 class WorkersError(RuntimeError):
-    """Nobody is there to do the work, or they keep dying; the message is one line."""
+    """Nobody is there to do the work; the message is one line."""
+
+
+class LostError(WorkersError):
+    """Some things are left undone, for each process died that did them; all others are done.
+
+    Attributes:
+        items: these things.
+    """
+
+    def __init__(self, items: Sequence[Any]) -> None:
+        named = ", ".join(map(str, items[:5])) + (" …" if len(items) > 5 else "")
+        super().__init__(f"left undone, for processes died again and again: {named}")
+        self.items = items
 
 
 def finished(
@@ -39,7 +52,8 @@ def finished(
         dask: address of a Dask scheduler, whose workers do it in place of processes here.
 
     Raises:
-        WorkersError: if there are no workers, or they keep dying.
+        LostError: at the end, if some things kill each process that does them.
+        WorkersError: if there are no workers.
     """
     if dask is not None:
         yield from _on_cluster(work, todo, dask)
@@ -53,30 +67,54 @@ def finished(
 def _in_processes(
     work: Callable[[Item], Result], todo: list[Item], jobs: int
 ) -> Iterator[tuple[Item, Result]]:
+    from joblib.externals.loky import get_reusable_executor
+
+    left = dict(enumerate(todo))
+    deaths = 0
+    try:
+        # What was under way when a process died is done when all else is; what was so again, alone.
+        for alone in (False, False, True):
+            suspects: dict[int, Item] = {}
+            for part in [{number: item} for number, item in left.items()] if alone else [left]:
+                while part and deaths < DEATHS:
+                    before = len(part)
+                    under_way = yield from _in_pool(work, part, jobs)
+                    deaths = 0 if before > len(part) + len(under_way) else deaths + 1
+                    suspects |= under_way
+                suspects |= part
+            left = suspects
+    finally:
+        # Else they stay for minutes, and keep their memory.
+        get_reusable_executor().shutdown(wait=False, kill_workers=True)
+    if left:
+        raise LostError(list(left.values()))
+
+
+def _in_pool(
+    work: Callable[[Item], Result], left: dict[int, Item], jobs: int
+) -> Generator[tuple[Item, Result], None, dict[int, Item]]:
+    """Do things and take them out, until a process dies; take out what was under way, return it."""
     from concurrent.futures.process import BrokenProcessPool
 
     from joblib import Parallel, delayed
-    from joblib.externals.loky import get_reusable_executor
 
-    left = list(todo)
-    failures = 0
-    while left:
-        # Two at least: joblib would do a single thing in this process, and die of it.
-        pool = Parallel(max(2, min(jobs, len(left))), "loky", return_as="generator_unordered",
-                        batch_size=1, initializer=follow_parent)  # fmt: skip
-        try:
-            for item, result in pool([delayed(_with_item)(work, item) for item in left]):
-                left.remove(item)
-                failures = 0
-                yield item, result
-        except BrokenProcessPool as error:
-            # A native library crashed one process, and the pool with it. Go on with a new one.
-            failures += 1
-            if failures == TRIES:
-                raise WorkersError("worker processes died again and again; try --jobs 1") from error
-        finally:
-            # Else they stay for minutes, and keep their memory.
-            get_reusable_executor().shutdown(wait=False, kill_workers=True)
+    given = []
+
+    def calls() -> Iterator[Any]:
+        for number, item in list(left.items()):
+            given.append(number)
+            yield delayed(_numbered)(work, number, item)
+
+    # Two at least: joblib would do a single thing in this process, and die of it.
+    pool = Parallel(max(2, min(jobs, len(left))), "loky", return_as="generator_unordered",
+                    batch_size=1, initializer=follow_parent)  # fmt: skip
+    try:
+        for number, result in pool(calls()):
+            yield left.pop(number), result
+    except BrokenProcessPool:
+        # A native library crashed one process, and the pool with it.
+        return {number: left.pop(number) for number in given if number in left}
+    return {}
 
 
 def _on_cluster(
@@ -100,6 +138,7 @@ def _on_cluster(
             raise WorkersError(f"the Dask scheduler at {address} has no workers")
         waiting = list(reversed(todo))
         items: dict[Any, Item] = {}
+        lost = []
         running = as_completed(loop=client.loop)
         while waiting or items:
             # No more than keeps all busy: a study may be a million drives long.
@@ -113,17 +152,20 @@ def _on_cluster(
                 items[future.key] = item
                 running.add(future)
             future = next(running)
+            item = items.pop(future.key)
             try:
-                yield items.pop(future.key), future.result()
-            except KilledWorker as error:
-                raise WorkersError(f"Dask workers died again and again: {error}") from error
+                yield item, future.result()
+            except KilledWorker:
+                lost.append(item)
             except CancelledError:
                 raise WorkersError(f"the Dask scheduler at {address} has gone") from None
             future.release()
+    if lost:
+        raise LostError(lost)
 
 
-def _with_item(work: Callable[[Item], Result], item: Item) -> tuple[Item, Result]:
-    return item, work(item)
+def _numbered(work: Callable[[Item], Result], number: int, item: Item) -> tuple[int, Result]:
+    return number, work(item)
 
 
 def follow_parent() -> None:

@@ -11,6 +11,7 @@ from benchmarks import tables
 from benchmarks.corridor import main
 from benchmarks.drive import attempt, drive
 from benchmarks.settings import Settings
+from benchmarks.workers import LostError
 from sim import empty_straight, save_world
 
 SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
@@ -134,6 +135,25 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
+
+
+def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, monkeypatch, capsys):
+    command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
+               "--out", tmp_path / "run")  # fmt: skip
+
+    def deadly(work, todo, *_):
+        yield todo[0], work(todo[0])
+        raise LostError(todo[1:])
+
+    with monkeypatch.context() as patched:
+        patched.setattr("benchmarks.workers.finished", deadly)
+        assert run(*command) == 1
+    assert "again and again: (1, 'known')" in capsys.readouterr().err
+    r = results(tmp_path / "run")
+    assert (r["lost"], r["summary"]["known"]["episodes"]) == ([[1, "known"]], 1)
+    assert run(*command) == 0
+    r = results(tmp_path / "run")
+    assert (r["lost"], r["summary"]["known"]["episodes"]) == ([], 2)
 
 
 def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeypatch, capsys):

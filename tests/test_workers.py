@@ -7,9 +7,8 @@ from functools import partial
 
 import pytest
 
-from benchmarks.workers import WorkersError, finished
-
-distributed = pytest.importorskip("distributed")
+from benchmarks import workers
+from benchmarks.workers import LostError, WorkersError, finished
 
 
 def square(n):
@@ -36,8 +35,28 @@ def die(n):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def die_of(bad, n):
+    if n in bad:
+        die(n)
+    return n * n
+
+
+def all_but_lost(work, todo, jobs, dask=None):
+    """What was finished, sorted, and what was lost."""
+    done = []
+    with pytest.raises(LostError) as error:
+        done.extend(finished(work, todo, jobs, dask))
+    return sorted(done), sorted(error.value.items)
+
+
 @pytest.fixture
-def cluster(tmp_path):
+def distributed():
+    """Not imported above: each process of a pool would import it, too."""
+    return pytest.importorskip("distributed")
+
+
+@pytest.fixture
+def cluster(distributed, tmp_path):
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=tmp_path / "dask"
     ) as made:
@@ -55,9 +74,17 @@ def test_a_process_that_dies_costs_nothing(tmp_path):
     assert (tmp_path / "died").exists()
 
 
-def test_processes_that_keep_dying_are_given_up():
-    with pytest.raises(WorkersError, match="again and again"):
-        list(finished(die, [1, 2], 2))
+def test_what_kills_each_process_is_named_when_all_else_is_done():
+    bad = (0, 9)
+    done, lost = all_but_lost(partial(die_of, bad), list(range(12)), 2)
+    assert done == [(n, n * n) for n in range(12) if n not in bad]
+    assert lost == list(bad)
+    assert "again and again: 0, 9" in str(LostError(lost))
+
+
+def test_where_all_die_not_everything_is_tried(monkeypatch):
+    monkeypatch.setattr(workers, "DEATHS", 2)
+    assert all_but_lost(die, list(range(1000)), 2) == ([], list(range(1000)))
 
 
 @pytest.mark.slow
@@ -74,12 +101,22 @@ def test_a_dask_worker_that_is_killed_costs_nothing(cluster, tmp_path):
     assert sorted(done) == [(n, n * n) for n in range(40)]
 
 
-def test_a_scheduler_that_is_not_there_is_named():
+@pytest.mark.slow
+def test_what_kills_each_dask_worker_is_named_when_all_else_is_done(cluster):
+    cluster.scheduler.allowed_failures = 1
+    address = cluster.scheduler_address
+    done, lost = all_but_lost(partial(die_of, (3,)), list(range(20)), 1, address)
+    # Those beside it may be taken for it.
+    assert 3 in lost
+    assert sorted([*lost, *(n for n, _ in done)]) == list(range(20))
+
+
+def test_a_scheduler_that_is_not_there_is_named(distributed):
     with pytest.raises(WorkersError, match="no Dask scheduler answers at tcp"):
         list(finished(square, [1], 1, "tcp://127.0.0.1:9"))
 
 
-def test_workers_that_share_a_process_are_refused(tmp_path):
+def test_workers_that_share_a_process_are_refused(distributed, tmp_path):
     with (
         distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None,
                                  local_directory=tmp_path) as made,
