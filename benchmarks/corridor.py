@@ -82,6 +82,8 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
 
     from benchmarks.drive import attempt
     from benchmarks.workers import LostError, WorkersError, finished
+    from predictor import PredictorError
+    from sim.map_server import MapError
 
     done = store.done()
     todo = [
@@ -107,7 +109,7 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
         except LostError as error:
             store.lost = list(error.items)
             bar.write(f"mind: {error}; the same command tries again", file=sys.stderr)
-        except WorkersError as error:
+        except (WorkersError, PredictorError, MapError, UsageError) as error:
             raise UsageError(f"{error}; what was done is kept") from None
     return False
 

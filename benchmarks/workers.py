@@ -53,7 +53,7 @@ def finished(
 
     Raises:
         LostError: at the end, if some things kill each process that does them.
-        WorkersError: if there are no workers.
+        WorkersError: if there are no workers, or their scheduler lacks a package.
     """
     if dask is not None:
         yield from _on_cluster(work, todo, dask)
@@ -159,6 +159,14 @@ def _on_cluster(
                 lost.append(item)
             except CancelledError:
                 raise WorkersError(f"the Dask scheduler at {address} has gone") from None
+            except RuntimeError as error:
+                # Dask's own, of a scheduler that cannot import what is asked for.
+                if "deserialization" not in str(error):
+                    raise
+                why = error.__cause__ or "another environment"
+                raise WorkersError(
+                    f"the Dask scheduler at {address} lacks packages: {why}"
+                ) from error
             future.release()
     if lost:
         raise LostError(lost)

@@ -1,6 +1,8 @@
 """The main job's command line: what it writes, that it goes on, and how it refuses."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 
@@ -11,8 +13,11 @@ from benchmarks import tables
 from benchmarks.corridor import main
 from benchmarks.drive import attempt, drive
 from benchmarks.settings import Settings
+from benchmarks.store import Store
 from benchmarks.workers import LostError
+from predictor import PredictorError
 from sim import empty_straight, save_world
+from sim.map_server import MapError
 
 SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
            "max_speed", "min_clearance", "stops", "cycle_ms_p50", "cycle_ms_p99"}  # fmt: skip
@@ -43,6 +48,16 @@ def results(out):
 def untimed(episodes):
     """Episodes without what depends on the clock."""
     return [{k: v for k, v in e.items() if k != "cycle_ms"} for e in episodes]
+
+
+def assert_same_drives(a, b):
+    """Two runs have the same episodes and traces, but for what depends on the clock."""
+    assert untimed(results(a)["episodes"]) == untimed(results(b)["episodes"])
+    with np.load(a / "traces.npz") as one, np.load(b / "traces.npz") as other:
+        assert set(one.files) == set(other.files)
+        for name in one.files:
+            if not name.endswith("/times"):
+                assert np.array_equal(one[name], other[name]), name
 
 
 @pytest.fixture(scope="module")
@@ -114,8 +129,8 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
 
 
 def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monkeypatch, capsys):
-    command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
-               "--out", tmp_path / "run")  # fmt: skip
+    common = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1)
+    command = (*common, "--out", tmp_path / "run")
     plain, driven = attempt, []
 
     def interrupted(settings, weights, item):
@@ -135,6 +150,8 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
+    assert run(*common, "--out", tmp_path / "whole") == 0
+    assert_same_drives(tmp_path / "run", tmp_path / "whole")
 
 
 def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, monkeypatch, capsys):
@@ -154,6 +171,26 @@ def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, mo
     assert run(*command) == 0
     r = results(tmp_path / "run")
     assert (r["lost"], r["summary"]["known"]["episodes"]) == ([], 2)
+
+
+@pytest.mark.parametrize("error", [PredictorError, MapError])
+def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
+    error, short_map, tmp_path, monkeypatch, capsys
+):
+    command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
+               "--out", tmp_path / "run")  # fmt: skip
+
+    def failing(settings, weights, item):
+        if item[0] == 1:
+            raise error("it has gone")
+        return {"index": 0, "arm": "known", "outcome": "reached", "mean_speed": 1.0}, {}
+
+    monkeypatch.setattr("benchmarks.drive.attempt", failing)
+    assert run(*command) == 2
+    said = capsys.readouterr().err
+    assert said.splitlines()[-1] == "benchmarks.corridor: it has gone; what was done is kept"
+    assert "Traceback" not in said
+    assert (tmp_path / "run/parts/0-known.npz").exists()
 
 
 def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeypatch, capsys):
@@ -234,15 +271,32 @@ def test_one_job_two_and_a_cluster_give_the_same_numbers(short_map, tmp_path):
                                   local_directory=tmp_path / "workers") as cluster:  # fmt: skip
         address = cluster.scheduler_address
         assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
-    one = results(tmp_path / "1")
-    assert [e["arm"] for e in one["episodes"]] == ["known", "predicted"]
+    assert [e["arm"] for e in results(tmp_path / "1")["episodes"]] == ["known", "predicted"]
     for other in ("2", "dask"):
-        assert untimed(results(tmp_path / other)["episodes"]) == untimed(one["episodes"])
-        with np.load(tmp_path / "1/traces.npz") as a, np.load(tmp_path / other / "traces.npz") as b:
-            assert set(a.files) == set(b.files)
-            for name in a.files:
-                if not name.endswith("/times"):
-                    assert np.array_equal(a[name], b[name]), name
+        assert_same_drives(tmp_path / other, tmp_path / "1")
+
+
+@pytest.mark.slow
+def test_a_dask_worker_that_is_killed_changes_no_number(short_map, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    command = ("--world", short_map, "--episodes", 3, "--arms", "known")
+    assert run(*command, "--jobs", 1, "--out", tmp_path / "one") == 0
+    plain, killed = Store.add, []
+
+    def add(store, *drive):
+        plain(store, *drive)
+        if not killed:
+            busy = next(w.name for w in cluster.scheduler.workers.values() if w.processing)
+            killed.append(cluster.workers[busy].pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    monkeypatch.setattr(Store, "add", add)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
+                                  local_directory=tmp_path / "workers") as cluster:  # fmt: skip
+        address = cluster.scheduler_address
+        assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
+    assert killed
+    assert_same_drives(tmp_path / "dask", tmp_path / "one")
 
 
 @pytest.mark.parametrize(

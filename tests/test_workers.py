@@ -1,5 +1,6 @@
 """Work is done once and comes out the same, whoever does it and whoever dies."""
 
+import importlib
 import os
 import signal
 import time
@@ -109,6 +110,18 @@ def test_what_kills_each_dask_worker_is_named_when_all_else_is_done(cluster):
     # Those beside it may be taken for it.
     assert 3 in lost
     assert sorted([*lost, *(n for n, _ in done)]) == list(range(20))
+
+
+class Absent:
+    """What can be sent, and not be received where its package is missing."""
+
+    def __reduce__(self):
+        return importlib.import_module, ("no_such_package",)
+
+
+def test_a_scheduler_without_the_package_is_named(cluster):
+    with pytest.raises(WorkersError, match="lacks packages: No module named 'no_such_package'"):
+        list(finished(partial(square, Absent()), [1], 1, cluster.scheduler_address))
 
 
 def test_a_scheduler_that_is_not_there_is_named(distributed):
