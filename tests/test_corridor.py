@@ -262,25 +262,14 @@ def test_baselines_of_another_comparison_are_refused(narrow, tmp_path, capsys):
         assert not (tmp_path / "run").exists()
 
 
-def test_one_job_two_and_a_cluster_give_the_same_numbers(short_map, tmp_path):
+@pytest.mark.slow
+def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
+    short_map, tmp_path, monkeypatch
+):
     distributed = pytest.importorskip("distributed")
-    command = ("--world", short_map, "--episodes", 1, "--arms", "known,predicted")
+    command = ("--world", short_map, "--episodes", 2, "--arms", "known,predicted")
     for jobs in (1, 2):
         assert run(*command, "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
-                                  local_directory=tmp_path / "workers") as cluster:  # fmt: skip
-        address = cluster.scheduler_address
-        assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
-    assert [e["arm"] for e in results(tmp_path / "1")["episodes"]] == ["known", "predicted"]
-    for other in ("2", "dask"):
-        assert_same_drives(tmp_path / other, tmp_path / "1")
-
-
-@pytest.mark.slow
-def test_a_dask_worker_that_is_killed_changes_no_number(short_map, tmp_path, monkeypatch):
-    distributed = pytest.importorskip("distributed")
-    command = ("--world", short_map, "--episodes", 3, "--arms", "known")
-    assert run(*command, "--jobs", 1, "--out", tmp_path / "one") == 0
     plain, killed = Store.add, []
 
     def add(store, *drive):
@@ -296,7 +285,9 @@ def test_a_dask_worker_that_is_killed_changes_no_number(short_map, tmp_path, mon
         address = cluster.scheduler_address
         assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
     assert killed
-    assert_same_drives(tmp_path / "dask", tmp_path / "one")
+    assert [e["arm"] for e in results(tmp_path / "1")["episodes"]] == 2 * ["known", "predicted"]
+    for other in ("2", "dask"):
+        assert_same_drives(tmp_path / other, tmp_path / "1")
 
 
 @pytest.mark.parametrize(
