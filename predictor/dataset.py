@@ -138,13 +138,8 @@ def _parsed(argv: list[str] | None) -> Any:
     add = parser.add_argument
     add("--out", type=Path, metavar="DIR", help="folder of the set (default: "
         f"{SIMULATED}, with --log {PHYSICAL})")  # fmt: skip
-    add(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: %(default)s)",
-    )
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
+        "%(default)s)")  # fmt: skip
     simulated = parser.add_argument_group("simulated")
     add = simulated.add_argument
     add("--train", type=int, default=default.train, metavar="N", help="frames of the four drives "

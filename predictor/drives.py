@@ -312,13 +312,8 @@ def main(argv: list[str] | None = None) -> int:
         "scans")  # fmt: skip
     add("--families", nargs="+", choices=ALL_FAMILIES, default=list(default.families), metavar="F",
         help=f"of the buildings, in turn (default: {' '.join(default.families)})")  # fmt: skip
-    add(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: %(default)s)",
-    )
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
+        "%(default)s)")  # fmt: skip
     args = parser.parse_args(argv)
     for name in ("train", "validation", "jobs"):
         if getattr(args, name) < 1:

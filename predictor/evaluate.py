@@ -313,13 +313,8 @@ def main(argv: list[str] | None = None) -> int:
     add("--expansion", type=float, default=default.expansion, metavar="X",
         help="width of the predicted square over that of the window (default: "
         "%(default)s)")  # fmt: skip
-    add(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: %(default)s)",
-    )
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
+        "%(default)s)")  # fmt: skip
     add("--out", type=Path, default=Path("results/evaluate"), metavar="DIR", help="scores and "
         "pictures (default: %(default)s)")  # fmt: skip
     args = parser.parse_args(argv)

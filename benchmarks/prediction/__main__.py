@@ -79,13 +79,8 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip
     add("--apart", type=float, default=0.5, metavar="M", help="a frame is scored when the car has "
         "driven this far since the last [m]; 0: all frames (default: %(default)s)")  # fmt: skip
-    add(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: %(default)s)",
-    )
+    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
+        "%(default)s)")  # fmt: skip
     args = parser.parse_args(argv)
     if args.jobs < 1:
         parser.error(f"--jobs is {args.jobs}, it must be at least 1")
