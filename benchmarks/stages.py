@@ -95,9 +95,7 @@ def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     for arm, of_arm in stages.items():
         for name, s in of_arm.items():
             numbers = [f"{s[key]:.2f}" for key in ("median_ms", "p95_ms", "p99_ms")]
-            # One, in results from before this was told stage by stage.
-            counts = [str(s.get("threads", 1)), str(s["samples"])]
-            rows.append([f"`{arm}`", name, *numbers, *counts])
+            rows.append([f"`{arm}`", name, *numbers, str(s["threads"]), str(s["samples"])])
     return markdown(rows)
 
 

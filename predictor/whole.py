@@ -18,7 +18,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def clear(folder: Path) -> None:
-    """Remove what was being written into a folder by processes that are no more."""
+    """Remove what processes of this machine that are no more were writing into a folder."""
     for path in folder.glob("*.tmp"):
         pid = path.suffixes[-2][1:] if len(path.suffixes) > 1 else ""
         if pid.isdecimal() and not _runs(int(pid)):
@@ -31,5 +31,6 @@ def _runs(pid: int) -> bool:
     except ProcessLookupError:
         return False
     except PermissionError:
-        return True
+        # Another user's.
+        pass
     return True

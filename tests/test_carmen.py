@@ -93,7 +93,7 @@ def test_a_clock_that_stands_or_goes_back_is_none(tmp_path):
         (HEAD, r"no FLASER line; its lines are: PARAM, ODOM"),
         ("", "no FLASER line; its lines are: none"),
         (scans(2)[:-400], "line 2 is cut off: 180 ranges"),
-        (scans(2).rsplit(maxsplit=1)[0], "line 2 is cut off: 180 ranges"),
+        (scans(2).rsplit(maxsplit=1)[0], "line 2 is cut off: 1 words after its time"),
         (scans(1).replace("FLASER 180", "FLASER 179", 1), "line 1 has 1 words too many"),
         (scans(1).replace("5.0", "5,0", 1), "line 1: could not convert"),
         ("FLASER\n", "line 1: FLASER is followed by no number of beams"),

@@ -119,7 +119,7 @@ def read_carmen(path: Path) -> LaserLog:
     poses: list[NDArray[np.float64]] = []
     times: list[float] = []
     kinds: Counter[str] = Counter()
-    bad = 0
+    bad = most = 0
     for number, line in _lines(path):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -129,6 +129,12 @@ def read_carmen(path: Path) -> LaserLog:
             continue
         values = _numbers(path, number, words)
         count = len(values) - 7
+        # A host and another time may follow. Cut off before them, a number may be cut too.
+        after = len(words) - count
+        if after < most:
+            raise LogError(f"{path}, line {number} is cut off: {after - 9} words after its time, "
+                           f"lines before it have {most - 9}")  # fmt: skip
+        most = after
         ranges, wrong = cleaned(values[:count], 0.0)
         bad += wrong
         # A SICK answers so where it saw no end, and also where a wall is black, or glass.
@@ -179,10 +185,9 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
     if len(words) > count + 11:
         raise LogError(f"{where} has {len(words) - count - 11} words too many after {count} ranges:"
                        " is that the number of its beams?")  # fmt: skip
-    # Cut anywhere before its last word, it has numbers that are too short, or none.
-    if len(words) < count + 11:
-        raise LogError(f"{where} is cut off: {count} ranges, two poses, a time, a host and another "
-                       f"time are {count + 9} words, it has {len(words) - 2}")  # fmt: skip
+    if len(words) < count + 9:
+        raise LogError(f"{where} is cut off: {count} ranges, two poses and a time are "
+                       f"{count + 7} numbers, it has {len(words) - 2}")  # fmt: skip
     try:
         values = np.array(words[2 : count + 9], dtype=np.float64)
     except ValueError as error:
