@@ -1,8 +1,8 @@
 """The programs that a user would pick instead, each at its best, beside ours in one run.
 
-Each stage gives its own callable and those of the peers; they are called in turn, so that
-whatever else the machine does meets all alike. Those of the MPC are in `benchmarks.peers_mpc`. All
-come with the extra `peers`.
+Each stage gives its own callable and those of the peers; a few calls of one follow a few of
+another, so that whatever else the machine does meets all alike, and each has the caches to itself.
+Those of the MPC are in `benchmarks.peers_mpc`. All come with the extra `peers`.
 """
 
 from __future__ import annotations
@@ -27,24 +27,30 @@ Call = Callable[[int], Any]
 OURS = "ours"
 
 
+TOGETHER = 10
+"""Calls of one program that follow one another."""
+
+
 def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]:
-    """Time some callables in turn, after one round that does not count.
+    """Time some callables, a few calls of one after a few of another.
+
+    Before those that count, one does not: it fetches back what the others pushed out of the caches.
 
     Args:
         calls: by name; `OURS` among them.
-        repeats: rounds; each is called with the number of the round.
+        repeats: calls of each that count, with 0, 1, …
 
     Returns:
         Name → median_ms, p99_ms and ratio: its median over ours.
     """
-    for call in calls.values():
-        call(0)
     taken: dict[str, list[float]] = {name: [] for name in calls}
-    for i in range(repeats):
+    for first in range(0, repeats, TOGETHER):
         for name, call in calls.items():
-            started = time.perf_counter()
-            call(i)
-            taken[name].append(1e3 * (time.perf_counter() - started))
+            call(first)
+            for i in range(first, min(first + TOGETHER, repeats)):
+                started = time.perf_counter()
+                call(i)
+                taken[name].append(1e3 * (time.perf_counter() - started))
     ours = float(np.median(taken[OURS]))
     return {
         name: {
@@ -57,7 +63,7 @@ def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]
 
 STAGES = ("rays", "mapping", "distance transform", "prediction")
 REPEATS = 200
-"""Rounds of each."""
+"""Calls of each that count."""
 
 
 def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:

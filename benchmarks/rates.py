@@ -32,7 +32,7 @@ Measure = dict[str, Any]
 
 SCANS = 1000
 """Of a round in which rays are counted."""
-ROUNDS = 9
+ROUNDS = 25
 """Of which the median counts."""
 CHECKED_POSES, CHECKED_BEAMS = 20, 54
 """Scans, and beams of each, that are compared with the exact answer."""
@@ -61,36 +61,41 @@ def rays(seed: int) -> dict[str, Measure]:
     for name, world in maps(seed).items():
         fresh = places.anywhere(world, SCANS)
         for where, poses in (("on ways", places.on_ways(world, SCANS)), ("fresh places", fresh)):
-            for threads in (1, 2):
-                found[f"rays, {where}, {name}, {threads} thread{'s' if threads > 1 else ''}"] = (
-                    _rate(lidar, world, poses, threads)
-                )
+            for threads, rate in _rates(lidar, world, poses, (1, 2)).items():
+                found[f"rays, {where}, {name}, {threads} thread{'s' if threads > 1 else ''}"] = rate
         worst, compared = error(lidar, world, fresh[:CHECKED_POSES])
         found[f"rays, {name}, largest error"] = {"value": worst, "unit": "m", "samples": compared}
     return found
 
 
-def _rate(lidar: Lidar, world: World, poses: NDArray[np.float64], threads: int) -> Measure:
+def _rates(
+    lidar: Lidar, world: World, poses: NDArray[np.float64], threads: tuple[int, ...]
+) -> dict[int, Measure]:
     config, frame = lidar.config, world.grid.frame
     angles = config.angle_min + config.angle_increment * np.arange(config.beams)
     beams = np.column_stack([np.cos(angles), np.sin(angles)])
     starts = np.column_stack([(poses[:, :2] - frame.origin) / frame.resolution, poses[:, 2]])
-    begun = [np.roll(starts, i * len(starts) // threads, axis=0) for i in range(threads)]
     longest = config.range_max / frame.resolution
 
     def cast(own: NDArray[np.float64]) -> None:
         _casts(world.skips, world.grid.cells, own, beams, longest)
 
-    taken = []
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(cast, begun))
-        for _ in range(ROUNDS):
-            started = time.perf_counter()
-            list(pool.map(cast, begun))
-            taken.append(time.perf_counter() - started)
-    count = threads * len(starts) * config.beams
-    return {"value": 1e-6 * count / float(np.median(taken)), "unit": "million/s",
-            "samples": count * ROUNDS}  # fmt: skip
+    taken: dict[int, list[float]] = {count: [] for count in threads}
+    with ThreadPoolExecutor(max(threads)) as pool:
+        # In turn, so that a machine that slows down slows them all; the first round does not count.
+        for turn in range(ROUNDS + 1):
+            for count, times in taken.items():
+                own = [np.roll(starts, i * len(starts) // count, axis=0) for i in range(count)]
+                started = time.perf_counter()
+                list(pool.map(cast, own))
+                if turn:
+                    times.append(time.perf_counter() - started)
+    rays = len(starts) * config.beams
+    return {
+        count: {"value": 1e-6 * count * rays / float(np.median(times)), "unit": "million/s",
+                "samples": count * rays * ROUNDS}
+        for count, times in taken.items()
+    }  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
