@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -28,25 +27,25 @@ def speed(results: Sequence[Result]) -> float:
 
 def bootstrap(
     worlds: Sequence[str],
-    statistic: Callable[[NDArray[np.int64]], float],
+    entries: NDArray[np.float64],
+    statistic: Callable[[NDArray[np.float64]], Any],
     rounds: int = 2000,
 ) -> tuple[float, float]:
-    """95 % interval of a statistic of episodes, resampled by world.
+    """95 % interval of a statistic of sums over episodes, resampled by world.
 
     Args:
-        worlds: each episode's world; episodes of one world are drawn together.
-        statistic: of the episodes' numbers (n,), repeats included.
+        worlds: each episode's world, n of them; episodes of one world are drawn together.
+        entries: what is summed, (k, n).
+        statistic: of the sums of all resamplings, (k, rounds); one value for each, (rounds,).
         rounds: resamplings; their seed is fixed.
     """
-    groups: dict[str, list[int]] = {}
-    for i, world in enumerate(worlds):
-        groups.setdefault(world, []).append(i)
-    members = [np.array(group) for group in groups.values()]
+    numbers: dict[str, int] = {}
+    of = np.array([numbers.setdefault(world, len(numbers)) for world in worlds])
+    count = len(numbers)
+    parts = np.stack([np.bincount(of, entry, count) for entry in entries])
     rng = np.random.default_rng(0)
-    values = []
-    for _ in range(rounds):
-        drawn = rng.integers(0, len(members), len(members))
-        values.append(statistic(np.concatenate([members[j] for j in drawn])))
+    drawn = (np.bincount(rng.integers(0, count, count), minlength=count) for _ in range(rounds))
+    values = statistic(np.stack([parts @ times for times in drawn], axis=1))
     low, high = np.nanpercentile(values, [2.5, 97.5])
     return float(low), float(high)
 
@@ -82,25 +81,12 @@ def grouped_mean(
 
 def paired_speed(arms: dict[str, list[Result]], arm: str) -> dict[str, Any]:
     """An arm's speed over all paired episodes, with its interval over worlds [m/s]."""
-    results = arms[arm]
-    length = np.array([r["path_length"] for r in results])
-    time = np.array([r["time"] for r in results])
-    low, high = bootstrap(
-        [r["world"] for r in results], lambda i: float(length[i].sum() / time[i].sum())
-    )
-    return {"value": speed(results), "low": low, "high": high}
+    return _interval(arms, (arm,), lambda speeds: speeds[0])
 
 
 def difference(arms: dict[str, list[Result]], arm: str, baseline: str) -> dict[str, Any]:
     """Speed of an arm less that of a baseline, on the same episodes [m/s]."""
-    a, b = _sums(arms[arm]), _sums(arms[baseline])
-
-    def value(i: NDArray[np.int64]) -> float:
-        return float(a[0][i].sum() / a[1][i].sum() - b[0][i].sum() / b[1][i].sum())
-
-    worlds = [r["world"] for r in arms[arm]]
-    low, high = bootstrap(worlds, value)
-    return {"value": value(np.arange(len(worlds))), "low": low, "high": high}
+    return _interval(arms, (arm, baseline), lambda speeds: speeds[0] - speeds[1])
 
 
 def share_of_gap(arms: dict[str, list[Result]]) -> dict[str, Any] | None:
@@ -108,20 +94,33 @@ def share_of_gap(arms: dict[str, list[Result]]) -> dict[str, Any] | None:
 
     None, too, where the interval of the denominator contains 0.
     """
-    if not {"known", "predicted", "oracle"} <= arms.keys():
+    names = ("known", "predicted", "oracle")
+    if not arms.keys() >= set(names) or difference(arms, "oracle", "known")["low"] <= 0:
         return None
-    if difference(arms, "oracle", "known")["low"] <= 0:
-        return None
-    sums = {name: _sums(arms[name]) for name in ("known", "predicted", "oracle")}
 
-    def value(i: NDArray[np.int64]) -> float:
-        v = {n: float(s[0][i].sum() / s[1][i].sum()) for n, s in sums.items()}
-        gap = v["oracle"] - v["known"]
-        return (v["predicted"] - v["known"]) / gap if gap else math.nan
+    def share(speeds: NDArray[np.float64]) -> NDArray[np.float64]:
+        known, predicted, oracle = speeds
+        gap = np.where(oracle == known, np.nan, oracle - known)
+        return np.asarray((predicted - known) / gap)
 
-    worlds = [r["world"] for r in arms["known"]]
-    low, high = bootstrap(worlds, value)
-    return {"value": value(np.arange(len(worlds))), "low": low, "high": high}
+    return _interval(arms, names, share)
+
+
+def _interval(
+    arms: dict[str, list[Result]],
+    names: tuple[str, ...],
+    of_speeds: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> dict[str, Any]:
+    # Of the speeds of some arms, (arms, resamplings).
+    entries = np.array([
+        [result[key] for result in arms[name]] for key in ("path_length", "time") for name in names
+    ])  # fmt: skip
+
+    def value(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        return of_speeds(sums[: len(names)] / sums[len(names) :])
+
+    low, high = bootstrap([result["world"] for result in arms[names[0]]], entries, value)
+    return {"value": float(value(entries.sum(axis=1, keepdims=True))[0]), "low": low, "high": high}
 
 
 def mcnemar(first: list[Result], second: list[Result], outcome: str) -> float:
@@ -132,19 +131,16 @@ def mcnemar(first: list[Result], second: list[Result], outcome: str) -> float:
     return float(binomtest(a, a + b).pvalue) if a + b else 1.0
 
 
-def realised_risk(results: Sequence[Result]) -> float | None:
+def realised_risk(results: Sequence[Result]) -> dict[str, Any] | None:
     """Mean over worlds of the share of relying ticks whose promise broke; None if none relied."""
-    worlds: dict[str, list[int]] = {}
+    made = dict.fromkeys((r["world"] for r in results if r["promises"]), 0)
+    broken = dict(made)
     for r in results:
-        entry = worlds.setdefault(r["world"], [0, 0])
-        entry[0] += r["promises_broken"]
-        entry[1] += r["promises"]
-    shares = [broken / made for broken, made in worlds.values() if made]
-    return float(np.mean(shares)) if shares else None
-
-
-def _sums(results: list[Result]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    return (
-        np.array([r["path_length"] for r in results]),
-        np.array([r["time"] for r in results]),
-    )
+        if r["world"] in made:
+            made[r["world"]] += r["promises"]
+            broken[r["world"]] += r["promises_broken"]
+    if not made:
+        return None
+    shares = np.array([broken[world] / made[world] for world in made])
+    low, high = bootstrap(list(made), shares[None], lambda sums: sums[0] / len(shares))
+    return {"value": float(shares.mean()), "low": low, "high": high}

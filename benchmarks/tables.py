@@ -39,8 +39,11 @@ def tables_of(results: dict[str, Any]) -> str:
         from predictor.evaluate import table as every_score
 
         return every_score(results)
-    from benchmarks.summary import table, title
+    from benchmarks.summary import gap, summarise, table, title
 
+    # Not as the file has them: one that is old has fewer figures.
+    episodes, arms = results["episodes"], tuple(results["settings"]["arms"])
+    results |= {"summary": summarise(episodes, arms), "gap": gap(episodes, arms)}
     return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
 
 
@@ -64,6 +67,31 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
             " / ".join(f"{entry['mean_speed']:.2f}" for entry in of),
             interval(faster, "+.2f"),
             "no gap" if share is None else interval(share, ".0f", 100.0) + " %",
+        ])  # fmt: skip
+    return markdown(rows)
+
+
+def risks(runs: dict[str, dict[str, Any]]) -> str:
+    """One line for each run of `predicted`: the risk that was asked for, and what became of it.
+
+    Args:
+        runs: name → contents of a results.json of `benchmarks.corridor`.
+    """
+    from benchmarks.summary import broken
+
+    rows = [["run", "predictor", "expansion", "ε", "promises broken (95 % over worlds)", "episodes",
+             "reached", "collided", "speed [m/s]"]]  # fmt: skip
+    for name, run in runs.items():
+        settings, entry = run["settings"], run["summary"]["predicted"]
+        low, high = entry["mean_speed_interval"]
+        rows.append([
+            name,
+            f"`{Path(settings['predictor']).stem}`",
+            f"{settings['expansion']:g}",
+            f"{settings['risk']:g}",
+            broken(entry),
+            *(str(entry[key]) for key in ("episodes", "reached", "collided")),
+            f"{entry['mean_speed']:.2f} ({low:.2f}–{high:.2f})",
         ])  # fmt: skip
     return markdown(rows)
 
@@ -103,6 +131,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
         "benchmarks.corridor, .stages, .prediction, or predictor.evaluate")  # fmt: skip
     runs: dict[str, dict[str, Any]] = {}
+    relied: dict[str, dict[str, Any]] = {}
     scored: dict[str, dict[str, Any]] = {}
     parts: list[str] = []
     for path in parser.parse_args(argv).files:
@@ -111,6 +140,8 @@ def main(argv: list[str] | None = None) -> int:
             parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")
             if {"known", "predicted", "oracle"} <= results.get("summary", {}).keys():
                 runs[path.stem] = results
+            if "predicted" in results.get("summary", {}):
+                relied[path.stem] = results
             if "groups" in results:
                 scored[path.stem] = results
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -118,6 +149,8 @@ def main(argv: list[str] | None = None) -> int:
             return 2
     if scored:
         parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
+    if len(relied) > 1:
+        parts.insert(0, f"## Risks\n\n{risks(relied)}\n")
     if len(runs) > 1:
         parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
     print("\n".join(parts), end="")

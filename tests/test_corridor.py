@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -370,6 +372,19 @@ def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
     for name in ("foreign.json", "missing.json"):
         assert tables.main([str(tmp_path / name)]) == 2
         assert name in capsys.readouterr().err
+
+
+def test_the_tables_of_runs_have_the_risk_asked_for_beside_what_became_of_it(capsys):
+    files = sorted((Path(__file__).parents[1] / "docs/results/choice").glob("compact-*.json"))
+    assert tables.main([str(path) for path in files]) == 0
+    text = capsys.readouterr().out
+    rows = [line.split("|") for line in text.split("## Risks")[1].split("##")[0].splitlines()[4:]]
+    rows = [[cell.strip() for cell in row] for row in rows if len(row) > 1]
+    assert [row[1] for row in rows] == [path.stem for path in files]
+    for row, path in zip(rows, files, strict=True):
+        assert float(row[4]) == json.loads(path.read_text())["settings"]["risk"]
+        value, low, high = re.fullmatch(r"(.+) % \((.+)–(.+)\)", row[5]).groups()
+        assert float(low) < float(value) < float(high)
 
 
 PLUG_IN = '''
