@@ -113,7 +113,8 @@ def plan_path(
     info.setStateValidityChecker(is_valid)
     info.setStateValidityCheckingResolution(0.15 / space.getMaximumExtent())
     info.setup()
-    between = space.allocState()
+    # One serves all: what the binding allocates is never freed.
+    scratch = space.allocState()
 
     class WayCost(ob.OptimizationObjective):
         """The integral of the cost density along a curve."""
@@ -123,9 +124,9 @@ def plan_path(
             steps = max(1, math.ceil(length / 0.3))
             total = 0.0
             for i in range(steps):
-                space.interpolate(a, b, (i + 0.5) / steps, between)
-                row = int((between.getY() - oy) * inverse)
-                col = int((between.getX() - ox) * inverse)
+                space.interpolate(a, b, (i + 0.5) / steps, scratch)
+                row = int((scratch.getY() - oy) * inverse)
+                col = int((scratch.getX() - ox) * inverse)
                 total += density[row, col] if 0 <= row < rows and 0 <= col < cols else 4.0
             return ob.Cost(float(total) * length / steps)
 
@@ -136,12 +137,12 @@ def plan_path(
             return ob.Cost(0.0)
 
     def state(x: float, y: float, yaw: float) -> ob.State:
-        made = space.allocState()
-        made.setX(float(x))
-        made.setY(float(y))
+        # Who is given it copies it.
+        scratch.setX(float(x))
+        scratch.setY(float(y))
         # OMPL's interval is open where ours is closed: +π is outside it.
-        made.setYaw(float(yaw) if yaw < math.pi else -math.pi)
-        return made
+        scratch.setYaw(float(yaw) if yaw < math.pi else -math.pi)
+        return scratch
 
     problem = ob.ProblemDefinition(info)
     problem.addStartState(state(*pose))
