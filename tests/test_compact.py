@@ -13,7 +13,7 @@ from predictor import (
     check_predictor,
     load_predictor,
 )
-from predictor.compact import LOGS, SHIPPED, Compact, _resampled
+from predictor.compact import LOGS, PAPER, SHIPPED, Compact, _resampled
 from predictor.networks.compact_net import CompactNet
 from predictor.provenance import fingerprint_of
 from predictor.runtime import RUNTIMES
@@ -48,17 +48,19 @@ def centre_pose(grid, yaw=0.0):
 
 def test_it_is_as_small_as_promised():
     assert sum(p.numel() for p in CompactNet().parameters()) <= 1_500_000
-    assert max(path.stat().st_size for path in (SHIPPED, LOGS)) <= 8_000_000
+    assert max(path.stat().st_size for path in (SHIPPED, LOGS, PAPER)) <= 8_000_000
 
 
-def test_what_learned_from_logs_goes_by_its_own_name():
-    predictor = load_predictor("compact-logs")
+@pytest.mark.parametrize(("name", "weights"), [("compact-logs", LOGS), ("compact-paper", PAPER)])
+def test_what_learned_on_goes_by_its_own_name(name, weights):
+    predictor = load_predictor(name)
     assert isinstance(predictor, Compact)
-    assert predictor.facts["before"]["fingerprint"] in LOGS.with_suffix(".md").read_text()
+    assert predictor.weights == weights
+    assert predictor.facts["before"]["fingerprint"] in weights.with_suffix(".md").read_text()
     check_predictor(predictor)
 
 
-@pytest.mark.parametrize("weights", [SHIPPED, LOGS])
+@pytest.mark.parametrize("weights", [SHIPPED, LOGS, PAPER])
 def test_the_card_beside_weights_is_theirs(weights):
     assert Compact(weights).facts["fingerprint"] in weights.with_suffix(".md").read_text()
 

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from predictor.compact import LOGS, SHIPPED
+from predictor.compact import LOGS, PAPER, SHIPPED
 from predictor.data import simulated
 from predictor.data.frames import MANIFEST, Frames, FramesError
 from predictor.data.samples import world_hash
@@ -76,7 +76,7 @@ def buildings():
     return {world_hash(generate("paper", seed).grid.cells) for seed in maps}
 
 
-@pytest.mark.parametrize("weights", [SHIPPED, LOGS])
+@pytest.mark.parametrize("weights", [SHIPPED, LOGS, PAPER])
 def test_shipped_weights_know_none_of_the_buildings(buildings, weights):
     _, facts = facts_of(weights)
     assert len(buildings) == 27

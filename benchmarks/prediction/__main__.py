@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 PHYSICAL = Path("data/physical")
 """The set of logs that is taken if there is one and none is named."""
-PREDICTORS = ("none", "extend", "compact", "compact-logs")
+PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
 """Asked unless others are named."""
 DESCRIPTION = """\
 Compare predictors on the data of the prediction study: how alike their images are to the truth
@@ -70,7 +70,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "has made, or logs themselves, of which a set is made in DIR/physical (default: "
         f"{PHYSICAL}, if it is there)")  # fmt: skip
     add("--predictors", nargs="+", default=list(PREDICTORS), metavar="P", help="none, extend, "
-        "compact, compact-logs, module:Class, weights FILE.safetensors, a folder of "
+        "compact, compact-logs, compact-paper, module:Class, weights FILE.safetensors, a folder of "
         "predictor.study, of which each network is asked at the expansion that it was trained for, "
         "or fused:FOLDER/ARCH, all of them in one; NAME=P to rename; the first eight that predict "
         f"are in the figures (default: {' '.join(PREDICTORS)})")  # fmt: skip
