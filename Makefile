@@ -32,7 +32,7 @@ corridor: .venv/.installed
 study: setup
 	$(BIN)/python -m predictor.dataset
 	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT); failed=$$?; [ $$failed -le 1 ] && \
-	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs $(OUT) --out $(OUT)/prediction && \
+	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs compact-paper $(OUT) --out $(OUT)/prediction && \
 	exit $$failed
 
 test: setup

@@ -90,10 +90,10 @@ def _rates(
                 list(pool.map(cast, own))
                 if turn:
                     times.append(time.perf_counter() - started)
-    rays = len(starts) * config.beams
+    once = len(starts) * config.beams
     return {
-        count: {"value": 1e-6 * count * rays / float(np.median(times)), "unit": "million/s",
-                "samples": count * rays * ROUNDS}
+        count: {"value": 1e-6 * count * once / float(np.median(times)), "unit": "million/s",
+                "samples": count * once * ROUNDS}
         for count, times in taken.items()
     }  # fmt: skip
 

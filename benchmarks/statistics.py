@@ -20,11 +20,6 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def speed(results: Sequence[Result]) -> float:
-    """Σ path length / Σ time [m/s]."""
-    return sum(r["path_length"] for r in results) / max(sum(r["time"] for r in results), 1e-9)
-
-
 def bootstrap(
     worlds: Sequence[str],
     entries: NDArray[np.float64],
@@ -80,7 +75,7 @@ def grouped_mean(
 
 
 def paired_speed(arms: dict[str, list[Result]], arm: str) -> dict[str, Any]:
-    """An arm's speed over all paired episodes, with its interval over worlds [m/s]."""
+    """Σ path length / Σ time of an arm over all paired episodes, interval over worlds [m/s]."""
     return _interval(arms, (arm,), lambda speeds: speeds[0])
 
 
@@ -117,7 +112,7 @@ def _interval(
     ])  # fmt: skip
 
     def value(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        return of_speeds(sums[: len(names)] / sums[len(names) :])
+        return of_speeds(sums[: len(names)] / np.maximum(sums[len(names) :], 1e-9))
 
     low, high = bootstrap([result["world"] for result in arms[names[0]]], entries, value)
     return {"value": float(value(entries.sum(axis=1, keepdims=True))[0]), "low": low, "high": high}

@@ -69,8 +69,8 @@ def summarise(episodes: list[Result], arms: tuple[str, ...]) -> dict[str, Any]:
             "cycle_ms_p99": float(np.median([r["cycle_ms"][1] for r in results])),
             "faults": faults,
             "paths": paths,
-            "realised_risk": risk and risk["value"],
-            "realised_risk_interval": risk and [risk["low"], risk["high"]],
+            "realised_risk": None if risk is None else risk["value"],
+            "realised_risk_interval": None if risk is None else [risk["low"], risk["high"]],
         }
         if arm != "known" and "known" in by_arm:
             entry["faster_than_known"] = difference(by_arm, arm, "known")

@@ -39,12 +39,18 @@ def tables_of(results: dict[str, Any]) -> str:
         from predictor.evaluate import table as every_score
 
         return every_score(results)
-    from benchmarks.summary import gap, summarise, table, title
+    from benchmarks.summary import table, title
 
-    # Not as the file has them: one that is old has fewer figures.
-    episodes, arms = results["episodes"], tuple(results["settings"]["arms"])
-    results |= {"summary": summarise(episodes, arms), "gap": gap(episodes, arms)}
-    return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
+    run = summarised(results)
+    return f"{title(run['settings'])}\n\n{table(run['summary'], run['gap'])}"
+
+
+def summarised(run: dict[str, Any]) -> dict[str, Any]:
+    """A comparison with its summary made again of its episodes: old files have fewer figures."""
+    from benchmarks.summary import gap, summarise
+
+    episodes, arms = run["episodes"], tuple(run["settings"]["arms"])
+    return run | {"summary": summarise(episodes, arms), "gap": gap(episodes, arms)}
 
 
 def overview(runs: dict[str, dict[str, Any]]) -> str:
@@ -82,7 +88,7 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
     rows = [["run", "predictor", "expansion", "ε", "promises broken (95 % over worlds)", "episodes",
              "reached", "collided", "speed [m/s]"]]  # fmt: skip
     for name, run in runs.items():
-        settings, entry = run["settings"], run["summary"]["predicted"]
+        settings, entry = run["settings"], summarised(run)["summary"]["predicted"]
         low, high = entry["mean_speed_interval"]
         rows.append([
             name,

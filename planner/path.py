@@ -137,7 +137,7 @@ def plan_path(
             return ob.Cost(0.0)
 
     def state(x: float, y: float, yaw: float) -> ob.State:
-        # Who is given it copies it.
+        # The one there is: to be handed over before the next is asked for. OMPL copies it.
         scratch.setX(float(x))
         scratch.setY(float(y))
         # OMPL's interval is open where ours is closed: +π is outside it.

@@ -14,7 +14,6 @@ from benchmarks.statistics import (
     paired_speed,
     realised_risk,
     share_of_gap,
-    speed,
     wilson,
 )
 
@@ -56,7 +55,8 @@ def test_nothing_tried_says_nothing():
 
 
 def test_the_speed_of_an_arm_is_all_length_over_all_time():
-    assert speed([result(length=10, time=10), result(length=30, time=10)]) == pytest.approx(2.0)
+    results = [result(length=10, time=10), result(length=30, time=10)]
+    assert paired_speed({"a": results}, "a")["value"] == pytest.approx(2.0)
 
 
 def test_the_interval_of_a_constant_is_a_point():
