@@ -41,8 +41,7 @@ def tables_of(results: dict[str, Any]) -> str:
         return every_score(results)
     from benchmarks.summary import table, title
 
-    run = summarised(results)
-    return f"{title(run['settings'])}\n\n{table(run['summary'], run['gap'])}"
+    return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
@@ -81,14 +80,14 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
     """One line for each run of `predicted`: the risk that was asked for, and what became of it.
 
     Args:
-        runs: name → contents of a results.json of `benchmarks.corridor`.
+        runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
     """
     from benchmarks.summary import broken
 
     rows = [["run", "predictor", "expansion", "ε", "promises broken (95 % over worlds)", "episodes",
              "reached", "collided", "speed [m/s]"]]  # fmt: skip
     for name, run in runs.items():
-        settings, entry = run["settings"], summarised(run)["summary"]["predicted"]
+        settings, entry = run["settings"], run["summary"]["predicted"]
         low, high = entry["mean_speed_interval"]
         rows.append([
             name,
@@ -143,6 +142,8 @@ def main(argv: list[str] | None = None) -> int:
     for path in parser.parse_args(argv).files:
         try:
             results = json.loads(path.read_text())
+            if "episodes" in results:
+                results = summarised(results)
             parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")
             if {"known", "predicted", "oracle"} <= results.get("summary", {}).keys():
                 runs[path.stem] = results
