@@ -11,6 +11,7 @@ import contextlib
 import gc
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,10 @@ CONSTRAINED = MPCConfig()
 COST_ONLY = MPCConfig(margin=-5.0, comfort=5.0 + CONSTRAINED.margin + CONSTRAINED.comfort)
 """Nothing is required of the clearance, and it costs up to where it does in driving."""
 ASIDE = (0.0, 1.2, -1.2)
-"""How far beside the hall's middle the ways run that further starts pursue [m]."""
-OURS, SEVERAL = "ours", "ours, several starts"
+"""How far beside the hall's middle the ways run that further starts pursue, in turn [m]."""
+EVERY = 5
+"""Ticks from one further start to the next, as in driving (`planner.navigator`)."""
+OURS, IN_TURN = "ours", "ours, starts in turn"
 
 
 def ours(mpc: MPC) -> Solver:
@@ -41,20 +44,35 @@ def ours(mpc: MPC) -> Solver:
     return prepare
 
 
-def several(mpc: MPC) -> Solver:
-    """`planner.mpc`, from the last plan and from a pursuit of each of some ways: the cheapest."""
+def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
+    """A solver from the last plan; and every fifth tick from another start too: the cheaper.
+
+    Args:
+        mpc: whose costs count.
+        solver: goes on from the last plan.
+        afresh: the same once more, for what it keeps from tick to tick is not of the last plan.
+            Its starts are pursuits of each of some ways, in turn.
+    """
     path, ways = straight(), [straight(aside) for aside in ASIDE]
+    ticks = 0
 
     def prepare(tick: Tick) -> Solve:
+        nonlocal ticks
+        ticks = 0 if tick.is_first else ticks + 1
+        solves = [solver(tick)]
+        turn, between = divmod(ticks, EVERY)
+        if between == 0:
+            guess = pursuit(mpc, ways[turn % len(ways)], tick.state)
+            solves.append(afresh(replace(tick, guess=guess, is_first=True)))
         segment = segment_at(tick.state[0])
 
-        def solve() -> NDArray[np.float64]:
-            guesses = [tick.guess, *(pursuit(mpc, way, tick.state) for way in ways)]
-            plans = [
-                mpc.solve(tick.state, path, tick.risk, guess, segment, tick.last)
-                for guess in guesses
-            ]
-            return min(plans, key=lambda plan: plan.cost).controls
+        def cost(controls: NDArray[np.float64]) -> float:
+            plan = mpc.roll(tick.state, controls)
+            return mpc.evaluate(plan, path, tick.risk, segment, tick.last)
+
+        def solve() -> NDArray[np.float64] | None:
+            found = [controls for each in solves if (controls := each()) is not None]
+            return found[0] if len(found) == 1 else min(found, key=cost, default=None)
 
         return solve
 
@@ -118,12 +136,16 @@ def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
     from benchmarks.peers_do_mpc import do_mpc
     from benchmarks.peers_mppi import mppi
 
+    def fatrop() -> Solver:
+        return general(mpc, "fatrop", compiled=True)
+
     return {
         OURS: lambda: ours(mpc),
-        SEVERAL: lambda: several(mpc),
+        IN_TURN: lambda: in_turn(mpc, ours(mpc), ours(mpc)),
         "IPOPT": lambda: general(mpc, "ipopt", compiled=False),
         "IPOPT, compiled": lambda: general(mpc, "ipopt", compiled=True),
-        "fatrop, compiled": lambda: general(mpc, "fatrop", compiled=True),
+        "fatrop, compiled": fatrop,
+        "fatrop, compiled, starts in turn": lambda: in_turn(mpc, fatrop(), fatrop()),
         "do-mpc": lambda: do_mpc(mpc, compiled=False),
         "do-mpc, compiled": lambda: do_mpc(mpc, compiled=True),
         "pytorch_mppi": lambda: mppi(mpc),
