@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.collision import CollisionChecker
 from planner.guess import pursue, shifted
-from planner.mpc import MPC, Plan
+from planner.mpc import MPC
+from planner.plan import Plan
 from planner.reference import Path
 from planner.risk import RiskMap
 from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
@@ -126,7 +128,8 @@ def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> Drive:
         guess = shifted(plan.controls, mpc.limits.braking)
     driven = Plan(np.array(states), np.array(controls), 0.0, plan.status, 0)
     whole = RiskMap.from_prediction(grid, None, 0.0)
-    hit = mpc.contact(driven, grid.occupied, whole) is not None
+    checker = CollisionChecker(mpc.limits, mpc.config.dt)
+    hit = checker.contact(driven, grid.occupied, whole) is not None
     # A drive, unlike a plan, need not end stopped.
     moving = 10.0 * mpc.config.violation * float(driven.states[-1, 3])
     cost = mpc.evaluate(driven, path, whole, segment_at(0.0), 0.0) - moving

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from planner.dynamics import CarLimits
-from planner.mpc import Plan
+from planner.plan import Plan
 from planner.risk import RiskMap
 
 

@@ -10,15 +10,13 @@ positive semidefinite, the states are condensed out, and daqp solves the dense Q
 could be taken whole its matrices serve one more (Shamanskii 1967): often that is all it takes to
 see that nothing more can be gained. Every iterate is rolled out through the dynamics, so its gaps
 are closed and what is checked is what is driven.
-A plan counts only once the whole body, swept along it, has been tested cell by cell against the
-safe set; the solver's word is never taken for it.
+Whether a plan is safe is not the solver's to say: `planner.collision` tests it cell by cell.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import daqp
 import numpy as np
@@ -26,33 +24,18 @@ from numpy.typing import NDArray
 
 from planner import condense, constraints
 from planner.codegen import compiled
-from planner.contact import first_meeting
-from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions, swept
+from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions
+from planner.plan import Plan, Status
 from planner.reference import SPACING, Path, references
 from planner.risk import RiskMap
 
-CONTACT_SPACING = 0.02
-"""Between the poses at which a plan's body is tested [m]."""
 NEAR = 1.0
 """Clearance beyond what is required from which on a QP leaves it alone [m]."""
-ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
-"""Curvatures of the arcs by which a car may go on, as shares of the tightest."""
-ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
-"""Around the body on them, and between the poses at which they are tested [m]."""
 DOUBTED = 10.0
 """How many tolerances a second step may foretell, and gain none, for an iteration to stop."""
 DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
 """Settings of daqp: how soft soft rows are; no proximal term, for the Hessian is positive
 definite."""
-
-
-class Status(StrEnum):
-    """How a solve ended."""
-
-    CONVERGED = "converged"
-    ITERATION_LIMIT = "iteration_limit"
-    QP_FAILED = "qp_failed"
-    NOT_FINITE = "not_finite"
 
 
 @dataclass(frozen=True)
@@ -89,29 +72,6 @@ class MPCConfig:
     trust: float = 0.6
     iterations: int = 10
     tolerance: float = 1e-4
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """A motion that ends stopped.
-
-    Attributes:
-        states: (N+1, 4) x, y, yaw, v.
-        controls: (N, 2) a, κ.
-        cost: of the optimal-control problem, lower is better.
-        status: how its solve ended.
-        iterations: times that the problem's matrices were set up for it.
-    """
-
-    states: NDArray[np.float64]
-    controls: NDArray[np.float64]
-    cost: float
-    status: Status
-    iterations: int
-
-    def poses(self, dt: float, spacing: float) -> NDArray[np.float64]:
-        """Poses along the plan, at most `spacing` [m] apart: (n, 3)."""
-        return np.asarray(swept(self.states, self.controls, dt, spacing))
 
 
 @dataclass
@@ -191,52 +151,6 @@ class MPC:
         states, applied = rollout(state, controls, *self.driving)
         return Plan(states, applied, math.inf, Status.ITERATION_LIMIT, 0)
 
-    def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
-        """Whether the body stays inside the safe set along a whole plan that ends stopped."""
-        if not np.isfinite(plan.states).all() or plan.states[-1, 3] > 1e-3:
-            return False
-        return self.contact(plan, ~risk.safe, risk) is None
-
-    def contact(
-        self, plan: Plan, blocked: NDArray[np.bool_], risk: RiskMap
-    ) -> tuple[float, float] | None:
-        """Where and how fast the body first meets a blocked cell.
-
-        Returns:
-            Distance along the plan [m] and speed there [m/s], or None if it meets none.
-        """
-        along, speed = first_meeting(
-            plan.states,
-            plan.controls,
-            self.config.dt,
-            CONTACT_SPACING,
-            *self.body_in(blocked, risk),
-        )
-        return None if along < 0.0 else (along, speed)
-
-    def body_in(
-        self, blocked: NDArray[np.bool_], risk: RiskMap
-    ) -> tuple[NDArray[np.bool_], float, tuple[float, float], float, float]:
-        """What `planner.contact` is told of the cells and of the body that must not meet them."""
-        # Half the spacing, and what a corner swings out on the tightest arc within it.
-        body = self.limits.body.inflated(0.75 * CONTACT_SPACING)
-        f = risk.frame
-        return blocked, f.resolution, f.origin, body.half_length, body.half_width
-
-    def arcs_in(
-        self, risk: RiskMap
-    ) -> tuple[
-        NDArray[np.float64],
-        float,
-        float,
-        tuple[NDArray[np.bool_], float, tuple[float, float], float, float],
-    ]:
-        """What `planner.contact.leads_on` is told besides the pose: arcs, and what is barred."""
-        car, f = self.limits, risk.frame
-        body = car.body.inflated(ONWARD_MARGIN)
-        place = (risk.barred, f.resolution, f.origin, body.half_length, body.half_width)
-        return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
-
     def solve(
         self,
         state: NDArray[np.float64],
@@ -257,7 +171,7 @@ class MPC:
             last_curvature: applied at the last tick [1/m].
 
         Returns:
-            The best plan found. It may violate the safe set: ask `is_safe`.
+            The best plan found. It may violate the safe set: ask a `CollisionChecker`.
         """
         if not (np.isfinite(state).all() and np.isfinite(guess).all()):
             raise ValueError("state and guess must be finite")

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.asking import Asker, LateError, RaisedError
-from planner.contact import leads_on
+from planner.collision import CollisionChecker
 from planner.dynamics import CarLimits
 from planner.guess import pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
-from planner.mpc import MPC, MPCConfig, Plan, Status, stop_controls
+from planner.mpc import MPC, MPCConfig, stop_controls
+from planner.plan import Plan, Status
 from planner.reference import SPACING, Path, project
 from planner.resort import LastResort
 from planner.risk import RiskMap
@@ -148,7 +149,8 @@ class Navigator:
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
-        self.resort = LastResort(self.mpc)
+        self.checker = CollisionChecker(config.car, config.mpc.dt)
+        self.resort = LastResort(self.mpc, self.checker)
         self._tick = -1
         self._curvature = 0.0
         # No prediction moves a way that is the task.
@@ -262,7 +264,7 @@ class Navigator:
         rest = [kept, stop]
         if self.resort.controls is not None:
             rest.insert(0, mpc.roll(state, self.resort.controls))
-        safe = [plan for plan in rest if mpc.is_safe(plan, risk)]
+        safe = [plan for plan in rest if self.checker.is_safe(plan, risk)]
         if path is None:
             if safe:
                 return safe[-1], False
@@ -297,7 +299,10 @@ class Navigator:
                     return plan, False
         # Or brake and swerve to where it can go on from, while there is still room for that.
         stops = (mpc.roll(state, way) for way in self.resort.ways(best))
-        others = [*candidates, *sorted((p for p in stops if mpc.is_safe(p, risk)), key=cost)]
+        others = [
+            *candidates,
+            *sorted((p for p in stops if self.checker.is_safe(p, risk)), key=cost),
+        ]
         # Standing still for ever is no better than standing there.
         moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
@@ -320,7 +325,7 @@ class Navigator:
                 continue
             if plan.status in (Status.QP_FAILED, Status.NOT_FINITE):
                 faults.append("solver_failed")
-            if self.mpc.is_safe(plan, risk):
+            if self.checker.is_safe(plan, risk):
                 solved.append(plan)
         return solved
 
@@ -329,7 +334,7 @@ class Navigator:
         x, y = plan.states[-1, :2]
         if math.hypot(x - self.goal[0], y - self.goal[1]) < 0.8:
             return True
-        return bool(leads_on(plan.states[-1], *self.mpc.arcs_in(risk)))
+        return self.checker.leads_on(plan.states[-1], risk)
 
     def _pursuit(
         self, state: NDArray[np.float64], path: Path, risk: RiskMap
@@ -344,7 +349,7 @@ class Navigator:
                 car.acceleration, car.braking, car.lateral_acceleration, car.max_curvature,
                 min(free, 1e6),
             )  # fmt: skip
-            met = mpc.contact(mpc.roll(state, controls), ~risk.safe, risk)
+            met = self.checker.contact(mpc.roll(state, controls), ~risk.safe, risk)
             if met is None:
                 break
             free = max(met[0] - 0.1, 0.0)

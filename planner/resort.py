@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.collision import CONTACT_SPACING, CollisionChecker
 from planner.contact import first_free, swerves
 from planner.guess import shifted
-from planner.mpc import CONTACT_SPACING, MPC, Plan
+from planner.mpc import MPC
+from planner.plan import Plan
 from planner.risk import RiskMap
 
 LEVELS = 16
@@ -28,10 +30,11 @@ class LastResort:
 
     Args:
         mpc: rolls plans out, and knows the car.
+        checker: tests them.
     """
 
-    def __init__(self, mpc: MPC) -> None:
-        self.mpc = mpc
+    def __init__(self, mpc: MPC, checker: CollisionChecker) -> None:
+        self.mpc, self.checker = mpc, checker
         self.controls: NDArray[np.float64] | None = None
         """Of a way to stop from the next state on, (N, 2); None: none is needed."""
         self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
@@ -42,11 +45,11 @@ class LastResort:
         Returns:
             What to drive, and whether a last resort remains after its first step.
         """
-        mpc, braking = self.mpc, self.mpc.limits.braking
+        mpc, checker, braking = self.mpc, self.checker, self.mpc.limits.braking
         if risk.certain is risk.safe:
             self.controls = None
             return plan, True
-        if mpc.contact(plan, ~risk.certain, risk) is None:
+        if checker.contact(plan, ~risk.certain, risk) is None:
             self.controls = shifted(plan.controls, braking)
             return plan, True
         ways, curvature = self.ways(plan), plan.controls[0, 1]
@@ -58,7 +61,7 @@ class LastResort:
             found = self._fastest(state, levels, curvature, ways, risk, onward=False)
         if found is None:
             braked = self.brake(state, plan, risk)
-            return braked, mpc.contact(braked, ~risk.certain, risk) is None
+            return braked, checker.contact(braked, ~risk.certain, risk) is None
         fastest, way = found
         controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
         # As they are, not as applied: once at rest the car still brakes, should it come faster.
@@ -84,7 +87,7 @@ class LastResort:
             risk: whose certain cells they must lie in.
             onward: whether the car must be able to go on from where they end.
         """
-        place, arcs = self.mpc.body_in(~risk.certain, risk), self.mpc.arcs_in(risk)
+        place, arcs = self.checker.body_in(~risk.certain, risk), self.checker.arcs_in(risk)
 
         def way_after(level: int) -> int:
             first = np.array([levels[level], curvature])
@@ -129,7 +132,7 @@ class LastResort:
 
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
         """How fast a way meets what was seen, leaves the safe set, what is certain, and ends."""
-        met = (self.mpc.contact(stop, blocked, risk)
+        met = (self.checker.contact(stop, blocked, risk)
                for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
         hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
         return hit, left, unsure, float(stop.states[-1, 3])

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.mpc import Plan
+from planner.plan import Plan
 from predictor import Body, GridFrame
 from predictor.body import covered
 

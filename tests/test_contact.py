@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from planner.collision import CollisionChecker
 from planner.contact import first_free, first_meeting, leads_on, swerves
 from planner.dynamics import CarLimits, rollout, swept
 from planner.mpc import MPC
@@ -118,7 +119,8 @@ def test_swerves_brake_all_along_and_come_to_rest():
 
 @pytest.mark.parametrize("seed", [14, 16, 33, 38, 41, 43, 49, 51])
 def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves_one(seed):
-    mpc, rng = MPC(CAR), np.random.default_rng(seed)
+    mpc, checker = MPC(CAR), CollisionChecker(CAR, 0.1)
+    rng = np.random.default_rng(seed)
     frame = GridFrame(0.05, (-5.0, -5.0), (200, 200))
     x, y = frame.centres()
     cells = np.full(frame.shape, FREE, np.int8)
@@ -134,9 +136,9 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
     curvature = rng.uniform(-0.3, 0.3)
     controls = np.column_stack([np.full(mpc.stages, 1.0), np.full(mpc.stages, curvature)])
     controls[18:, 0] = -CAR.braking
-    resort, plan = LastResort(mpc), mpc.roll(state, controls)
-    assert mpc.contact(plan, ~risk.certain, risk) is not None
-    place, arcs = mpc.body_in(~risk.certain, risk), mpc.arcs_in(risk)
+    resort, plan = LastResort(mpc, checker), mpc.roll(state, controls)
+    assert checker.contact(plan, ~risk.certain, risk) is not None
+    place, arcs = checker.body_in(~risk.certain, risk), checker.arcs_in(risk)
     ways, begun = resort.ways(plan), [np.array([a, curvature]) for a in (1.0, -CAR.braking)]
     can_lead_on = [
         first_free(state, first, ways, mpc.driving, 0.02, place, True, arcs) >= 0 for first in begun
@@ -144,6 +146,6 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
     driven, survivable = resort.begin(state, plan, risk)
     assert survivable
     last = mpc.roll(driven.states[1], resort.controls)
-    assert mpc.contact(last, ~risk.certain, risk) is None
+    assert checker.contact(last, ~risk.certain, risk) is None
     assert any(can_lead_on)
     assert leads_on(last.states[-1], *arcs)

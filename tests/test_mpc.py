@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from planner.collision import CollisionChecker
 from planner.dynamics import CarLimits, rollout, stage_functions
 from planner.guess import shifted
-from planner.mpc import MPC, Status, stop_controls
+from planner.mpc import MPC, stop_controls
+from planner.plan import Status
 from planner.reference import Path
 from planner.risk import RiskMap
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
@@ -17,6 +19,7 @@ from sim import CarConfig, DubinsCar
 
 CAR = CarLimits()
 DT = 0.1
+CHECKER = CollisionChecker(CAR, DT)
 N_CELLS = 240
 FRAME = GridFrame(0.05, (-2.0, -6.0), (N_CELLS, N_CELLS))
 BOUNDS = (DT, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration,
@@ -97,7 +100,7 @@ def test_every_plan_ends_stopped_and_inside_the_safe_set(mpc, speed, offset):
     state = np.array([0.0, offset, 0.0, speed])
     for plan in drive(mpc, state, ahead(), risk, 8):
         assert plan.states[-1, 3] == pytest.approx(0.0, abs=1e-3)
-        assert mpc.is_safe(plan, risk)
+        assert CHECKER.is_safe(plan, risk)
 
 
 @given(speeds, st.floats(-0.8, 0.8), st.floats(-0.5, 0.5), seeds, st.booleans())
@@ -204,7 +207,7 @@ def test_a_car_measured_above_its_top_speed_still_has_a_plan(mpc, excess):
     plan = mpc.solve(state, ahead(), risk, guess, 10)
     assert_within_limits(plan, CAR, v_top=speed)
     assert plan.states[-1, 3] == pytest.approx(0.0, abs=1e-3)
-    assert mpc.is_safe(plan, risk)
+    assert CHECKER.is_safe(plan, risk)
 
 
 @pytest.mark.parametrize("beyond", [OCCUPIED, UNKNOWN])
@@ -212,7 +215,7 @@ def test_a_car_measured_above_its_top_speed_still_has_a_plan(mpc, excess):
 def test_the_car_stops_before_what_bars_the_way_and_close_to_it(mpc, end, beyond):
     risk = corridor(end=end, beyond=beyond)
     for plan in drive(mpc, np.zeros(4), ahead(), risk, 70):
-        assert mpc.is_safe(plan, risk)
+        assert CHECKER.is_safe(plan, risk)
     nose = plan.states[0, 0] + CAR.body.half_length
     assert end - 0.7 < nose < end
     assert plan.states[0, 3] < 0.1
@@ -222,13 +225,13 @@ def test_a_wall_that_is_too_close_makes_no_plan_safe(mpc):
     risk = corridor(end=2.0)
     state = np.array([0.0, 0.0, 0.0, 4.0])
     plan = mpc.solve(state, ahead(), risk, stop_controls(mpc.stages, CAR.braking, 0.0), 10)
-    assert not mpc.is_safe(plan, risk)
+    assert not CHECKER.is_safe(plan, risk)
     assert_within_limits(plan, CAR)
 
 
 def test_a_plan_that_does_not_end_stopped_is_not_safe(mpc):
     plan = mpc.roll(np.array([0.0, 0.0, 0.0, 0.5]), np.zeros((mpc.stages, 2)))
-    assert not mpc.is_safe(plan, room())
+    assert not CHECKER.is_safe(plan, room())
 
 
 @pytest.mark.parametrize("i", range(4))

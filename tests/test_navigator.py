@@ -350,7 +350,7 @@ def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
     driver.guide.path = Way.through(way, "ompl")
     plan, emergency = driver._decide(np.array([-2.4, -2.98, 0.26, 3.08]), risk, [])
     assert not emergency
-    assert driver.mpc.is_safe(plan, risk)
+    assert driver.checker.is_safe(plan, risk)
     assert driver._goes_on(plan, risk)
 
 
@@ -378,7 +378,7 @@ def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family
         resort = driver.mpc.roll(after, driver.resort.controls)
         risk = decision.risk_map
         assert resort.states[-1, 3] < 1e-6
-        assert driver.mpc.contact(resort, ~risk.known.free, risk) is None
+        assert driver.checker.contact(resort, ~risk.known.free, risk) is None
         return decision
 
     driver.step = step
