@@ -21,7 +21,7 @@ CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll",
          "ece_occupied", "ece")  # fmt: skip
 
 SHORT = {"ssim": "SSIM", "ssim_unseen": "of cells not seen", "brier": "Brier",
-         "ece": "calibration error"}  # fmt: skip
+         "ece_free": "calibration error of free"}  # fmt: skip
 """Measures of the table that fits a page, and their heads there."""
 
 ABOVE = """\
