@@ -10,7 +10,7 @@ INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c co
 STUDY ?= --preset short
 OUT ?= results/study
 
-.PHONY: setup corridor study test clean
+.PHONY: setup corridor study beyond test clean
 
 setup: .venv/.tools
 
@@ -34,6 +34,34 @@ study: setup
 	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT); failed=$$?; [ $$failed -le 1 ] && \
 	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs compact-paper $(OUT) --out $(OUT)/prediction && \
 	exit $$failed
+
+# Beyond the paper: the same U-Net on other data, on compact's own buildings with the crop alone and with
+# all that was seen, all five in one; and compact as it grew. In data/ and results/beyond.
+UNET = $(BIN)/python -m predictor.train --arch unet_ff --expansion 1.3 $(STUDY)
+OTHER = clutter noise people all-three sigma-0.2 logs
+GREW = 600:e680078 2000:7245892 2440:7d2b9ad^
+
+beyond: study
+	$(BIN)/python -m predictor.dataset --clutter 0.15 --out data/clutter
+	$(BIN)/python -m predictor.dataset --noise 0.03 --out data/noise
+	$(BIN)/python -m predictor.dataset --people 0.03 --out data/people
+	$(BIN)/python -m predictor.dataset --clutter 0.15 --noise 0.03 --people 0.03 --out data/all-three
+	$(BIN)/python -m predictor.drives --logs --train 150 --validation 20 --out data/few-logs
+	$(BIN)/python -m predictor.drives --train 250 --validation 30 --out data/few-drives
+	for of in clutter noise people all-three; do \
+	    $(UNET) --data data/$$of --out results/beyond/$$of || exit; done
+	$(UNET) --sigma 0.2 --out results/beyond/sigma-0.2
+	$(UNET) --data data/few-logs --epochs 1.7 --out results/beyond/logs
+	for given in crop window; do \
+	    $(BIN)/python -m predictor.study $(STUDY) --archs unet_ff --data data/few-drives --epochs 1.6 \
+	        --given $$given --out results/beyond/$$given || exit; done
+	for of in $(GREW); do git show $${of#*:}:predictor/compact.safetensors \
+	    > results/beyond/$${of%:*}-drives.safetensors || exit; done
+	$(BIN)/python -m benchmarks.prediction --out $(OUT)/prediction --predictors none extend compact \
+	    compact-logs compact-paper $(OUT) fused-unet=fused:$(OUT)/unet_ff \
+	    $(foreach of,$(OTHER),unet-$(of)=results/beyond/$(of)/unet_ff.safetensors) \
+	    unet-crop=results/beyond/crop unet-window=results/beyond/window \
+	    $(foreach of,$(GREW),results/beyond/$(firstword $(subst :, ,$(of)))-drives.safetensors)
 
 test: setup
 	$(BIN)/ruff format --check .
