@@ -53,8 +53,8 @@ beyond: study
 	$(UNET) --sigma 0.2 --out results/beyond/sigma-0.2
 	$(UNET) --data data/few-logs --epochs 1.7 --out results/beyond/logs
 	for given in crop window; do \
-	    $(BIN)/python -m predictor.study $(STUDY) --archs unet_ff --data data/few-drives --epochs 1.6 \
-	        --given $$given --out results/beyond/$$given || exit; done
+	    $(BIN)/python -m predictor.study $(STUDY) --archs unet_ff --expansions 1.3 2.0 --epochs 1.6 \
+	        --data data/few-drives --given $$given --out results/beyond/$$given || exit; done
 	for of in $(GREW); do git show $${of#*:}:predictor/compact.safetensors \
 	    > results/beyond/$${of%:*}-drives.safetensors || exit; done
 	$(BIN)/python -m benchmarks.prediction --out $(OUT)/prediction --predictors none extend compact \
