@@ -46,14 +46,14 @@ beyond: study
 	$(BIN)/python -m predictor.dataset --noise 0.03 --out data/noise
 	$(BIN)/python -m predictor.dataset --people 0.03 --out data/people
 	$(BIN)/python -m predictor.dataset --clutter 0.15 --noise 0.03 --people 0.03 --out data/all-three
-	$(BIN)/python -m predictor.drives --logs --train 150 --validation 20 --out data/few-logs
-	$(BIN)/python -m predictor.drives --train 250 --validation 30 --out data/few-drives
+	$(BIN)/python -m predictor.drives --logs --train 75 --validation 10 --out data/few-logs
+	$(BIN)/python -m predictor.drives --train 125 --validation 15 --out data/few-drives
 	for of in clutter noise people all-three; do \
 	    $(UNET) --data data/$$of --out results/beyond/$$of || exit; done
 	$(UNET) --sigma 0.2 --out results/beyond/sigma-0.2
-	$(UNET) --data data/few-logs --epochs 1.7 --out results/beyond/logs
+	$(UNET) --data data/few-logs --epochs 3.4 --out results/beyond/logs
 	for given in crop window; do \
-	    $(BIN)/python -m predictor.study $(STUDY) --archs unet_ff --expansions 1.3 2.0 --epochs 1.6 \
+	    $(BIN)/python -m predictor.study $(STUDY) --archs unet_ff --expansions 1.3 2.0 --epochs 3.2 \
 	        --data data/few-drives --given $$given --out results/beyond/$$given || exit; done
 	for of in $(GREW); do git show $${of#*:}:predictor/compact.safetensors \
 	    > results/beyond/$${of%:*}-drives.safetensors || exit; done
