@@ -52,9 +52,9 @@ beyond: study
 	    $(UNET) --data data/$$of --out results/beyond/$$of || exit; done
 	$(UNET) --sigma 0.2 --out results/beyond/sigma-0.2
 	$(UNET) --data data/few-logs --epochs 3.4 --out results/beyond/logs
-	for given in crop window; do \
-	    $(BIN)/python -m predictor.study $(STUDY) --archs unet_ff --expansions 1.3 2.0 --epochs 3.2 \
-	        --data data/few-drives --given $$given --out results/beyond/$$given || exit; done
+	for given in crop window; do for x in 1.3 2.0; do \
+	    $(UNET) --data data/few-drives --epochs 3.2 --expansion $$x --given $$given \
+	        --out results/beyond/$$given/$$x || exit; done; done
 	for of in $(GREW); do git show $${of#*:}:predictor/compact.safetensors \
 	    > results/beyond/$${of%:*}-drives.safetensors || exit; done
 	$(BIN)/python -m benchmarks.prediction --out $(OUT)/prediction --predictors none extend compact \
