@@ -32,7 +32,7 @@ corridor: .venv/.installed
 study: setup
 	$(BIN)/python -m predictor.dataset
 	$(BIN)/python -m predictor.study $(STUDY) --out $(OUT); failed=$$?; [ $$failed -le 1 ] && \
-	$(BIN)/python -m benchmarks.prediction --predictors none extend compact compact-logs compact-paper $(OUT) --out $(OUT)/prediction && \
+	$(BIN)/python -m benchmarks.prediction --predictors none extend compact $(OUT) compact-logs compact-paper --out $(OUT)/prediction && \
 	exit $$failed
 
 # Beyond the paper: the same U-Net on other data, on compact's own buildings with the crop alone and with
@@ -58,7 +58,7 @@ beyond: study
 	for of in $(GREW); do git show $${of#*:}:predictor/compact.safetensors \
 	    > results/beyond/$${of%:*}-drives.safetensors || exit; done
 	$(BIN)/python -m benchmarks.prediction --out $(OUT)/prediction --predictors none extend compact \
-	    compact-logs compact-paper $(OUT) fused-unet=fused:$(OUT)/unet_ff \
+	    $(OUT) compact-logs compact-paper fused-unet=fused:$(OUT)/unet_ff \
 	    $(foreach of,$(OTHER),unet-$(of)=results/beyond/$(of)/unet_ff.safetensors) \
 	    unet-crop=results/beyond/crop unet-window=results/beyond/window \
 	    $(foreach of,$(GREW),results/beyond/$(firstword $(subst :, ,$(of)))-drives.safetensors)
