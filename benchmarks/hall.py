@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from planner.collision import CollisionChecker
 from planner.guess import pursue, shifted
 from planner.mpc import MPC
+from planner.navigator import AHEAD
 from planner.plan import Plan
-from planner.reference import Path
+from planner.reference import SPACING, Path
 from planner.risk import RiskMap
 from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
 
-SIDE = 200
-"""Of the risk map that a tick reads [cells]."""
+SIDE, RESOLUTION = 200, 0.05
+"""Of the risk map that a tick reads [cells], and of a cell [m]."""
 LENGTH, WIDTH = 40.0, 8.0
 """Of the hall [m]."""
 POSTS = 14
@@ -56,7 +57,8 @@ Solver = Callable[[Tick], Solve]
 def hall(seed: int | None) -> Grid:
     """A hall along x with round posts in it, or without for None, all of it seen."""
     rng = np.random.default_rng(seed)
-    frame = GridFrame(0.05, (-5.0, -WIDTH / 2), (round(WIDTH / 0.05), round((LENGTH + 10) / 0.05)))
+    shape = (round(WIDTH / RESOLUTION), round((LENGTH + 10) / RESOLUTION))
+    frame = GridFrame(RESOLUTION, (-5.0, -WIDTH / 2), shape)
     xs, ys = frame.centres()
     cells = np.full(frame.shape, FREE, dtype=np.int8)
     for _ in range(0 if seed is None else POSTS):
@@ -73,7 +75,7 @@ def straight(aside: float = 0.0) -> Path:
 
 def segment_at(x: float) -> int:
     """The segment of `straight`, near which a car is."""
-    return max(0, int((x + BEHIND) / 0.1) - 2)
+    return max(0, int((x + BEHIND) / SPACING) - 2)
 
 
 def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,8 +88,8 @@ def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
-    """The risk map of a tick, its centre 2.5 m ahead of the car."""
-    centre = state[:2] + 2.5 * np.array([np.cos(state[2]), np.sin(state[2])])
+    """The risk map of a tick, where it lies in driving."""
+    centre = state[:2] + AHEAD * np.array([np.cos(state[2]), np.sin(state[2])])
     frame = grid.frame.square(float(centre[0]), float(centre[1]), SIDE * grid.frame.resolution)
     return RiskMap.from_prediction(grid.crop(frame), None, 0.0)
 
@@ -99,7 +101,7 @@ class Drive:
     Attributes:
         cost: of what was driven.
         times: of each solve but the first [ms].
-        failures: solves that failed by the solver's own word; the car went on by its guess.
+        failures: ticks in which the solver said that it failed; the car went on by its guess.
         hit: whether the car hit a post.
     """
 
@@ -126,10 +128,10 @@ def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> Drive:
         state, last = plan.states[1].copy(), float(plan.controls[0, 1])
         states.append(state)
         guess = shifted(plan.controls, mpc.limits.braking)
-    driven = Plan(np.array(states), np.array(controls), 0.0, plan.status, 0)
+    driven = Plan(np.array(states), np.array(controls))
     whole = RiskMap.from_prediction(grid, None, 0.0)
     checker = CollisionChecker(mpc.limits, mpc.config.dt)
-    hit = checker.contact(driven, grid.occupied, whole) is not None
+    hit = checker.contact(driven, grid.occupied, whole.frame) is not None
     # A drive, unlike a plan, need not end stopped.
     moving = 10.0 * mpc.config.violation * float(driven.states[-1, 3])
     cost = mpc.evaluate(driven, path, whole, segment_at(0.0), 0.0) - moving

@@ -13,7 +13,7 @@ from typing import Any
 
 import casadi as ca
 
-from benchmarks.hall import BEHIND, SIDE
+from benchmarks.hall import BEHIND, RESOLUTION, SIDE
 from planner.mpc import MPC
 
 X, U = ca.SX.sym("x", 4), ca.SX.sym("u", 2)
@@ -38,7 +38,7 @@ class Problem:
     @property
     def lateral(self) -> float:
         """Most lateral acceleration of a plan [m/s²]."""
-        return 0.99 * self.mpc.limits.lateral_acceleration
+        return self.mpc.limits.planned_cornering
 
     @cached_property
     def successor(self) -> ca.Function:
@@ -103,7 +103,7 @@ class Problem:
         fractions: list[Any] = []
         for side in (1.0, -1.0):
             ahead = side * offset * ca.vertcat(ca.cos(X[2]), ca.sin(X[2]))
-            at = ca.fmin(ca.fmax((X[:2] + ahead - origin) / 0.05 - 0.5, 1.0), SIDE - 2.001)
+            at = ca.fmin(ca.fmax((X[:2] + ahead - origin) / RESOLUTION - 0.5, 1.0), SIDE - 2.001)
             first = ca.floor(at)
             fractions.append(at - first)
             cells += [

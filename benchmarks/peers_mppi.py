@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.hall import BEHIND, SIDE, Solve, Solver, Tick
+from benchmarks.hall import BEHIND, RESOLUTION, SIDE, Solve, Solver, Tick
 from planner.mpc import MPC
 
 
@@ -53,7 +53,7 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
 
     config = config or MPPIConfig()
     c, car, n, dt = mpc.config, mpc.limits, mpc.stages, mpc.config.dt
-    lateral, offset = 0.99 * car.lateral_acceleration, car.body.length / 4
+    lateral, offset = car.planned_cornering, car.body.length / 4
     speeds = [min(car.v_max, car.braking * dt * (n - k - 1)) for k in range(n)]
     now: dict[str, Any] = {}
     nothing = torch.zeros(config.samples)
@@ -76,7 +76,9 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
         change = torch.diff(kappa, dim=1, prepend=now["last"].expand(config.samples, 1))
         ahead = torch.stack([torch.cos(yaw), torch.sin(yaw)], -1) * offset
         centre = torch.stack([x, y], -1)
-        places = (torch.stack([centre + ahead, centre - ahead], -2) - now["origin"]) / 0.05 - 0.5
+        places = (
+            torch.stack([centre + ahead, centre - ahead], -2) - now["origin"]
+        ) / RESOLUTION - 0.5
         value = grid_sample(
             now["field"], (2.0 / (SIDE - 1) * places - 1.0).reshape(1, config.samples, -1, 2),
             mode="bilinear", padding_mode="border", align_corners=True,

@@ -1,4 +1,4 @@
-"""Planning on predicted maps: the risk map, the path, the MPC, and the navigator.
+"""Planning on predicted maps: risk map, path, MPC, collision checker, last resort, navigator.
 
-Nothing is imported eagerly: casadi and ompl load where they are used.
+Nothing is imported here: casadi and ompl take a while to load, and not all who come need them.
 """

@@ -15,6 +15,7 @@ from planner.contact import first_meeting, leads_on
 from planner.dynamics import CarLimits
 from planner.plan import Plan
 from planner.risk import RiskMap
+from predictor import Body, GridFrame
 
 CONTACT_SPACING = 0.02
 """Between the poses at which a plan's body is tested [m]."""
@@ -43,34 +44,45 @@ class CollisionChecker:
         """Whether the body stays inside the safe set along a whole plan that ends stopped."""
         if not np.isfinite(plan.states).all() or plan.states[-1, 3] > 1e-3:
             return False
-        return self.contact(plan, ~risk.safe, risk) is None
+        return self.contact(plan, ~risk.safe, risk.frame) is None
 
     def contact(
-        self, plan: Plan, blocked: NDArray[np.bool_], risk: RiskMap
+        self, plan: Plan, blocked: NDArray[np.bool_], frame: GridFrame
     ) -> tuple[float, float] | None:
-        """Where and how fast the body first meets a blocked cell.
+        """Where and how fast the body first meets a blocked cell; what lies outside is blocked.
+
+        Args:
+            plan: whose poses are tested.
+            blocked: cells that the body must not enter, (rows, columns).
+            frame: where they lie.
 
         Returns:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
-        place = self.body_in(blocked, risk)
+        place = self.body_in(blocked, frame)
         along, speed = first_meeting(plan.states, plan.controls, self.dt, CONTACT_SPACING, *place)
         return None if along < 0.0 else (along, speed)
 
-    def body_in(self, blocked: NDArray[np.bool_], risk: RiskMap) -> Place:
+    def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
         """What `planner.contact` is told of the cells and of the body that must not meet them."""
         # Half the spacing, and what a corner swings out on the tightest arc within it.
-        body = self.car.body.inflated(0.75 * CONTACT_SPACING)
-        f = risk.frame
-        return blocked, f.resolution, f.origin, body.half_length, body.half_width
+        return _place(blocked, frame, self.car.body.inflated(0.75 * CONTACT_SPACING))
 
     def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
-        """What `planner.contact.leads_on` is told besides the pose: arcs, and what is barred."""
-        car, f = self.car, risk.frame
-        body = car.body.inflated(ONWARD_MARGIN)
-        place = (risk.barred, f.resolution, f.origin, body.half_length, body.half_width)
+        """What `planner.contact.leads_on` is told besides the pose.
+
+        Returns:
+            Curvatures of the arcs [1/m], their length and the spacing of tested poses [m], and the
+            cells that are barred.
+        """
+        car = self.car
+        place = _place(risk.barred, risk.frame, car.body.inflated(ONWARD_MARGIN))
         return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
 
     def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
         """Whether from a pose (x, y, yaw, …) some arc, or straight on, meets nothing barred."""
         return bool(leads_on(pose, *self.arcs_in(risk)))
+
+
+def _place(blocked: NDArray[np.bool_], frame: GridFrame, body: Body) -> Place:
+    return blocked, frame.resolution, frame.origin, body.half_length, body.half_width

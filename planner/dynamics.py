@@ -49,6 +49,17 @@ class CarLimits:
     turning_radius: float = 0.8
     body: Body = field(default_factory=Body)
 
+    def __post_init__(self) -> None:
+        for name in ("v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"):
+            value = getattr(self, name)
+            if not 0 < value < math.inf:
+                raise ValueError(f"{name} is {value}, it must be positive and finite")
+
+    @property
+    def planned_cornering(self) -> float:
+        """What plans use of the lateral acceleration: rounding must not lead beyond it [m/s²]."""
+        return 0.99 * self.lateral_acceleration
+
     @property
     def max_curvature(self) -> float:
         """[1/m]."""

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from planner.dynamics import pose_along
 from planner.reference import SPACING, project
 
 
@@ -42,11 +43,7 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
         w = max(w, v - braking * dt, 0.0)
         a = (w - v) / dt
         s = 0.5 * (v + w) * dt
-        half = 0.5 * kappa * s
-        chord = s * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-        x += chord * math.cos(yaw + half)
-        y += chord * math.sin(yaw + half)
-        yaw += kappa * s
+        x, y, yaw = pose_along(x, y, yaw, kappa, s)
         travelled += s
         v = w
         controls[k, 0], controls[k, 1] = a, kappa

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from planner import condense, constraints
 from planner.codegen import compiled
 from planner.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions
-from planner.plan import Plan, Status
+from planner.plan import Plan
 from planner.reference import SPACING, Path, references
 from planner.risk import RiskMap
+from planner.solution import Solution, Status
 
 NEAR = 1.0
 """Clearance beyond what is required from which on a QP leaves it alone [m]."""
@@ -134,7 +135,7 @@ class MPC:
         self.required = math.hypot(self._offset, car.body.half_width) + c.margin
         # What `rollout` is told of the car.
         self.driving = (c.dt, car.v_max, car.acceleration, car.braking,
-                      0.99 * car.lateral_acceleration, car.max_curvature)  # fmt: skip
+                      car.planned_cornering, car.max_curvature)  # fmt: skip
         self._io = {
             "z": np.zeros((n, 6)), "multiplier": np.zeros((n, NX)),
             "reference": np.zeros((n, REFERENCE)), "jacobian": np.zeros((n, 6, NX)),
@@ -148,8 +149,7 @@ class MPC:
 
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
         """The plan that controls (N, 2) give from a state, clipped to the car's limits."""
-        states, applied = rollout(state, controls, *self.driving)
-        return Plan(states, applied, math.inf, Status.ITERATION_LIMIT, 0)
+        return Plan(*rollout(state, controls, *self.driving))
 
     def solve(
         self,
@@ -159,7 +159,7 @@ class MPC:
         guess: NDArray[np.float64],
         segment: int = 0,
         last_curvature: float = 0.0,
-    ) -> Plan:
+    ) -> Solution:
         """Improve a guess of the controls until it converges.
 
         Args:
@@ -172,6 +172,9 @@ class MPC:
 
         Returns:
             The best plan found. It may violate the safe set: ask a `CollisionChecker`.
+
+        Raises:
+            ValueError: if state or guess are not finite.
         """
         if not (np.isfinite(state).all() and np.isfinite(guess).all()):
             raise ValueError("state and guess must be finite")
@@ -180,13 +183,11 @@ class MPC:
         merit = self._merit(problem, states, controls)
         step: _Step | None = None
         status = Status.ITERATION_LIMIT
-        solved = 0
-        while solved < self.config.iterations:
+        for _ in range(self.config.iterations):
             qp, step = self._first_step(problem, states, controls, step)
             if step is None:
                 status = Status.QP_FAILED
                 break
-            solved += 1
             before = merit
             length, states, controls, merit = self._search(problem, states, controls, merit, step)
             little = self.config.tolerance * (1.0 + abs(merit))
@@ -206,7 +207,7 @@ class MPC:
                 break
         if not math.isfinite(merit):
             status = Status.NOT_FINITE
-        return Plan(states, controls, merit, status, solved)
+        return Solution(Plan(states, controls), merit, status)
 
     def evaluate(
         self, plan: Plan, path: Path, risk: RiskMap, segment: int, last_curvature: float
@@ -222,7 +223,7 @@ class MPC:
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         c = self.config
-        refs, _, costs = references(
+        refs, costs = references(
             problem.path.points, problem.segment, states, self._reach(), c.progress, c.contour,
             *c.final,
         )  # fmt: skip
@@ -371,7 +372,7 @@ class MPC:
         car = self.limits
         lower, upper = constraints.bounds(
             states, controls, value, near, self.config.dt, car.v_max, car.acceleration,
-            car.braking, 0.99 * car.lateral_acceleration, car.max_curvature, self.required,
+            car.braking, car.planned_cornering, car.max_curvature, self.required,
             self.config.trust,
         )  # fmt: skip
         return lower, upper

@@ -17,7 +17,7 @@ from planner.guess import pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
 from planner.mpc import MPC, MPCConfig, stop_controls
-from planner.plan import Plan, Status
+from planner.plan import Plan
 from planner.reference import SPACING, Path, project
 from planner.resort import LastResort
 from planner.risk import RiskMap
@@ -33,10 +33,12 @@ from predictor import (
 
 FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""
-
-
 BESIDE = 5.0
 """Side of the squares about the points of a given way that the map holds from the start [m]."""
+AHEAD = 2.5
+"""How far the risk map's centre lies ahead of the car [m]."""
+AFRESH = 5
+"""Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,14 @@ class NavigatorConfig:
             raise ValueError(f"risk is {self.risk}, it must lie in [0, 1]")
         if not self.expansion >= 1.0:
             raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
+        for name in ("window", "deadline"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}, it must be positive and finite")
+        for name in ("margin", "start_margin"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(
+                    f"{name} is {getattr(self, name)}, it must be finite and not negative"
+                )
 
     @property
     def predicted_side(self) -> float:
@@ -80,14 +90,9 @@ class NavigatorConfig:
         return min(self.window * self.expansion, max(10.0, 2 * (self.car.stopping_distance + 1.5)))
 
     @property
-    def ahead(self) -> float:
-        """How far the risk map's centre lies ahead of the car [m]."""
-        return 2.5
-
-    @property
     def risk_side(self) -> float:
         """Side of the risk map [m]: a full stop fits ahead of the car."""
-        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - self.ahead))
+        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - AHEAD))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +103,7 @@ class Decision:
         control: a [m/s²], κ [1/m] to apply for one `dt`.
         plan: the motion it begins.
         limit: what kept the car from going faster.
-        faults: what went wrong and was survived in this tick.
+        faults: what went wrong and was survived in this tick, each kind once.
         relied: centres of the cells not seen that the plan sweeps, (k, 2) [m].
         relied_trust: confidence · p_free of each, (k,).
         emergency: no plan was safe on the newest map: the car brakes as hard as it can.
@@ -190,7 +195,7 @@ class Navigator:
             clock.lap("crop")
             prediction = self._predict(self._asker, crop, state, faults)
             clock.lap("predict")
-        centre = state[:2] + c.ahead * np.array([math.cos(state[2]), math.sin(state[2])])
+        centre = state[:2] + AHEAD * np.array([math.cos(state[2]), math.sin(state[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         believed = prediction if c.risk > 0 else None
         risk = RiskMap.from_prediction(self.known.crop(frame), believed, c.risk, c.margin)
@@ -198,7 +203,9 @@ class Navigator:
         self.guide.update(self._tick, state, risk)
         intended, emergency = self._decide(state, risk, faults)
         plan = intended
-        if not emergency:
+        if emergency:
+            faults.append("emergency")
+        else:
             plan, survivable = self.resort.begin(state, intended, risk)
             if not survivable:
                 faults.append("no_last_resort")
@@ -207,7 +214,11 @@ class Navigator:
         clock.total("cycle")
 
         steering = prediction if c.steer else None
-        self.guide.request(self._tick, plan.states, self.known, risk, steering)
+        try:
+            self.guide.request(self._tick, plan.states, self.known, risk, steering)
+        except Exception:
+            # OMPL is others' code. Without a new path the car goes on along the last one.
+            faults.append("path_failed")
         clock.times["path"] = self.guide.plan_ms
         rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
         xs, ys = frame.centres()
@@ -216,12 +227,13 @@ class Navigator:
             # It is held back for the case that what was not seen is not as believed.
             limit = Limit.UNSEEN
         self.plan, self._curvature = intended, float(control[1])
-        self.faults.update(faults)
+        survived = tuple(dict.fromkeys(faults))
+        self.faults.update(survived)
         return Decision(
             control=control,
             plan=plan,
             limit=limit,
-            faults=tuple(faults),
+            faults=survived,
             relied=np.column_stack([xs[cols], ys[rows]]),
             relied_trust=risk.trust[rows, cols],
             emergency=emergency,
@@ -274,14 +286,13 @@ class Navigator:
             return mpc.evaluate(plan, path, risk, self.guide.segment, self._curvature)
 
         guesses = [kept.controls]
-        if self._tick % 5 == 0 or self.guide.is_new or not safe or state[3] < 0.3:
+        if self._tick % AFRESH == 0 or self.guide.is_new or not safe or state[3] < 0.3:
             guesses.append(self._pursuit(state, path, risk))
         solved = self._solutions(state, path, risk, guesses, faults)
         if not solved:
             faults.append("no_safe_solution")
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
-            faults.append("emergency")
             return self.resort.brake(state, kept, risk), True
         best = candidates[0]
         if self._goes_on(best, risk):
@@ -319,14 +330,17 @@ class Navigator:
         solved = []
         for guess in guesses:
             try:
-                plan = self.mpc.solve(state, path, risk, guess, self.guide.segment, self._curvature)
-            except (ValueError, ArithmeticError, np.linalg.LinAlgError):
+                solution = self.mpc.solve(
+                    state, path, risk, guess, self.guide.segment, self._curvature
+                )
+            except Exception:
+                # Solvers raise what they like; there is another plan, or the car stops.
                 faults.append("solver_failed")
                 continue
-            if plan.status in (Status.QP_FAILED, Status.NOT_FINITE):
+            if solution.failed:
                 faults.append("solver_failed")
-            if self.checker.is_safe(plan, risk):
-                solved.append(plan)
+            if self.checker.is_safe(solution.plan, risk):
+                solved.append(solution.plan)
         return solved
 
     def _goes_on(self, plan: Plan, risk: RiskMap) -> bool:
@@ -349,7 +363,7 @@ class Navigator:
                 car.acceleration, car.braking, car.lateral_acceleration, car.max_curvature,
                 min(free, 1e6),
             )  # fmt: skip
-            met = self.checker.contact(mpc.roll(state, controls), ~risk.safe, risk)
+            met = self.checker.contact(mpc.roll(state, controls), ~risk.safe, risk.frame)
             if met is None:
                 break
             free = max(met[0] - 0.1, 0.0)

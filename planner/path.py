@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.costmap import CostMap
+from planner.costmap import OUTSIDE_COST, CostMap
 from planner.dynamics import CarLimits
 from planner.reference import SPACING, Path
 from planner.risk import RiskMap
@@ -96,10 +96,10 @@ def plan_path(
     near_rows, near_cols = near.frame.shape
 
     def fits(x: float, y: float) -> bool:
-        row, col = int((y - ny) * near_inverse), int((x - nx) * near_inverse)
+        row, col = math.floor((y - ny) * near_inverse), math.floor((x - nx) * near_inverse)
         if 0 < row < near_rows and 0 < col < near_cols:
             return bool(close[row, col])
-        row, col = int((y - oy) * inverse), int((x - ox) * inverse)
+        row, col = math.floor((y - oy) * inverse), math.floor((x - ox) * inverse)
         return 0 <= row < rows and 0 <= col < cols and bool(open_[row, col])
 
     def is_valid(state: ob.State) -> bool:
@@ -125,9 +125,10 @@ def plan_path(
             total = 0.0
             for i in range(steps):
                 space.interpolate(a, b, (i + 0.5) / steps, scratch)
-                row = int((scratch.getY() - oy) * inverse)
-                col = int((scratch.getX() - ox) * inverse)
-                total += density[row, col] if 0 <= row < rows and 0 <= col < cols else 4.0
+                row = math.floor((scratch.getY() - oy) * inverse)
+                col = math.floor((scratch.getX() - ox) * inverse)
+                inside = 0 <= row < rows and 0 <= col < cols
+                total += density[row, col] if inside else OUTSIDE_COST
             return ob.Cost(float(total) * length / steps)
 
         def motionCostHeuristic(self, a: ob.State, b: ob.State) -> ob.Cost:

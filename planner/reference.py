@@ -21,7 +21,7 @@ class Path:
 
     Attributes:
         points: (n, 2) [m], `SPACING` apart.
-        source: "ompl" or "dijkstra": who found it.
+        source: "ompl" or "dijkstra": who found it; "given": it is the task.
         drivable: how many of the first points lie on curves that the car can drive.
     """
 
@@ -42,11 +42,6 @@ class Path:
         stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / SPACING) + 1))
         points = np.column_stack([np.interp(stations, along, vertices[:, i]) for i in (0, 1)])
         return cls(points, source)
-
-    @property
-    def length(self) -> float:
-        """[m]."""
-        return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
 
 
 @njit(cache=True, nogil=True)
@@ -90,11 +85,10 @@ def references(points, start, states, reach, progress, contour, final, heading):
         heading: cost of 1 - cos(heading error) at the last state.
 
     Returns:
-        References (m, 9), the segment of each state (m,), and the cost of each state (m,).
+        References (m, 9), and the cost of each state (m,).
     """
     count = states.shape[0]
     out = np.zeros((count, 9))
-    segments = np.empty(count, dtype=np.int64)
     costs = np.empty(count)
     last = points.shape[0] - 2
     spacing = math.hypot(points[1, 0] - points[0, 0], points[1, 1] - points[0, 1])
@@ -102,7 +96,6 @@ def references(points, start, states, reach, progress, contour, final, heading):
     for k in range(count):
         x, y = states[k, 0], states[k, 1]
         here, t, square = project(points, x, y, here - reach // 2, here + reach)
-        segments[k] = here
         ax, ay = points[here, 0], points[here, 1]
         dx, dy = points[here + 1, 0] - ax, points[here + 1, 1] - ay
         length = max(math.hypot(dx, dy), 1e-9)
@@ -124,4 +117,4 @@ def references(points, start, states, reach, progress, contour, final, heading):
         if k == count - 1 and here < last:
             out[k, 7], out[k, 8] = math.atan2(ty, tx), heading
             costs[k] += heading * (1.0 - math.cos(states[k, 2] - out[k, 7]))
-    return out, segments, costs
+    return out, costs

@@ -49,7 +49,7 @@ class LastResort:
         if risk.certain is risk.safe:
             self.controls = None
             return plan, True
-        if checker.contact(plan, ~risk.certain, risk) is None:
+        if checker.contact(plan, ~risk.certain, risk.frame) is None:
             self.controls = shifted(plan.controls, braking)
             return plan, True
         ways, curvature = self.ways(plan), plan.controls[0, 1]
@@ -61,7 +61,7 @@ class LastResort:
             found = self._fastest(state, levels, curvature, ways, risk, onward=False)
         if found is None:
             braked = self.brake(state, plan, risk)
-            return braked, checker.contact(braked, ~risk.certain, risk) is None
+            return braked, checker.contact(braked, ~risk.certain, risk.frame) is None
         fastest, way = found
         controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
         # As they are, not as applied: once at rest the car still brakes, should it come faster.
@@ -87,7 +87,8 @@ class LastResort:
             risk: whose certain cells they must lie in.
             onward: whether the car must be able to go on from where they end.
         """
-        place, arcs = self.checker.body_in(~risk.certain, risk), self.checker.arcs_in(risk)
+        place = self.checker.body_in(~risk.certain, risk.frame)
+        arcs = self.checker.arcs_in(risk)
 
         def way_after(level: int) -> int:
             first = np.array([levels[level], curvature])
@@ -132,7 +133,7 @@ class LastResort:
 
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
         """How fast a way meets what was seen, leaves the safe set, what is certain, and ends."""
-        met = (self.checker.contact(stop, blocked, risk)
+        met = (self.checker.contact(stop, blocked, risk.frame)
                for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
         hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
         return hit, left, unsure, float(stop.states[-1, 3])

@@ -137,8 +137,8 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
     controls = np.column_stack([np.full(mpc.stages, 1.0), np.full(mpc.stages, curvature)])
     controls[18:, 0] = -CAR.braking
     resort, plan = LastResort(mpc, checker), mpc.roll(state, controls)
-    assert checker.contact(plan, ~risk.certain, risk) is not None
-    place, arcs = checker.body_in(~risk.certain, risk), checker.arcs_in(risk)
+    assert checker.contact(plan, ~risk.certain, risk.frame) is not None
+    place, arcs = checker.body_in(~risk.certain, risk.frame), checker.arcs_in(risk)
     ways, begun = resort.ways(plan), [np.array([a, curvature]) for a in (1.0, -CAR.braking)]
     can_lead_on = [
         first_free(state, first, ways, mpc.driving, 0.02, place, True, arcs) >= 0 for first in begun
@@ -146,6 +146,6 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
     driven, survivable = resort.begin(state, plan, risk)
     assert survivable
     last = mpc.roll(driven.states[1], resort.controls)
-    assert checker.contact(last, ~risk.certain, risk) is None
+    assert checker.contact(last, ~risk.certain, risk.frame) is None
     assert any(can_lead_on)
     assert leads_on(last.states[-1], *arcs)

@@ -11,9 +11,9 @@ from planner.collision import CollisionChecker
 from planner.dynamics import CarLimits, rollout, stage_functions
 from planner.guess import shifted
 from planner.mpc import MPC, stop_controls
-from planner.plan import Status
 from planner.reference import Path
 from planner.risk import RiskMap
+from planner.solution import Solution, Status
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim import CarConfig, DubinsCar
 
@@ -58,7 +58,14 @@ def bend() -> Path:
     return Path.through(np.vstack([[[-1.0, 0.0]], corner, [[4.2, 5.0]]]), "ompl")
 
 
-def drive(mpc: MPC, state, path: Path, risk: RiskMap, ticks: int, again: list | None = None):
+def drive(
+    mpc: MPC,
+    state,
+    path: Path,
+    risk: RiskMap,
+    ticks: int,
+    found: list[tuple[Solution, Solution]] | None = None,
+):
     """Plan after plan, each from where the one before led to.
 
     Args:
@@ -67,15 +74,17 @@ def drive(mpc: MPC, state, path: Path, risk: RiskMap, ticks: int, again: list | 
         path: to follow.
         risk: to keep to.
         ticks: plans.
-        again: is given what a second solve makes of each plan.
+        found: is given each solution, and what a second solve makes of its plan.
     """
     controls = stop_controls(mpc.stages, CAR.braking, 0.0)
     curvature = 0.0
     for _ in range(ticks):
         segment = max(0, round((state[0] + 1.0) / 0.1)) if path.points[-1, 1] == 0 else 0
-        plan = mpc.solve(np.asarray(state, float), path, risk, controls, segment, curvature)
-        if again is not None:
-            again.append(mpc.solve(plan.states[0], path, risk, plan.controls, segment, curvature))
+        solved = mpc.solve(np.asarray(state, float), path, risk, controls, segment, curvature)
+        plan = solved.plan
+        if found is not None:
+            again = mpc.solve(plan.states[0], path, risk, plan.controls, segment, curvature)
+            found.append((solved, again))
         yield plan
         state, curvature = plan.states[1], float(plan.controls[0, 1])
         controls = shifted(plan.controls, CAR.braking)
@@ -109,7 +118,7 @@ def test_no_plan_passes_the_limits_of_the_car(mpc, speed, offset, yaw, seed, tur
     rng = np.random.default_rng(seed)
     guess = rng.normal(0.0, 2.0, (mpc.stages, 2))
     path, risk = (bend(), room()) if turns else (ahead(), corridor())
-    plan = mpc.solve(np.array([0.0, offset, yaw, speed]), path, risk, guess)
+    plan = mpc.solve(np.array([0.0, offset, yaw, speed]), path, risk, guess).plan
     assert_within_limits(plan, CAR)
 
 
@@ -119,9 +128,9 @@ def test_a_solve_never_raises_the_cost_of_its_guess(mpc, speed, offset, yaw, see
     guess = np.random.default_rng(seed).normal(0.0, size, (mpc.stages, 2))
     state, path, risk = np.array([0.0, offset, yaw, speed]), ahead(), corridor()
     before = mpc.evaluate(mpc.roll(state, guess), path, risk, 0, 0.2)
-    plan = mpc.solve(state, path, risk, guess, 0, 0.2)
-    assert plan.cost <= before
-    assert plan.cost == pytest.approx(mpc.evaluate(plan, path, risk, 0, 0.2))
+    found = mpc.solve(state, path, risk, guess, 0, 0.2)
+    assert found.cost <= before
+    assert found.cost == pytest.approx(mpc.evaluate(found.plan, path, risk, 0, 0.2))
 
 
 def test_a_solve_lowers_the_cost_of_standing_still(mpc):
@@ -136,12 +145,11 @@ def test_a_solve_lowers_the_cost_of_standing_still(mpc):
     ("risk", "path"), [(corridor(), ahead()), (corridor(1.2), ahead()), (room(), bend())]
 )
 def test_a_converged_plan_leaves_little_to_gain(mpc, speed, risk, path):
-    again: list = []
-    for plan in drive(mpc, np.array([0.0, 0.1, 0.1, speed]), path, risk, 8, again):
-        assert plan.status is Status.CONVERGED
-    plans = list(drive(mpc, np.array([0.0, 0.1, 0.1, speed]), path, risk, 8))
-    for plan, second in zip(plans, again, strict=True):
-        assert plan.cost - second.cost < 2e-3 * (1.0 + abs(plan.cost))
+    found: list[tuple[Solution, Solution]] = []
+    assert len(list(drive(mpc, np.array([0.0, 0.1, 0.1, speed]), path, risk, 8, found))) == 8
+    for first, second in found:
+        assert first.status is Status.CONVERGED
+        assert first.cost - second.cost < 2e-3 * (1.0 + abs(first.cost))
 
 
 @given(seeds)
@@ -204,7 +212,7 @@ def test_a_car_measured_above_its_top_speed_still_has_a_plan(mpc, excess):
     speed = CAR.v_max + excess
     state, risk = np.array([0.0, 0.0, 0.0, speed]), corridor(end=9.9)
     guess = stop_controls(mpc.stages, CAR.braking, 0.0)
-    plan = mpc.solve(state, ahead(), risk, guess, 10)
+    plan = mpc.solve(state, ahead(), risk, guess, 10).plan
     assert_within_limits(plan, CAR, v_top=speed)
     assert plan.states[-1, 3] == pytest.approx(0.0, abs=1e-3)
     assert CHECKER.is_safe(plan, risk)
@@ -224,7 +232,8 @@ def test_the_car_stops_before_what_bars_the_way_and_close_to_it(mpc, end, beyond
 def test_a_wall_that_is_too_close_makes_no_plan_safe(mpc):
     risk = corridor(end=2.0)
     state = np.array([0.0, 0.0, 0.0, 4.0])
-    plan = mpc.solve(state, ahead(), risk, stop_controls(mpc.stages, CAR.braking, 0.0), 10)
+    guess = stop_controls(mpc.stages, CAR.braking, 0.0)
+    plan = mpc.solve(state, ahead(), risk, guess, 10).plan
     assert not CHECKER.is_safe(plan, risk)
     assert_within_limits(plan, CAR)
 

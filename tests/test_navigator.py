@@ -14,6 +14,7 @@ from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
 from planner.reference import Path as Way
 from planner.risk import RiskMap
+from planner.solution import Solution, Status
 from predictor import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, Prediction, Scan
 from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome, run_episode
@@ -286,10 +287,92 @@ def test_a_state_that_is_not_finite_is_refused():
 
 
 @pytest.mark.parametrize("changes", [{"risk": -0.1}, {"risk": 1.1}, {"risk": math.nan},
-                                     {"expansion": 0.9}])  # fmt: skip
+                                     {"expansion": 0.9}, {"margin": math.nan}, {"margin": -0.1},
+                                     {"window": math.nan}, {"window": 0.0}, {"deadline": math.nan},
+                                     {"start_margin": -1.0}])  # fmt: skip
 def test_settings_that_make_no_sense_are_refused(changes):
     with pytest.raises(ValueError, match="must"):
         NavigatorConfig(**changes)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("name", ["v_max", "braking", "turning_radius"])
+def test_a_car_without_sensible_limits_is_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        CarLimits(**{name: value})
+
+
+def raising(error):
+    def call(*_args, **_kwargs):
+        raise error
+
+    return call
+
+
+def ending(status):
+    """A solver that makes nothing of its guess, and says so."""
+
+    def make(driver):
+        def solve(state, path, risk, guess, *_):
+            return Solution(driver.mpc.roll(state, guess), math.nan, status)
+
+        return solve
+
+    return make
+
+
+SOLVERS = {
+    "value error": lambda _: raising(ValueError("not finite")),
+    "runtime error": lambda _: raising(RuntimeError("an assertion of casadi's")),
+    "memory": lambda _: raising(MemoryError()),
+    "QP failed": ending(Status.QP_FAILED),
+    "not finite": ending(Status.NOT_FINITE),
+}
+
+
+@pytest.mark.parametrize("kind", SOLVERS)
+def test_a_car_whose_solver_fails_comes_to_rest_and_counts_it(kind):
+    task = straight()
+    driver = navigator(task)
+    car, state = DubinsCar(), np.array([*task.start, 0.0])
+    for tick in range(60):
+        if tick == 15:
+            driver.mpc.solve = SOLVERS[kind](driver)
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        assert not decision.emergency
+        assert not car.collides(task.world, state, decision.control, 0.1)
+        state = car.step(state, decision.control, 0.1)
+        if tick == 14:
+            assert state[3] > 0.5
+    assert driver.faults["solver_failed"] == 45
+    if kind in ("value error", "runtime error", "memory"):
+        assert driver.faults["no_safe_solution"] == 45
+        assert state[3] < 0.05
+
+
+def test_a_car_whose_path_search_fails_stops_at_the_end_of_its_path_and_counts_it(monkeypatch):
+    task = straight()
+    driver = navigator(task)
+    car, state = DubinsCar(), np.array([*task.start, 0.0])
+    for tick in range(90):
+        if tick == 15:
+            monkeypatch.setattr("planner.guide.plan_path", raising(RuntimeError("OMPL's")))
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        assert not car.collides(task.world, state, decision.control, 0.1)
+        state = car.step(state, decision.control, 0.1)
+    assert driver.faults["path_failed"] > 3
+    assert decision.path is not None
+
+
+def test_braking_hard_is_counted_also_where_there_is_no_path():
+    task = straight()
+    driver = navigator(task)
+    state = np.array([*task.start, 4.0])
+    decision = driver.step(state, LIDAR.scan(task.world, state))
+    assert decision.path is None
+    assert decision.emergency
+    assert decision.faults.count("emergency") == 1
+    assert driver.faults["emergency"] == 1
 
 
 def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():
@@ -378,7 +461,7 @@ def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family
         resort = driver.mpc.roll(after, driver.resort.controls)
         risk = decision.risk_map
         assert resort.states[-1, 3] < 1e-6
-        assert driver.checker.contact(resort, ~risk.known.free, risk) is None
+        assert driver.checker.contact(resort, ~risk.known.free, risk.frame) is None
         return decision
 
     driver.step = step
