@@ -20,14 +20,14 @@ import sys
 import threading
 import time
 import traceback
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from predictor.networks import ARCHITECTURES
-from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining
-from predictor.training.checkpoint import TrainError
+from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining, described
+from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.image_arguments import add_arguments, configured
 from predictor.whole import write_whole
 
@@ -106,21 +106,10 @@ class Run:
         Raises:
             TrainError: if what is there is damaged, or was trained in another way.
         """
-        from predictor.weights import WeightsError, facts_of
-
-        path = self.out / f"{self.config.arch}.safetensors"
-        if not path.exists():
-            return False
-        try:
-            _, facts = facts_of(path)
-        except WeightsError as error:
-            raise TrainError(f"{error}; delete it to make it again") from None
-        mine = {"config": asdict(self.training), "network": asdict(self.config),
-                "data": list(self.data.digests)}  # fmt: skip
-        if any(facts.get(name) != value for name, value in mine.items()):
-            raise TrainError(f"{path} was trained in another way or on other frames: choose another"
-                             " folder by --out")  # fmt: skip
-        return True
+        return is_trained(
+            self.out / f"{self.config.arch}.safetensors",
+            described(self.config, self.training, self.data.digests),
+        )
 
     def train(self) -> None:
         """Train, in a process of its own, which leaves a line if it fails."""

@@ -296,3 +296,28 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
     for index in range(3):
         for name in ("known", "given", "truth"):
             assert np.array_equal(getattr(pairs, name)(index), getattr(frames, name)(index))
+
+
+def test_what_is_trained_is_left_as_it_is_on_any_number_of_threads(tmp_path, monkeypatch):
+    write_frames(tmp_path / "data", {"train": TRAIN, "validation": VALIDATION})
+    config = ImageConfig("mlp", 1.3, **TINY)
+    training = ImageTraining(epochs=1.0, batch=2)
+    out = tmp_path / "out"
+    path = train_images(config, training, tmp_path / "data", out, 1)
+    before = path.read_bytes(), path.stat().st_mtime_ns
+    monkeypatch.setattr("benchmarks.store.commit", lambda: "another")
+    assert train_images(config, training, tmp_path / "data", out, 2) == path
+    assert (path.read_bytes(), path.stat().st_mtime_ns) == before
+    with pytest.raises(TrainError, match="trained in another way"):
+        train_images(config, ImageTraining(epochs=2.0, batch=2), tmp_path / "data", out, 1)
+
+
+def test_weights_name_every_commit_that_made_a_step(tmp_path, monkeypatch):
+    stopping = Event()
+    stopping.set()
+    monkeypatch.setattr("benchmarks.store.commit", lambda: "one")
+    with pytest.raises(Stopped):
+        trainer(tmp_path).run(stopping)
+    monkeypatch.setattr("benchmarks.store.commit", lambda: "two")
+    path = trainer(tmp_path).run()
+    assert load_weights(path, ImageNet)[1]["commit"] == "one two"

@@ -5,7 +5,7 @@ Nothing heavy is imported here: the command line is built from it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from predictor.networks import ARCHITECTURES
@@ -131,3 +131,17 @@ PRESETS = {
 }
 """`paper` is Katyal et al. 2018's. `short` is what 2 CPU cores do, for all 20 networks, in two
 or three hours, and is nobody's but ours."""
+
+
+def described(
+    config: ImageConfig, training: ImageTraining, digests: tuple[str, str]
+) -> dict[str, Any]:
+    """What tells one training from another, in checkpoints and weights.
+
+    Args:
+        config: the network.
+        training: how it learns.
+        digests: of the frames to learn from, and of those to validate on.
+    """
+    return {"config": asdict(training), "network": asdict(config),
+            "data": list(digests)}  # fmt: skip

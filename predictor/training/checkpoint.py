@@ -61,6 +61,30 @@ def read_checkpoint(
     return state
 
 
+def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
+    """Whether weights are there that were trained as some facts say.
+
+    Args:
+        weights: file of them.
+        facts: of the training that would make them; plain data, of the names that count.
+
+    Raises:
+        TrainError: if they are damaged, or were trained in another way.
+    """
+    from predictor.weights import WeightsError, facts_of
+
+    if not weights.exists():
+        return False
+    try:
+        _, theirs = facts_of(weights)
+    except WeightsError as error:
+        raise TrainError(f"{error}; delete it to make it again") from None
+    if any(theirs.get(name) != value for name, value in facts.items()):
+        raise TrainError(f"{weights} was trained in another way or on other frames: choose another"
+                         " folder by --out")  # fmt: skip
+    return True
+
+
 def _told(name: str, theirs: Any, mine: Any) -> str:
     """What differs, and how where that fits into a line."""
     how = f"{theirs}, not {mine}"

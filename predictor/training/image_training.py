@@ -23,9 +23,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from predictor.data.samples import RECIPE
-from predictor.networks.image_config import ImageConfig, ImageTraining
+from predictor.networks.image_config import ImageConfig, ImageTraining, described
 from predictor.networks.image_net import ImageNet
-from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
+from predictor.training.checkpoint import (
+    TrainError,
+    is_trained,
+    read_checkpoint,
+    write_checkpoint,
+)
 from predictor.training.group import Group
 from predictor.training.image_validation import fit, images_alike
 from predictor.training.learner import Adversary, Learner
@@ -91,15 +96,15 @@ class ImageTrainer:
         self.log: list[dict[str, float]] = []
         self.losses: list[list[float]] = []
         """Of the steps since the last entry of the log."""
+        self.commits: set[str] = set()
+        """Of the code that made the steps."""
         if group.first:
             out.mkdir(parents=True, exist_ok=True)
             clear(out)
         self._facts: dict[str, Any] = {
-            "config": dataclasses.asdict(training),
-            "network": dataclasses.asdict(config),
+            **described(config, training, (train.digest, validation.digest)),
             # What else decides the last bits of the sums.
             "arithmetic": [group.device.type, torch.get_num_threads(), group.size],
-            "data": [train.digest, validation.digest],
             "frames": len(self.train),
             "steps": self.steps,
             "worlds": sorted(train.worlds),
@@ -110,6 +115,7 @@ class ImageTrainer:
             self.learner.load(state["learner"])
             self.step, self.seconds = state["step"], state["seconds"]
             self.log, self.losses = state["log"], state["losses"]
+            self.commits = set(state["commits"])
 
     @property
     def checkpoint(self) -> Path:
@@ -132,6 +138,9 @@ class ImageTrainer:
         """
         from tqdm import tqdm
 
+        from benchmarks.store import commit
+
+        code = commit() or "no checkout"
         an_epoch = math.ceil(len(self.train) / self.training.batch)
         note_every = max(1, min(an_epoch, self.steps // NOTES))
         saved = begun = time.monotonic()
@@ -144,6 +153,7 @@ class ImageTrainer:
             for given, wanted in self._batches(ahead):
                 self.losses.append(self._learn(given, wanted))
                 self.step += 1
+                self.commits.add(code)
                 bar.update()
                 last = self.step == self.steps
                 if self.step % note_every == 0 or last:
@@ -167,19 +177,20 @@ class ImageTrainer:
         """Write the checkpoint, whole or not at all."""
         state = {
             "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
-            "seconds": self.seconds, "learner": self.learner.state(),
+            "seconds": self.seconds, "commits": sorted(self.commits),
+            "learner": self.learner.state(),
         }  # fmt: skip
         write_checkpoint(self.checkpoint, state)
 
     def export(self) -> None:
         """Fit what the greys mean, and write weights and curve."""
-        from benchmarks.store import commit
         from predictor.training.curve import draw_curve
         from predictor.weights import save_weights
 
         measures = fit(self.learner.net, self.validation)
         facts = self._facts | {
-            "commit": commit(), "seconds": self.seconds, "log": self.log, "validation": measures,
+            "commit": " ".join(sorted(self.commits)), "seconds": self.seconds, "log": self.log,
+            "validation": measures,
         }  # fmt: skip
         panels = (("l1", "validation_l1"), ("ssim",), self.learner.LOSSES[1:])
         draw_curve(self.log, self.out / "curve.png", tuple(filter(None, panels)))
@@ -246,7 +257,7 @@ def train_images(
     threads: int,
     stopping: Event | None = None,
 ) -> Path:
-    """Train a network; the path of its weights.
+    """Train a network, unless it is there; the path of its weights.
 
     Args:
         config: the network; `turned` is set to what the data are.
@@ -264,6 +275,9 @@ def train_images(
     of_drives = (data / RECIPE).exists()
     train, validation = (_samples if of_drives else _frames)(data)
     config = dataclasses.replace(config, turned=of_drives)
+    weights = out / f"{config.arch}.safetensors"
+    if is_trained(weights, described(config, training, (train.digest, validation.digest))):
+        return weights
     group = Group.join()
     try:
         return ImageTrainer(config, training, train, validation, out, group).run(stopping)
