@@ -95,11 +95,12 @@ def plan_path(
     nx, ny = near.frame.origin
     near_rows, near_cols = near.frame.shape
 
+    # Rounded towards zero: less than a cell outside counts as the edge.
     def fits(x: float, y: float) -> bool:
-        row, col = math.floor((y - ny) * near_inverse), math.floor((x - nx) * near_inverse)
+        row, col = int((y - ny) * near_inverse), int((x - nx) * near_inverse)
         if 0 < row < near_rows and 0 < col < near_cols:
             return bool(close[row, col])
-        row, col = math.floor((y - oy) * inverse), math.floor((x - ox) * inverse)
+        row, col = int((y - oy) * inverse), int((x - ox) * inverse)
         return 0 <= row < rows and 0 <= col < cols and bool(open_[row, col])
 
     def is_valid(state: ob.State) -> bool:
@@ -125,8 +126,8 @@ def plan_path(
             total = 0.0
             for i in range(steps):
                 space.interpolate(a, b, (i + 0.5) / steps, scratch)
-                row = math.floor((scratch.getY() - oy) * inverse)
-                col = math.floor((scratch.getX() - ox) * inverse)
+                row = int((scratch.getY() - oy) * inverse)
+                col = int((scratch.getX() - ox) * inverse)
                 inside = 0 <= row < rows and 0 <= col < cols
                 total += density[row, col] if inside else OUTSIDE_COST
             return ob.Cost(float(total) * length / steps)
