@@ -103,16 +103,17 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     """The peers of each stage, in Markdown; nothing where there are none."""
     if not found:
         return ""
-    rows = [["stage", "program", "median [ms]", "p99 [ms]", "times ours", "cost of the posts",
-             "cost above ours", "hits", "failures"]]  # fmt: skip
-    form = {"median_ms": ".3f", "p99_ms": ".3f", "ratio": ".2f", "excess": ".2f",
+    rows = [["stage", "program", "median [ms]", "mean [ms]", "p99 [ms]", "times ours",
+             "cost of the posts", "cost above ours", "hits", "failures"]]  # fmt: skip
+    form = {"median_ms": ".3f", "mean_ms": ".3f", "p99_ms": ".3f", "ratio": ".2f", "excess": ".2f",
             "dearer_percent": "+.3f", "hits": ".0f", "failures": ".0f"}  # fmt: skip
+    dearer = list(form).index("dearer_percent")
     for stage, of_stage in found.items():
         for name, s in of_stage.items():
             cells = [format(s[key], f) if key in s else "" for key, f in form.items()]
             if "dearer_low" in s:
-                cells[4] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
-            cells[4] += " %" if cells[4] else ""
+                cells[dearer] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
+            cells[dearer] += " %" if cells[dearer] else ""
             rows.append([stage, name, *cells])
     return markdown(rows)
 
