@@ -297,17 +297,10 @@ class Navigator:
         best = candidates[0]
         if self._goes_on(best, risk):
             return best, False
-        # A car that cannot reverse had better not stop with its nose against a wall: stop sooner.
-        end, _, _ = project(path.points, *best.states[-1, :2], self.guide.segment, 10**6)  # type: ignore[call-arg]
-        for sooner in (0.5, 1.0, 1.5, 2.0):
-            last = end - round(sooner / SPACING)
-            if last < self.guide.segment + 3:
-                break
-            shorter = Path(path.points[:last], path.source)
-            guess = self._pursuit(state, shorter, risk)
-            for plan in self._solutions(state, shorter, risk, [guess], faults):
-                if self._goes_on(plan, risk):
-                    return plan, False
+        # A car that cannot reverse had better not stop with its nose against a wall.
+        sooner = self._stopping_sooner(state, path, risk, best, faults)
+        if sooner is not None:
+            return sooner, False
         # Or brake and swerve to where it can go on from, while there is still room for that.
         stops = (mpc.roll(state, way) for way in self.resort.ways(best))
         others = [
@@ -317,6 +310,27 @@ class Navigator:
         # Standing still for ever is no better than standing there.
         moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
+
+    def _stopping_sooner(
+        self,
+        state: NDArray[np.float64],
+        path: Path,
+        risk: RiskMap,
+        best: Plan,
+        faults: list[str],
+    ) -> Plan | None:
+        """A plan that stops before the best one's end, where the car can go on from; or None."""
+        end, _, _ = project(path.points, *best.states[-1, :2], self.guide.segment, 10**6)  # type: ignore[call-arg]
+        for sooner in (0.5, 1.0, 1.5, 2.0):
+            last = end - round(sooner / SPACING)
+            if last < self.guide.segment + 3:
+                break
+            shorter = Path(path.points[:last], path.source)
+            guess = self._pursuit(state, shorter, risk)
+            for plan in self._solutions(state, shorter, risk, [guess], faults):
+                if self._goes_on(plan, risk):
+                    return plan
+        return None
 
     def _solutions(
         self,
