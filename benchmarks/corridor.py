@@ -39,7 +39,7 @@ def _run(settings: Settings, place: Place) -> int:
     import benchmarks.workers  # noqa: F401
     from benchmarks.drive import sources
     from benchmarks.figures import draw_all
-    from benchmarks.store import Store
+    from benchmarks.store import Store, several_states
     from benchmarks.summary import table, title
     from predictor import PredictorError, load_predictor
     from predictor.provenance import fingerprint_of
@@ -60,9 +60,9 @@ def _run(settings: Settings, place: Place) -> int:
     print(table(results["summary"], results["gap"]))
     for index, why in store.skipped.items():
         print(f"episode {index} left out: {why}")
-    commits = {e.get("commit") for e in results["episodes"]}
-    if len(commits) > 1:
-        print(f"mind: these drives come from {len(commits)} states of the code; see --out")
+    mixed = several_states((e.get("commit") for e in results["episodes"]), "drives")
+    if mixed:
+        print(mixed)
     learned = len({e["index"] for e in results["episodes"] if e.get("learned")})
     if learned:
         print(f"mind: the predictor has learned from the buildings of {learned} episodes")

@@ -11,6 +11,7 @@ import platform
 import shutil
 import subprocess
 import zipfile
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -235,6 +236,17 @@ def commit() -> str | None:
         return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "-uno") else "")
     except (OSError, subprocess.CalledProcessError):
         return None
+
+
+def several_states(commits: Iterable[str | None], of: str) -> str:
+    """A line of warning where results come from several states of the code; else nothing.
+
+    Args:
+        commits: of each of them.
+        of: what they are.
+    """
+    count = len(set(commits))
+    return f"mind: these {of} come from {count} states of the code; see --out" if count > 1 else ""
 
 
 def _part(episode: dict[str, Any]) -> str:

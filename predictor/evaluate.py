@@ -341,13 +341,16 @@ def _run(args: argparse.Namespace) -> str:
         raise EvaluateError("--drives and --jobs are at least 1, --seed is not negative")
     if not (1 <= args.window <= 100 and 1 <= args.expansion <= 4):
         raise EvaluateError("--window lies between 1 and 100 m, --expansion between 1 and 4")
+    from benchmarks.store import several_states
     from predictor.scoring.evaluate_config import EvaluateConfig
 
     config = EvaluateConfig(tuple(args.world), tuple(args.predictors), args.drives, args.seed,
                             args.window, args.expansion)  # fmt: skip
     evaluation = Evaluation(config, args.out)
     evaluation.run(args.jobs)
-    return table(evaluation.finish()) + f"\n\n{args.out / 'results.json'}"
+    results = evaluation.finish()
+    mixed = several_states(results["commits"], "drives")
+    return "\n\n".join(filter(None, [table(results), mixed, str(args.out / "results.json")]))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import store
 from benchmarks.settings import Settings, UsageError
-from benchmarks.store import Store
+from benchmarks.store import Store, several_states
 
 TWO = Settings(episodes=2, arms=("known",))
 
@@ -120,7 +120,7 @@ HOLD = """
 import sys
 from pathlib import Path
 from benchmarks.settings import Settings
-from benchmarks.store import Store
+from benchmarks.store import Store, several_states
 
 run = Store(Path(sys.argv[1]), Settings(episodes=2, arms=("known",)), None)
 print("at work", flush=True)
@@ -137,3 +137,9 @@ def test_a_run_that_was_killed_keeps_nobody_out(tmp_path):
         holder.kill()
     with Store(tmp_path, TWO, None) as run:
         assert run.done() == set()
+
+
+def test_results_of_several_states_of_the_code_are_told():
+    assert "these drives come from 2 states" in several_states(["a", "b", "a"], "drives")
+    assert "2 states" in several_states(["a", None], "scores")
+    assert several_states(["a", "a"], "drives") == several_states([], "drives") == ""

@@ -102,6 +102,7 @@ def _run(args: argparse.Namespace) -> str:
     from benchmarks.prediction.pictures import leader, pictures
     from benchmarks.prediction.report import costs_of, printed_costs, report
     from benchmarks.prediction.tables import summary, tables_of
+    from benchmarks.store import several_states
     from predictor.whole import write_whole
 
     torch.set_num_threads(1)
@@ -119,7 +120,8 @@ def _run(args: argparse.Namespace) -> str:
     paths = draw(args.out, results, sheets, sets, leader(names))
     paths.append(write_hallway(sheets["hallway"], args.out))
     paths = [args.out / "results.json", args.out / "tables.md", *paths]
-    return f"{summary(results)}\n\n" + "\n".join(map(str, paths))
+    mixed = several_states(results["commits"], "scores")
+    return "\n\n".join(filter(None, [summary(results), mixed, "\n".join(map(str, paths))]))
 
 
 def _config(args: argparse.Namespace) -> Config:
