@@ -19,8 +19,6 @@ UNKNOWN_COST = 2.0
 """A metre of unknown space costs as much as this many metres of free space."""
 OCCUPIED_COST = 20.0
 """Likewise a metre of space that is believed to be occupied."""
-OUTSIDE_COST = 4.0
-"""Likewise a metre outside the map, where no way leads but that of a search that looks about."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +87,10 @@ class CostMap:
         return cls(frame, density.astype(np.float32), clearance, half_width + 0.12)
 
     def along(self, points: NDArray[np.float64]) -> float:
-        """What a polyline (n, 2) [m] costs: outside the map more, through walls dearly."""
+        """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly."""
         cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
         inside = ((cells >= 0) & (cells < np.array(self.frame.shape[::-1]))).all(axis=1)
-        price = np.full(len(points), OUTSIDE_COST)
+        price = np.full(len(points), UNKNOWN_COST)
         cols, rows = cells[inside].T
         fits = self.clearance[rows, cols] >= self.required
         price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)

@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.costmap import OUTSIDE_COST, CostMap
+from planner.costmap import CostMap
 from planner.dynamics import CarLimits
 from planner.reference import SPACING, Path
 from planner.risk import RiskMap
 
 if TYPE_CHECKING:
     from ompl import base as ob
+
+OUTSIDE_COST = 4.0
+"""What a metre outside the map costs the search, twice what one of unknown space does: it keeps to
+the map where it can. Of what is found it counts as unknown (`CostMap.along`)."""
 
 
 @dataclass(frozen=True)
