@@ -40,15 +40,17 @@ study: setup
 	exit $$failed
 
 # Beyond the paper: the same U-Net on other data, on compact's own buildings with the crop alone and with
-# all that was seen, all five in one; and compact as it grew. In data/ and results/beyond; an hour more.
+# all that was seen, all five in one; and compact as it grew. In data/ and results/study-beyond; an
+# hour more.
 CHANGED = clutter noise people all-three
+BEYOND = $(OUT)-beyond
 UNET = $(BIN)/python -m predictor.train --arch unet_ff --expansion 1.3 --jobs 1 $(NET)
 GREW = 600:e680078 2000:7245892 2440:7d2b9ad^
 
-# First what may fail. The epochs are such that all learn from as many samples as by 4 of the paper's frames.
+# First what may fail. The epochs are such that, with --preset short, all learn from as many samples.
 beyond: setup
-	mkdir -p results/beyond
-	for of in $(GREW); do file=results/beyond/$${of%:*}-drives.safetensors; \
+	mkdir -p $(BEYOND)
+	for of in $(GREW); do file=$(BEYOND)/$${of%:*}-drives.safetensors; \
 	    [ -f $$file ] || { git show $${of#*:}:predictor/compact.safetensors > $$file.part && mv $$file.part $$file; } || { \
 	    echo "the older weights of compact are in the history: git fetch --unshallow"; exit 1; }; done
 	$(BIN)/python -m predictor.dataset
@@ -59,17 +61,17 @@ beyond: setup
 	$(BIN)/python -m predictor.dataset --clutter 0.15 --noise 0.03 --people 0.03 --out data/all-three
 	$(BIN)/python -m predictor.drives --logs --train 75 --validation 10 --out data/few-logs
 	$(BIN)/python -m predictor.drives --train 125 --validation 15 --out data/few-drives
-	for of in $(CHANGED); do $(UNET) --data data/$$of --out results/beyond/$$of || exit; done
-	$(UNET) --sigma 0.2 --out results/beyond/sigma-0.2
-	$(UNET) --data data/few-logs --epochs 1.97 --out results/beyond/logs
+	for of in $(CHANGED); do $(UNET) --data data/$$of --out $(BEYOND)/$$of || exit; done
+	$(UNET) --sigma 0.2 --out $(BEYOND)/sigma-0.2
+	$(UNET) --data data/few-logs --epochs 1.97 --out $(BEYOND)/logs
 	for given in crop window; do for x in 1.3 2.0; do \
 	    $(UNET) --data data/few-drives --epochs 3.7 --expansion $$x --given $$given \
-	        --out results/beyond/$$given/$$x || exit; done; done
+	        --out $(BEYOND)/$$given/$$x || exit; done; done
 	$(BIN)/python -m benchmarks.prediction --out $(OUT)/prediction --predictors none extend compact \
 	    $(OUT) compact-logs compact-paper fused-unet=fused:$(OUT)/unet_ff \
-	    $(foreach of,$(CHANGED) sigma-0.2 logs,unet-$(of)=results/beyond/$(of)/unet_ff.safetensors) \
-	    unet-crop=results/beyond/crop unet-window=results/beyond/window \
-	    $(foreach of,$(GREW),results/beyond/$(firstword $(subst :, ,$(of)))-drives.safetensors)
+	    $(foreach of,$(CHANGED) sigma-0.2 logs,unet-$(of)=$(BEYOND)/$(of)/unet_ff.safetensors) \
+	    unet-crop=$(BEYOND)/crop unet-window=$(BEYOND)/window \
+	    $(foreach of,$(GREW),$(BEYOND)/$(firstword $(subst :, ,$(of)))-drives.safetensors)
 
 test: setup
 	$(BIN)/ruff format --check .

@@ -12,6 +12,7 @@ import pytest
 
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
+from planner.plan import Plan
 from planner.reference import Path as Way
 from planner.risk import RiskMap
 from planner.solution import Solution, Status
@@ -309,24 +310,17 @@ def raising(error):
     return call
 
 
-def ending(status):
-    """A solver that makes nothing of its guess, and says so."""
-
-    def make(driver):
-        def solve(state, path, risk, guess, *_):
-            return Solution(driver.mpc.roll(state, guess), math.nan, status)
-
-        return solve
-
-    return make
+def nowhere(state, _path, _risk, guess, *_):
+    """A solver that loses itself, and says so."""
+    plan = Plan(np.full((len(guess) + 1, 4), math.nan), guess)
+    return Solution(plan, math.nan, Status.NOT_FINITE)
 
 
 SOLVERS = {
-    "value error": lambda _: raising(ValueError("not finite")),
-    "runtime error": lambda _: raising(RuntimeError("an assertion of casadi's")),
-    "memory": lambda _: raising(MemoryError()),
-    "QP failed": ending(Status.QP_FAILED),
-    "not finite": ending(Status.NOT_FINITE),
+    "value error": raising(ValueError("not finite")),
+    "runtime error": raising(RuntimeError("an assertion of casadi's")),
+    "memory": raising(MemoryError()),
+    "not finite": nowhere,
 }
 
 
@@ -337,31 +331,45 @@ def test_a_car_whose_solver_fails_comes_to_rest_and_counts_it(kind):
     car, state = DubinsCar(), np.array([*task.start, 0.0])
     for tick in range(60):
         if tick == 15:
-            driver.mpc.solve = SOLVERS[kind](driver)
+            driver.mpc.solve = SOLVERS[kind]
         decision = driver.step(state, LIDAR.scan(task.world, state))
         assert not decision.emergency
         assert not car.collides(task.world, state, decision.control, 0.1)
         state = car.step(state, decision.control, 0.1)
         if tick == 14:
             assert state[3] > 0.5
-    assert driver.faults["solver_failed"] == 45
-    if kind in ("value error", "runtime error", "memory"):
-        assert driver.faults["no_safe_solution"] == 45
-        assert state[3] < 0.05
+    assert driver.faults["solver_failed"] == driver.faults["no_safe_solution"] == 45
+    assert state[3] < 0.05
 
 
-def test_a_car_whose_path_search_fails_stops_at_the_end_of_its_path_and_counts_it(monkeypatch):
+def test_a_car_whose_qps_fail_goes_on_by_its_guesses_where_they_are_safe():
+    task = straight()
+    driver = navigator(task)
+
+    def solve(state, _path, _risk, guess, *_):
+        return Solution(driver.mpc.roll(state, guess), math.nan, Status.QP_FAILED)
+
+    driver.mpc.solve = solve
+    episode = drive(task, driver)
+    assert episode.outcome is Outcome.REACHED
+    # In the first ticks there is no path yet, and nothing to solve.
+    solved = len(episode.trace["controls"]) - driver.config.guide.delay
+    assert episode.faults["solver_failed"] == solved
+
+
+def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it(monkeypatch):
     task = straight()
     driver = navigator(task)
     car, state = DubinsCar(), np.array([*task.start, 0.0])
-    for tick in range(90):
+    for tick in range(140):
         if tick == 15:
             monkeypatch.setattr("planner.guide.plan_path", raising(RuntimeError("OMPL's")))
         decision = driver.step(state, LIDAR.scan(task.world, state))
         assert not car.collides(task.world, state, decision.control, 0.1)
         state = car.step(state, decision.control, 0.1)
     assert driver.faults["path_failed"] > 3
-    assert decision.path is not None
+    assert math.hypot(state[0] - task.goal[0], state[1] - task.goal[1]) < 1.0
+    assert state[3] < 0.05
 
 
 def test_braking_hard_is_counted_also_where_there_is_no_path():

@@ -120,7 +120,7 @@ HOLD = """
 import sys
 from pathlib import Path
 from benchmarks.settings import Settings
-from benchmarks.store import Store, several_states
+from benchmarks.store import Store
 
 run = Store(Path(sys.argv[1]), Settings(episodes=2, arms=("known",)), None)
 print("at work", flush=True)

@@ -115,7 +115,8 @@ class ImageTrainer:
             self.learner.load(state["learner"])
             self.step, self.seconds = state["step"], state["seconds"]
             self.log, self.losses = state["log"], state["losses"]
-            self.commits = set(state["commits"])
+            # Checkpoints did not name them at first.
+            self.commits = set(state.get("commits", ["unknown"]))
 
     @property
     def checkpoint(self) -> Path:
