@@ -21,6 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from predictor import Body
+from predictor.ranges import check_finite
 
 NX, NU = 4, 2
 """Sizes of state and control."""
@@ -50,10 +51,9 @@ class CarLimits:
     body: Body = field(default_factory=Body)
 
     def __post_init__(self) -> None:
-        for name in ("v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ValueError(f"{name} is {value}, it must be positive and finite")
+        check_finite(
+            self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
+        )
 
     @property
     def planned_cornering(self) -> float:

@@ -30,6 +30,7 @@ from predictor import (
     Predictor,
     Scan,
 )
+from predictor.ranges import check_finite
 
 FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""
@@ -75,14 +76,8 @@ class NavigatorConfig:
             raise ValueError(f"risk is {self.risk}, it must lie in [0, 1]")
         if not self.expansion >= 1.0:
             raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
-        for name in ("window", "deadline"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}, it must be positive and finite")
-        for name in ("margin", "start_margin"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(
-                    f"{name} is {getattr(self, name)}, it must be finite and not negative"
-                )
+        check_finite(self, "window", "deadline")
+        check_finite(self, "margin", "start_margin", zero=True)
 
     @property
     def predicted_side(self) -> float:

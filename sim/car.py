@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from predictor.body import Body, first_contact
+from predictor.ranges import check_finite
 from sim.world import World
 
 SPACING = 0.2
@@ -36,10 +37,9 @@ class CarConfig:
     body: Body = field(default_factory=Body)
 
     def __post_init__(self) -> None:
-        for name in ("v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"):
-            value = getattr(self, name)
-            if not 0 < value < math.inf:
-                raise ValueError(f"{name} is {value}, it must be positive and finite")
+        check_finite(
+            self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
+        )
 
     @property
     def max_curvature(self) -> float:
