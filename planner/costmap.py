@@ -19,6 +19,11 @@ UNKNOWN_COST = 2.0
 """A metre of unknown space costs as much as this many metres of free space."""
 OCCUPIED_COST = 20.0
 """Likewise a metre of space that is believed to be occupied."""
+WALL_PRIOR, WALL_REACH = 15.0, 2.5
+"""What a metre of unknown space costs more right beside a cell seen occupied, falling to nothing at
+this distance from it [m]: walls go on, so a way turns off where an opening has been seen."""
+BELIEVED = 8.0
+"""Unseen cells that cost more are believed to be occupied."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +34,16 @@ class CostMap:
         frame: where the cells lie.
         density: cost of a metre [1], (rows, columns).
         clearance: distance to the nearest cell seen occupied [m], (rows, columns).
+        room: likewise, to the nearest cell that was seen or is believed to be occupied.
+        unsure: cells neither seen nor believed to be free, (rows, columns).
         required: clearance below which the body does not fit [m].
     """
 
     frame: GridFrame
     density: NDArray[np.float32]
     clearance: NDArray[np.float32]
+    room: NDArray[np.float32]
+    unsure: NDArray[np.bool_]
     required: float
 
     @classmethod
@@ -70,11 +79,17 @@ class CostMap:
         occupied = worst > 0
         clearance = distance_field(occupied) * np.float32(frame.resolution)
         unknown = UNKNOWN_COST if way is None else OCCUPIED_COST
-        density = np.where(unseen, np.float32(unknown), np.float32(1.0))
+        prior = np.float32(WALL_PRIOR) * np.clip(1.0 - clearance / WALL_REACH, 0.0, None)
+        density = np.where(unseen, np.float32(unknown) + prior, np.float32(1.0))
+        room, unsure = clearance, unseen
         if belief is not None:
             believed = belief.on(frame)
             steered = unseen & np.isfinite(believed)
-            density[steered] = believed[steered]
+            walls = steered & (believed > BELIEVED)
+            room = distance_field(occupied | walls) * np.float32(frame.resolution)
+            unsure = unseen & ~(steered & (believed < 0.5 * (1.0 + UNKNOWN_COST)))
+            if way is None:
+                density[steered] = believed[steered]
         if way is not None:
             near = np.arange(-2, 3)
             cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
@@ -84,17 +99,23 @@ class CostMap:
         # Keep to the middle where there is room: 0.7 m and more costs nothing.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
-        return cls(frame, density.astype(np.float32), clearance, half_width + 0.12)
+        return cls(frame, density.astype(np.float32), clearance, room, unsure, half_width + 0.12)
 
-    def along(self, points: NDArray[np.float64]) -> float:
-        """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly."""
+    def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
+        """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly.
+
+        Args:
+            points: (n, 2) [m].
+            slowness: by how much a metre at each costs more than at top speed, (n,).
+        """
         cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
         inside = ((cells >= 0) & (cells < np.array(self.frame.shape[::-1]))).all(axis=1)
         price = np.full(len(points), UNKNOWN_COST)
         cols, rows = cells[inside].T
         fits = self.clearance[rows, cols] >= self.required
         price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)
-        return float((np.hypot(*np.diff(points, axis=0).T) * price[1:]).sum())
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        return float((steps * (price * slowness)[1:]).sum())
 
 
 @dataclass(frozen=True, eq=False)

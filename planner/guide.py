@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from planner.costmap import Belief, CostMap, remember
 from planner.dynamics import CarLimits
+from planner.line import LineConfig, curvatures, smooth_line, speeds
 from planner.path import PathConfig, plan_path
 from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
@@ -32,17 +34,19 @@ class GuideConfig:
         beside: so near to a given way the car has come along it [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
         search: settings of the search itself.
+        line: settings of the line along the path.
     """
 
     every: int = 8
-    delay: int = 2
+    delay: int = int(__import__('os').environ.get('DELAY', 2))
     ahead: tuple[float, ...] = (9.0, 5.0, 3.0)
-    better: float = 0.9
+    better: float = 0.95
     reserve: float = 5.0
     join: float = 12.0
     beside: float = 1.0
     turning_room: float = 1.2
     search: PathConfig = field(default_factory=PathConfig)
+    line: LineConfig = field(default_factory=LineConfig)
 
 
 class Guide:
@@ -129,12 +133,12 @@ class Guide:
         overdue = tick - self._requested >= self.config.every
         if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
             self._requested = tick
-            at = min(self.config.delay, len(ahead) - 1)
+            at = min(self.config.delay if self.path is not None else 0, len(ahead) - 1)
             started = time.perf_counter()
             path = self._plan(tick, ahead[at], known, risk, steering)
             self.plan_ms = 1e3 * (time.perf_counter() - started)
             if path is not None:
-                self._pending = (tick + self.config.delay, path)
+                self._pending = (tick + (self.config.delay if self.path is not None else 0), path)
 
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
         """The path, or the part of it that ends with room to turn before an obstacle."""
@@ -157,8 +161,7 @@ class Guide:
         risk: RiskMap,
         steering: Prediction | None,
     ) -> Path | None:
-        # A way that is the task is not moved by what is believed beside it.
-        if steering is not None and self._given is None:
+        if steering is not None:
             self._belief = remember(self._belief, known.frame, steering)
         position = (float(state[0]), float(state[1]))
         way = None if self._given is None else self._still_to_go(self._given, position)
@@ -186,19 +189,104 @@ class Guide:
             if self.path is not None and state[3] > 0.3:
                 return None
             found = Path.through(route, "dijkstra")
-        return None if self._still_serves(cost, position, found) else found
+        import os
+        fresh = self._smoothed(found.points, pose, state[3], cost, risk) or found
+        direct = self._smoothed(Path.through(route, "dijkstra").points, pose, state[3], cost, risk) if os.environ.get("DIRECT") else None
+        if direct is not None:
+            prices = [self._price(path, state[3], cost) for path in (fresh, direct)]
+            if prices[1] < prices[0]:
+                self.counts["direct"] += 1
+                fresh = direct
+        kept = self._kept(pose, state[3], cost, risk)
+        if kept is None:
+            return fresh
+        prices = [self._price(path, state[3], cost) for path in (fresh, kept)]
+        return fresh if prices[0] < self.config.better * prices[1] else kept
 
-    def _still_serves(self, cost: CostMap, position: tuple[float, float], found: Path) -> bool:
-        """Whether to go on along the path at hand: a car that keeps changing its mind orbits."""
+    def _kept(
+        self, pose: NDArray[np.float64], speed: float, cost: CostMap, risk: RiskMap
+    ) -> Path | None:
+        """The path at hand, smoothed anew from a pose; None where it no longer serves."""
         path = self._whole
         if path is None or path is not self.path or path.source != "ompl":
+            return None
+        here, _, square = project(path.points, *pose[:2], self.segment - 5, self.segment + 30)
+        left = path.points[here:]
+        # Beyond the goal it leads on, but not back.
+        missed = np.hypot(*(left - np.array(self.goal)).T).min() > 0.3
+        if square > 0.4**2 or len(left) < 8 or missed:
+            return None
+        return self._smoothed(left, pose, speed, cost, risk)
+
+    def _run_out(self, way: NDArray[np.float64], cost: CostMap) -> NDArray[np.float64]:
+        """A way to the goal, and straight on as far as is free, so that none need brake for it."""
+        if len(way) < 6 or math.dist(way[-1], self.goal) > 0.2:
+            return way
+        heading = way[-1] - way[-6]
+        heading /= max(float(np.hypot(*heading)), 1e-9)
+        count = math.ceil((self.car.stopping_distance + 0.5) / SPACING)
+        on = way[-1] + SPACING * np.arange(1, count + 1)[:, None] * heading
+        cells = np.floor((on - np.array(cost.frame.origin)) / cost.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(cost.frame.shape[::-1]))).all(axis=1)
+        cols, rows = np.where(inside[:, None], cells, 0).T
+        free = inside & (cost.clearance[rows, cols] >= cost.required + 0.1) & ~cost.unsure[rows, cols]
+        return np.vstack([way, on[: count if free.all() else int(np.argmin(free))]])
+
+    def _smoothed(
+        self,
+        way: NDArray[np.float64],
+        pose: NDArray[np.float64],
+        speed: float,
+        cost: CostMap,
+        risk: RiskMap,
+    ) -> Path | None:
+        """The fastest line along a way that the car can drive, and the rest of the way."""
+        way = self._run_out(way, cost)
+        lines = smooth_line(way, pose, speed, cost.room, cost.frame.resolution, cost.frame.origin,
+                            cost.unsure, self.goal, self.car, self.config.line)  # fmt: skip
+        for _, line in lines:
+            if self._drivable(line, cost, risk):
+                path = Path.through(np.vstack([line, way[len(line) :]]), "ompl")
+                return replace(path, drivable=min(len(line), len(path.points)))
+        return None
+
+    def _drivable(self, line: NDArray[np.float64], cost: CostMap, risk: RiskMap) -> bool:
+        if np.abs(curvatures(line)).max() > self.car.max_curvature:
             return False
-        here, _, square = project(path.points, *position, self.segment - 5, self.segment + 30)
-        last = len(path.points) - 1
-        short = path.drivable < last and (path.drivable - here) * SPACING < self.config.reserve
-        if short or square > 0.4**2 or here >= last - 1:
-            return False
-        return cost.along(found.points) > self.config.better * cost.along(path.points[here:])
+        steps = np.diff(line, axis=0)
+        steps /= np.hypot(*steps.T)[:, None]
+        ends = self.car.body.length / 4
+        # The car may start closer to something than it likes; it must be able to leave.
+        start = np.hypot(*(line[1:] - line[0]).T) < 0.45
+        for side in (-ends, ends):
+            points = line[1:] + side * steps
+            if not (start | self._fits(points, cost, risk)).all():
+                return False
+        return True
+
+    def _fits(
+        self, points: NDArray[np.float64], cost: CostMap, risk: RiskMap
+    ) -> NDArray[np.bool_]:
+        around = math.hypot(self.car.body.length / 4, self.car.body.half_width) + 0.02
+        cells = np.floor((points - np.array(cost.frame.origin)) / cost.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(cost.frame.shape[::-1]))).all(axis=1)
+        out = np.ones(len(points), dtype=bool)
+        cols, rows = cells[inside].T
+        out[inside] = cost.clearance[rows, cols] >= cost.required
+        cells = np.floor((points - np.array(risk.frame.origin)) / risk.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(risk.frame.shape[::-1]))).all(axis=1)
+        cols, rows = cells[inside].T
+        out[inside] = risk.obstacle_distance[rows, cols] >= around
+        return out
+
+    def _price(self, path: Path, speed: float, cost: CostMap) -> float:
+        """What a path costs: metres at top speed, times what a metre of each place costs."""
+        car, points = self.car, path.points
+        head = points[: max(2, min(path.drivable or 120, len(points)))]
+        v = speeds(head, max(speed, 0.5), car.v_max, car.acceleration, car.braking, car.planned_cornering)
+        slowness = np.ones(len(points))
+        slowness[: len(head)] = car.v_max / np.maximum(v, 0.5)
+        return cost.along(points, slowness)
 
     def _still_to_go(
         self, given: NDArray[np.float64], position: tuple[float, float]

@@ -62,7 +62,7 @@ class MPCConfig:
 
     dt: float = 0.1
     progress: float = 1.0
-    contour: float = 0.3
+    contour: float = float(__import__('os').environ.get('CONTOUR', 0.3))
     final: tuple[float, float] = (6.0, 12.0)
     effort: tuple[float, float] = (0.01, 0.02)
     smoothness: float = 0.1

@@ -154,7 +154,7 @@ class Navigator:
         self._tick = -1
         self._curvature = 0.0
         # No prediction moves a way that is the task.
-        heard = config.risk > 0 or (config.steer and waypoints is None)
+        heard = config.risk > 0 or config.steer
         self._asker = Asker(predictor) if predictor is not None and heard else None
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
@@ -195,6 +195,10 @@ class Navigator:
         believed = prediction if c.risk > 0 else None
         risk = RiskMap.from_prediction(self.known.crop(frame), believed, c.risk, c.margin)
         clock.lap("risk")
+        steering = prediction if c.steer else None
+        if self._tick == 0:
+            # The car stands, and has no path to drive meanwhile.
+            self.guide.request(self._tick, state[None], self.known, risk, steering)
         self.guide.update(self._tick, state, risk)
         intended, emergency = self._decide(state, risk, faults)
         plan = intended
@@ -208,7 +212,6 @@ class Navigator:
         clock.lap("mpc")
         clock.total("cycle")
 
-        steering = prediction if c.steer else None
         try:
             self.guide.request(self._tick, plan.states, self.known, risk, steering)
         except Exception:
