@@ -41,6 +41,7 @@ class CarLimits:
         lateral_acceleration: [m/s²].
         turning_radius: [m].
         body: the rectangle around (x, y).
+        reverse: top speed in reverse [m/s]; 0: there is no reverse gear.
     """
 
     v_max: float = 4.0
@@ -49,11 +50,13 @@ class CarLimits:
     lateral_acceleration: float = 3.0
     turning_radius: float = 0.8
     body: Body = field(default_factory=Body)
+    reverse: float = 0.0
 
     def __post_init__(self) -> None:
         check_finite(
             self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
         )
+        check_finite(self, "reverse", zero=True)
 
     @property
     def planned_cornering(self) -> float:

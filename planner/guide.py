@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from planner.costmap import Belief, CostMap, remember
 from planner.dynamics import CarLimits
+from planner.hybrid import HybridConfig, find_legs
 from planner.line import LineConfig, curvatures, smooth_line, speeds
 from planner.path import PathConfig, plan_path
 from planner.reference import SPACING, Path, project
@@ -173,7 +174,46 @@ class Guide:
             self.counts["no_route"] += 1
             return None
         pose = np.array([state[0], state[1], np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
-        seed = self.seed * 100_003 + tick
+        fresh = self._smoothed(Path.through(route, "dijkstra").points, pose, state[3], cost, risk)
+        import os
+        if fresh is None or os.environ.get("ALWAYS"):
+            if os.environ.get("WAY") == "hybrid":
+                found = self._searched(cost, known, pose)
+            else:
+                found = self._sampled(cost, risk, pose, route, self.seed * 100_003 + tick)
+            if found is not None:
+                other = self._smoothed(found.points, pose, state[3], cost, risk)
+                self.counts["tried"] += 1
+                if other is not None:
+                    self.counts["smoothed"] += 1
+                other = other or found
+                if fresh is not None:
+                    prices = [self._price(path, state[3], cost) for path in (fresh, other)]
+                    if prices[0] < prices[1]:
+                        other = fresh
+                fresh = other
+        if fresh is None:
+            # The car cannot drive a polyline's corners. It is better off at the end of the path
+            # that it has, which leaves it room to turn, as long as it has not come to rest there.
+            self.counts["not_found"] += 1
+            if self.path is not None and state[3] > 0.3:
+                return None
+            return Path.through(route, "dijkstra")
+        kept = self._kept(pose, state[3], cost, risk)
+        if kept is None:
+            return fresh
+        prices = [self._price(path, state[3], cost) for path in (fresh, kept)]
+        return fresh if prices[0] < self.config.better * prices[1] else kept
+
+    def _sampled(
+        self,
+        cost: CostMap,
+        risk: RiskMap,
+        pose: NDArray[np.float64],
+        route: NDArray[np.float64],
+        seed: int,
+    ) -> Path | None:
+        """OMPL's path along a route, as far along it as it finds one."""
         search = self.config.search
         # Last, as tight as the car can turn.
         tries = [(ahead, search) for ahead in self.config.ahead]
@@ -181,27 +221,24 @@ class Guide:
         for ahead, settings in tries:
             found = plan_path(cost, risk, pose, route, ahead, self.car, settings, seed)
             if found is not None:
-                break
-        if found is None:
-            # The car cannot drive a polyline's corners. It is better off at the end of the path
-            # that it has, which leaves it room to turn, as long as it has not come to rest there.
-            self.counts["not_found"] += 1
-            if self.path is not None and state[3] > 0.3:
-                return None
-            found = Path.through(route, "dijkstra")
-        import os
-        fresh = self._smoothed(found.points, pose, state[3], cost, risk) or found
-        direct = self._smoothed(Path.through(route, "dijkstra").points, pose, state[3], cost, risk) if os.environ.get("DIRECT") else None
-        if direct is not None:
-            prices = [self._price(path, state[3], cost) for path in (fresh, direct)]
-            if prices[1] < prices[0]:
-                self.counts["direct"] += 1
-                fresh = direct
-        kept = self._kept(pose, state[3], cost, risk)
-        if kept is None:
-            return fresh
-        prices = [self._price(path, state[3], cost) for path in (fresh, kept)]
-        return fresh if prices[0] < self.config.better * prices[1] else kept
+                return found
+        return None
+
+    def _searched(
+        self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
+    ) -> Path | None:
+        """A path of arcs, and the route from its end."""
+        forward = replace(self.car, reverse=0.0)
+        legs = find_legs(cost, known, pose, self.goal, 6.0, forward, HybridConfig(nodes=20000))
+        if not legs:
+            return None
+        points = legs[0].poses[:, :2]
+        rest = find_route(cost, (points[-1, 0], points[-1, 1]), self.goal)
+        path = Path.through(points, "ompl")
+        count = len(path.points)
+        if rest is not None:
+            path = Path.through(np.vstack([path.points, rest[1:]]), "ompl")
+        return replace(path, drivable=count)
 
     def _kept(
         self, pose: NDArray[np.float64], speed: float, cost: CostMap, risk: RiskMap

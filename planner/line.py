@@ -37,11 +37,11 @@ class LineConfig:
     """
 
     reach: float = 20.0
-    bending: tuple[float, ...] = (0.3, 2.0, 10.0)
+    bending: tuple[float, ...] = (0.5, 2.0, 6.0, 15.0)
     push: float = 60.0
     comfort: float = 0.45
     tether: float = float(__import__('os').environ.get('TETHER', 0.5))
-    hold: float = 50.0
+    hold: float = 500.0
     iterations: int = 15
 
 
@@ -75,7 +75,7 @@ def smooth_line(
         The time that each takes [s], and its points (n, 2).
     """
     reach = min(len(way), round(config.reach / SPACING) + 1)
-    way = np.ascontiguousarray(way[:reach])
+    way = way[:reach].copy()
     if len(way) < 6:
         return []
     guess = _begun(way, pose)
@@ -84,11 +84,13 @@ def smooth_line(
     inside = ((cells >= 0) & (cells < np.array(unsure.shape[::-1]))).all(axis=1)
     tether[~inside] = config.tether
     tether[inside] = config.tether * unsure[cells[inside, 1], cells[inside, 0]]
-    tether[np.hypot(*(way - np.array(goal)).T) < 0.15] = config.hold
+    passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
+    if math.dist(way[passed], goal) < 0.4:
+        way[passed], tether[passed] = goal, config.hold
     lines = []
     for bending in config.bending:
         line = relax(guess, way, tether, clearance, resolution, origin, bending, config.push,
-                     config.comfort, config.iterations)  # fmt: skip
+                     config.comfort, config.iterations, 0.95 * car.max_curvature)  # fmt: skip
         lines.append((float(drive_time(line, speed, *_limits(car))), line))
     return sorted(lines, key=lambda timed: timed[0])
 
@@ -108,7 +110,25 @@ def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.fl
 
 
 @njit(cache=True, nogil=True)
-def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations):  # type: ignore[no-untyped-def]
+def curvatures(points):  # type: ignore[no-untyped-def]
+    """Signed curvature at each point of a polyline, (n,) [1/m]; that of its ends is their
+    neighbours'."""
+    n = points.shape[0]
+    out = np.zeros(n)
+    for i in range(1, n - 1):
+        ax, ay = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+        bx, by = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
+        cx, cy = ax + bx, ay + by
+        product = math.sqrt((ax * ax + ay * ay) * (bx * bx + by * by) * (cx * cx + cy * cy))
+        out[i] = 2.0 * (ax * by - ay * bx) / max(product, 1e-9)
+    if n > 2:
+        out[0], out[n - 1] = out[1], out[n - 2]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations,
+          tightest):  # type: ignore[no-untyped-def]
     """The curve (n, 2) that costs least, its first two points and its last held.
 
     Args:
@@ -122,6 +142,7 @@ def relax(guess, way, tether, field, resolution, origin, bending, push, comfort,
         push: weight of clearance lacking over tension [1/m²].
         comfort: clearance below which it counts [m].
         iterations: of Gauss-Newton.
+        tightest: curvature [1/m]; where it is more the line is made stiffer.
     """
     n = guess.shape[0]
     p = guess.copy()
@@ -135,13 +156,14 @@ def relax(guess, way, tether, field, resolution, origin, bending, push, comfort,
     rows, cols = field.shape
     band = np.empty((size, 5))
     right = np.empty(size)
-    for _ in range(iterations):
+    stiffer = np.ones(n)
+    for iteration in range(2 * iterations):
         band[:] = 0.0
         right[:] = 0.0
         # Differences p_{i+1} - p_i, and p_{i-1} - 2 p_i + p_{i+1}.
         for order in range(2):
-            weight = taut if order == 0 else stiff
             for first in range(n - 1 - order):
+                weight = taut if order == 0 else stiff * stiffer[first + 1]
                 for axis in range(2):
                     if order == 0:
                         value = p[first + 1, axis] - p[first, axis]
@@ -204,8 +226,14 @@ def relax(guess, way, tether, field, resolution, origin, bending, push, comfort,
         for i in range(free):
             p[i + 2, 0] += share * right[2 * i]
             p[i + 2, 1] += share * right[2 * i + 1]
-        if longest < 2e-3:
-            break
+        if longest < 2e-3 or iteration % 5 == 4:
+            bent = np.abs(curvatures(p))
+            if bent.max() <= tightest and (longest < 2e-3 or iteration >= iterations):
+                break
+            for i in range(n):
+                if bent[i] > tightest:
+                    for j in range(max(0, i - 2), min(n, i + 3)):
+                        stiffer[j] = max(stiffer[j], 1.0) * 1.3
     return p
 
 
@@ -215,23 +243,6 @@ def _factor(order, k):  # type: ignore[no-untyped-def]
     if order == 0:
         return -1.0 if k == 0 else 1.0
     return -2.0 if k == 1 else 1.0
-
-
-@njit(cache=True, nogil=True)
-def curvatures(points):  # type: ignore[no-untyped-def]
-    """Signed curvature at each point of a polyline, (n,) [1/m]; that of its ends is their
-    neighbours'."""
-    n = points.shape[0]
-    out = np.zeros(n)
-    for i in range(1, n - 1):
-        ax, ay = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
-        bx, by = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
-        cx, cy = ax + bx, ay + by
-        product = math.sqrt((ax * ax + ay * ay) * (bx * bx + by * by) * (cx * cx + cy * cy))
-        out[i] = 2.0 * (ax * by - ay * bx) / max(product, 1e-9)
-    if n > 2:
-        out[0], out[n - 1] = out[1], out[n - 2]
-    return out
 
 
 @njit(cache=True, nogil=True)

@@ -19,21 +19,12 @@ def find_route(
     The search runs on cells of twice the map's size: such a cell is open where the body fits
     somewhere inside it, and costs its cheapest part.
     """
-    rows, cols = (n // 2 * 2 for n in cost.frame.shape)
-    fits = cost.clearance[:rows, :cols] >= cost.required
-    density = np.where(fits, cost.density[:rows, :cols], np.inf)
-    # Cell by cell of the four: numpy is ten times slower over axes of two.
-    upper, lower = (np.minimum(row[:, ::2], row[:, 1::2]) for row in (density[::2], density[1::2]))
-    coarse = np.minimum(upper, lower)
-    step = 2 * cost.frame.resolution
-    ends = []
-    for x, y in (start, goal):
-        row = math.floor((y - cost.frame.origin[1]) / step)
-        col = math.floor((x - cost.frame.origin[0]) / step)
-        ends.append(_nearest_open(coarse, row, col, math.ceil(0.6 / step)))
+    coarse, step = _coarse(cost)
+    ends = [_open_cell(cost, coarse, step, point) for point in (start, goal)]
     if ends[0] is None or ends[1] is None:
         return None
-    cells = _dijkstra(coarse, ends[0][0], ends[0][1], ends[1][0], ends[1][1])
+    _, towards = _dijkstra(coarse, *ends[0], *ends[1])
+    cells = _trace(towards, coarse.shape[1] + 2, *ends[0], *ends[1])
     if len(cells) == 0:
         return None
     points = np.column_stack([
@@ -45,6 +36,42 @@ def find_route(
         padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
         points = np.mean([padded[i : i + len(points)] for i in range(5)], axis=0)
     return np.vstack([np.asarray(start)[None], points[1:-1], np.asarray(goal)[None]])
+
+
+def cost_to_go(
+    cost: CostMap, goal: tuple[float, float]
+) -> tuple[NDArray[np.float32], float] | None:
+    """What the cheapest way from each place to the goal costs [m of free way], ignoring turns.
+
+    Returns:
+        The costs (rows, columns), infinite where there is no way, on cells whose side comes
+        with them [m]; None where the goal lies in what was seen occupied.
+    """
+    coarse, step = _coarse(cost)
+    end = _open_cell(cost, coarse, step, goal)
+    if end is None:
+        return None
+    best, _ = _dijkstra(coarse, -1, -1, *end)
+    rows, cols = coarse.shape
+    return best.reshape(rows + 2, cols + 2)[1:-1, 1:-1] * np.float32(step), step
+
+
+def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
+    """Costs of cells of twice the map's size, infinite where the body fits nowhere; their side."""
+    rows, cols = (n // 2 * 2 for n in cost.frame.shape)
+    fits = cost.clearance[:rows, :cols] >= cost.required
+    density = np.where(fits, cost.density[:rows, :cols], np.inf)
+    # Cell by cell of the four: numpy is ten times slower over axes of two.
+    upper, lower = (np.minimum(row[:, ::2], row[:, 1::2]) for row in (density[::2], density[1::2]))
+    return np.minimum(upper, lower), 2 * cost.frame.resolution
+
+
+def _open_cell(
+    cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
+) -> tuple[int, int] | None:
+    row = math.floor((point[1] - cost.frame.origin[1]) / step)
+    col = math.floor((point[0] - cost.frame.origin[0]) / step)
+    return _nearest_open(coarse, row, col, math.ceil(0.6 / step))
 
 
 def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> tuple | None:
@@ -59,9 +86,18 @@ def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> 
 
 @njit(cache=True, nogil=True)
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Cells (n, 2) of the cheapest 8-connected way from start to goal; none if there is none.
+    """The cheapest 8-connected ways to a goal, until the start is reached.
 
-    A cell's cost is above 0, and infinite where there is no way.
+    Args:
+        cost: of a cell, above 0, and infinite where there is no way, (rows, columns).
+        start_row: of the start; -1: the ways from everywhere are wanted.
+        start_col: likewise.
+        goal_row: of the goal.
+        goal_col: likewise.
+
+    Returns:
+        Over the map with a border one cell wide, flat: what is left to go, in cells' costs; and the
+        next cell on the way, -1 where there is none.
     """
     rows, cols = cost.shape
     # With a border that nothing enters, so that every cell has eight neighbours.
@@ -73,7 +109,7 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
     keys = np.empty(1024, dtype=np.float32)
     nodes = np.empty(1024, dtype=np.int32)
     goal = (goal_row + 1) * wide + goal_col + 1
-    start = (start_row + 1) * wide + start_col + 1
+    start = (start_row + 1) * wide + start_col + 1 if start_row >= 0 else -1
     best[goal] = 0.0
     keys[0], nodes[0] = 0.0, goal
     count = 1
@@ -128,6 +164,13 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
                         keys[i], nodes[i] = keys[parent], nodes[parent]
                         i = parent
                     keys[i], nodes[i] = value, other
+    return best, towards
+
+
+@njit(cache=True, nogil=True)
+def _trace(towards, wide, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
+    """Cells (n, 2) from start to goal; none if there is no way."""
+    start, goal = (start_row + 1) * wide + start_col + 1, (goal_row + 1) * wide + goal_col + 1
     if start != goal and towards[start] < 0:
         return np.empty((0, 2), dtype=np.int64)
     steps, here = 1, start
