@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS, predictor_for
-from benchmarks.settings import Settings, UsageError
+from benchmarks.settings import VEHICLES, Settings, UsageError
 from benchmarks.store import commit
 from benchmarks.workers import WorkersError
 from planner.dynamics import CarLimits
@@ -55,7 +55,7 @@ def sources(names: tuple[str, ...]) -> list[str]:
 
 @lru_cache(maxsize=2)
 def task_of(settings: Settings, index: int) -> Task:
-    """The task of an episode, the same for every arm.
+    """The task of an episode, the same for every arm and every vehicle.
 
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
@@ -114,7 +114,7 @@ def drive(
     """
     task = task_of(settings, index)
     arm = ARMS[arm_name]
-    car = CarConfig(v_max=settings.v_max)
+    car = CarConfig(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
     resolution = task.world.grid.frame.resolution
     config = NavigatorConfig(
         window=settings.window,
@@ -149,6 +149,7 @@ def drive(
     promised = trace["kept"] >= 0
     result = {
         "arm": arm_name,
+        "vehicle": settings.vehicle,
         "index": index,
         "world": task.world.name,
         "seed": task.seed,

@@ -40,6 +40,8 @@ class _Drive:
 def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     """One episode's speed over distance for every arm of every run, strips of limits below.
 
+    Speeds in reverse are drawn below zero.
+
     Args:
         runs: one or more; each gives its own lines.
         index: which episode; by default the first that all arms of the first run reached.
@@ -118,7 +120,13 @@ def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:
                 zorder=5, clip_on=False)  # fmt: skip
     longest = max(drive.trace.distance[-1] for drive in drives)
     ax.set_xlim(0, max(longest, 0.1))
-    ax.set_ylim(0, 1.12 * v_max)
+    lowest = min(float(drive.trace.states[:, 3].min()) for drive in drives)
+    ax.set_ylim(min(0.0, lowest - 0.08 * v_max if lowest < 0 else 0.0), 1.12 * v_max)
+    if lowest < 0:
+        ax.axhline(0.0, color="#999999", linewidth=0.8)
+        ax.annotate("in reverse", (1, 0), (-2, -2), xycoords=("axes fraction", "data"),
+                    textcoords="offset points", fontsize=8, color="#777777", ha="right",
+                    va="top")  # fmt: skip
     ax.set_ylabel("speed [m/s]")
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9,
               ncols=6 if len(drives) <= 6 and drives[-1].run == 0 else 3,

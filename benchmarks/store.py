@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
-from benchmarks.run_dir import RESULTS, TRACES, Run, RunError
+from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, RunError
 from benchmarks.settings import Settings, UsageError
 from benchmarks.summary import gap, summarise
 from predictor.whole import write_whole
@@ -65,7 +65,7 @@ class Store:
         marker = out / "settings.json"
         if marker.exists():
             try:
-                theirs = dict(json.loads(marker.read_text()))
+                theirs = UNNAMED | dict(json.loads(marker.read_text()))
             except (ValueError, TypeError, OSError) as error:
                 raise UsageError(f"--out: {marker} cannot be read: {error}") from None
             other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
@@ -100,7 +100,9 @@ class Store:
     def pack(self) -> dict[str, Any]:
         """Write results.json and traces.npz from all that is finished, and return the results."""
         arms = self.settings.arms
-        chosen = [e for e in self.episodes if self._wanted(e)]
+        vehicle = {"vehicle": self.settings.vehicle}
+        # Drives of older runs do not name it.
+        chosen = [vehicle | e for e in self.episodes if self._wanted(e)]
         chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
         # An interrupt may have left a drive on disk alone, for the next time.
         known = {_part(e) for e in self.episodes}

@@ -90,7 +90,8 @@ def title(settings: dict[str, Any]) -> str:
     worlds = settings["world"]
     named = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     return (
-        f"{named}, route {settings['route']}; window {settings['window']:g} m × "
+        f"{named}, route {settings['route']}, {settings.get('vehicle', 'dubins')} car; "
+        f"window {settings['window']:g} m × "
         f"{settings['expansion']:g}, v_max {settings['v_max']:g} m/s, predictor "
         f"{settings['predictor']}, risk ε = {settings['risk']:g} (0: only what was seen free "
         "counts; 1: all not seen occupied)"

@@ -27,6 +27,7 @@ from predictor import Grid
 
 MARGIN = 2.5
 """Shown of the building around the drives [m]."""
+CUSP_MARK = "D"
 START_COLOUR, GOAL_COLOUR, CRASH_COLOUR = "#0072B2", "#009E73", "#C00000"
 
 
@@ -82,6 +83,8 @@ def _marks(run: Run, indices: Sequence[int]) -> list[Line2D]:
     """The legend: only the marks that occur."""
     seen = {e["outcome"] for e in run.episodes if e["index"] in indices}
     marks = [("o", START_COLOUR, 7, "start"), ("*", GOAL_COLOUR, 13, "goal")]
+    if any(len(run.trace(i, arm).cusps) for i in indices for arm in run.arms_of(i)):
+        marks.append((CUSP_MARK, INK, 5, "change of gear"))
     if "collided" in seen:
         marks.append(("X", CRASH_COLOUR, 11, "collision"))
     if seen & {"stuck", "timed_out"}:
@@ -121,6 +124,7 @@ def _drive(
         "zorder": 7,
         "linestyle": "none",
     }
+    ax.plot(*states[trace.cusps, :2].T, CUSP_MARK, color=INK, markersize=5, **style)
     ax.plot(*states[0, :2], "o", color=START_COLOUR, markersize=7, **style)
     ax.plot(*episode["goal"], "*", color=GOAL_COLOUR, markersize=13, **style)
     if episode["outcome"] == "collided":

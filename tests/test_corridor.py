@@ -92,6 +92,7 @@ def test_the_results_have_what_the_issue_names(narrow):
     assert episode["outcome"] != "collided"
     assert r["settings"]["world"] == ["narrow"]
     assert r["settings"]["risk"] == 0.05
+    assert r["settings"]["vehicle"] == "dubins"
     json.loads((out / "results.json").read_text(), parse_constant=pytest.fail)
 
 
@@ -264,6 +265,39 @@ def test_baselines_of_another_comparison_are_refused(narrow, tmp_path, capsys):
         assert not (tmp_path / "run").exists()
 
 
+def test_vehicles_are_never_mixed(short_map, tmp_path, capsys):
+    command = ("--world", short_map, "--episodes", 1, "--jobs", 1, "--arms", "known")
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*command, "--out", first) == 0
+    assert results(first)["settings"]["vehicle"] == "dubins"
+    assert [e["vehicle"] for e in results(first)["episodes"]] == ["dubins"]
+    other = (*command, "--vehicle", "reeds-shepp")
+    for words in (("--out", first), ("--baselines", first, "--out", second)):
+        capsys.readouterr()
+        assert run(*other, *words) == 2
+        error = capsys.readouterr().err
+        assert "holds a run with vehicle dubins" in error
+        assert error.count("\n") == 1
+    assert run(*other, "--out", second) == 0
+    assert results(second)["settings"]["vehicle"] == "reeds-shepp"
+    assert [e["vehicle"] for e in results(second)["episodes"]] == ["reeds-shepp"]
+
+
+def test_an_older_run_goes_on_as_one_of_the_forward_only_car(short_map, tmp_path):
+    command = ("--world", short_map, "--episodes", 1, "--jobs", 1, "--arms", "known")
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*command, "--out", first) == 0
+    now = results(first)
+    del now["settings"]["vehicle"], now["episodes"][0]["vehicle"]
+    (first / "results.json").write_text(json.dumps(now))
+    (first / "settings.json").write_text(json.dumps(now["settings"]))
+    assert run(*command, "--vehicle", "reeds-shepp", "--out", first) == 2
+    assert run(*command, "--out", first) == 0
+    assert run(*command, "--baselines", first, "--out", second) == 0
+    for out in (first, second):
+        assert [e["vehicle"] for e in results(out)["episodes"]] == ["dubins"]
+
+
 @pytest.mark.slow
 def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
     short_map, tmp_path, monkeypatch
@@ -301,7 +335,7 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
      ("--predictor", "json:dumps"), ("--episodes", "0"), ("--episodes", "-3"),
      ("--v-max", "0"), ("--v-max", "inf"), ("--window", "0"), ("--expansion", "0.5"),
      ("--jobs", "0"), ("--route", "scenic"), ("--noise", "-1"), ("--dropout", "1"),
-     ("--seed", "-1"), ("--seed", "1.5"), ("--faster",), ("--world",)],
+     ("--seed", "-1"), ("--seed", "1.5"), ("--vehicle", "tank"), ("--faster",), ("--world",)],
     ids="".join,
 )  # fmt: skip
 def test_bad_arguments_exit_with_two_and_one_line(words, tmp_path, capsys):
