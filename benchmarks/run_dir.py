@@ -271,5 +271,11 @@ class Run:
         return Grid(GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1])), cells)
 
 
+def verdict(episode: dict[str, Any]) -> str:
+    """A drive's time and, where it is known, its SCT."""
+    sct = episode.get("sct")
+    return f"{episode['time']:.1f} s" + ("" if sct is None else f" · SCT {sct:.2f}")
+
+
 def _line(error: Exception) -> str:
     return (str(error) or type(error).__name__).splitlines()[0]

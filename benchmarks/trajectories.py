@@ -22,7 +22,7 @@ from benchmarks.palette import (
     scale_bar,
     speed_line,
 )
-from benchmarks.run_dir import Run, Trace
+from benchmarks.run_dir import Run, Trace, verdict
 from predictor import Grid
 
 MARGIN = 2.5
@@ -143,5 +143,5 @@ def _title(ax: Axes, arm: str, episode: dict[str, Any]) -> None:
     if episode["outcome"] == "collided" and impact is not None:
         word += f" at {impact:.1f} m/s"
     colour = INK if episode["outcome"] == "reached" else CRASH_COLOUR
-    ax.annotate(f"{word} · {episode['time']:.1f} s", (0, 1), (0, 4), xycoords="axes fraction",
+    ax.annotate(f"{word} · {verdict(episode)}", (0, 1), (0, 4), xycoords="axes fraction",
                 textcoords="offset points", fontsize=9, color=colour)  # fmt: skip

@@ -41,6 +41,7 @@ def write_run(directory, arms=("known", "predicted"), outcomes=None, episodes=2)
                     "outcome": (outcomes or {}).get((index, arm), "reached"),
                     "time": TICKS * 0.1, "path_length": 1.0 + number, "mean_speed": 1.0 + number,
                     "max_speed": 2.0, "min_clearance": 0.5, "stops": 0, "impact_speed": None,
+                    "sct": 0.25 * (1 + number),
                 }
             )  # fmt: skip
     np.savez_compressed(directory / "traces.npz", **arrays)
@@ -138,6 +139,28 @@ def test_drives_without_a_reverse_gear_look_as_before(tmp_path):
     assert speed_profile([run]).axes[0].get_ylim()[0] == 0
     legend = trajectories(run).legends[0]
     assert "change of gear" not in [text.get_text() for text in legend.get_texts()]
+
+
+def test_figures_lead_with_time_and_sct(tmp_path):
+    run = Run.load(write_run(tmp_path / "run"))
+    texts = [text.get_text() for ax in trajectories(run).axes for text in ax.texts]
+    assert {"reached · 1.2 s · SCT 0.25", "reached · 1.2 s · SCT 0.50"} <= set(texts)
+    profile = speed_profile([run])
+    texts = [text.get_text().strip() for ax in profile.axes for text in ax.texts]
+    assert {"1.2 s · SCT 0.25", "1.2 s · SCT 0.50"} <= set(texts)
+    assert not any("m/s" in text for text in texts)
+    assert "SCT,\nall 2 episodes" in [ax.get_title() for ax in profile.axes]
+
+
+def test_a_run_without_sct_is_drawn_with_what_it_has(tmp_path):
+    run = write_run(tmp_path / "run")
+    results = json.loads((run / "results.json").read_text())
+    for episode in results["episodes"]:
+        del episode["sct"]
+    (run / "results.json").write_text(json.dumps(results))
+    assert len(draw_all(run)) == 3
+    profile = speed_profile([Run.load(run)])
+    assert "1.2 s" in [text.get_text().strip() for ax in profile.axes for text in ax.texts]
 
 
 def test_figures_are_written_all_or_none(tmp_path):
