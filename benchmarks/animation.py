@@ -43,15 +43,26 @@ OVERVIEW = 320
 """Largest side of the small map [cells]."""
 
 
-def roll_out(state: NDArray[np.float64], controls: NDArray[Any], dt: float) -> NDArray[np.float64]:
-    """States (N+1, 4) that controls (N, 2), acceleration and curvature, lead to; see `sim.car`."""
+def roll_out(
+    state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: float = 1.0
+) -> NDArray[np.float64]:
+    """States (N+1, 4) that controls (N, 2), acceleration and curvature, lead to; see `sim.car`.
+
+    Args:
+        state: x, y, yaw, v at the start, (4,).
+        controls: of each step, in one gear throughout.
+        dt: of a step [s].
+        gear: 1 or -1; a car that moves stays in the gear of its motion.
+    """
+    gear = math.copysign(1.0, state[3]) if state[3] != 0 else gear
     states = np.empty((len(controls) + 1, 4))
     states[0] = state
     for k, (a, curvature) in enumerate(np.asarray(controls, dtype=np.float64)):
         x, y, yaw, v = states[k]
-        # Saved plans are rounded: that must not make the car back up at its stop.
-        length = max(v * dt + 0.5 * a * dt**2, 0.0)
-        states[k + 1] = *along_arc(x, y, yaw, curvature, length), max(v + a * dt, 0.0)
+        # Saved plans are rounded: that must not make the car roll back at its stop.
+        length = gear * max(abs(v) * dt + 0.5 * a * dt**2, 0.0)
+        speed = max(abs(v) + a * dt, 0.0)
+        states[k + 1] = *along_arc(x, y, yaw, curvature, length), gear * speed
     return states
 
 
@@ -178,7 +189,7 @@ class _Near:
         left, right, bottom, top = extent(truth.frame.square(x, y, show._window))
         self._square.set_bounds(left, bottom, right - left, top - bottom)
         _set_line(self._driven, states[: tick + 1])
-        plan = roll_out(states[tick], show._plans[tick], show.dt)
+        plan = roll_out(states[tick], show._plans[tick], show.dt, show._trace.gears[tick])
         self._rim.set_data(plan[:, 0], plan[:, 1])
         _set_line(self._plan, plan)
         self._body.set_xy(body_outline(states[tick, :3], Body()))
@@ -238,7 +249,7 @@ class _Far:
 
 
 class _Speed:
-    """Speed over time, and the strip of what limited it."""
+    """Speed over time, negative in reverse, and the strip of what limited it."""
 
     def __init__(self, figure: Figure, show: Animation) -> None:
         limits = show._trace.limits
@@ -250,7 +261,7 @@ class _Speed:
         ax.plot(self._time, self._speed, color="#DDDDDD", linewidth=1.2)
         self._line = ax.plot([], [], color=arm_colour(show.arm), linewidth=1.8)[0]
         ax.set_xlim(0, end)
-        ax.set_ylim(0, 1.05 * show._v_max)
+        ax.set_ylim(min(0.0, 1.2 * float(self._speed.min())), 1.05 * show._v_max)
         ax.set_ylabel("speed [m/s]", fontsize=8)
         ax.tick_params(labelsize=8, labelbottom=False, length=2)
         strip = figure.add_axes((0.075, 0.115, 0.905, 0.035))
@@ -284,4 +295,4 @@ def _coloured(ax: Axes, v_max: float, width: float) -> LineCollection:
 
 def _set_line(line: LineCollection, states: NDArray[np.float64]) -> None:
     line.set_segments(list(np.stack([states[:-1, :2], states[1:, :2]], axis=1)))
-    line.set_array((states[:-1, 3] + states[1:, 3]) / 2)
+    line.set_array(np.abs(states[:-1, 3] + states[1:, 3]) / 2)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS, predictor_for
-from benchmarks.settings import Settings, UsageError
+from benchmarks.settings import VEHICLES, Settings, UsageError
+from benchmarks.shortest import NoWayError, shortest_way, time_bound, way_length
 from benchmarks.store import commit
 from benchmarks.workers import WorkersError
 from planner.dynamics import CarLimits
@@ -19,7 +20,7 @@ from planner.navigator import Navigator, NavigatorConfig
 from predictor import OccupancyGrid, load_predictor
 from predictor.provenance import fingerprint_of, has_learned
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
-from sim.episode import EpisodeConfig, run_episode
+from sim.episode import EpisodeConfig, Outcome, run_episode
 from sim.families import FAMILIES, generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
@@ -55,7 +56,7 @@ def sources(names: tuple[str, ...]) -> list[str]:
 
 @lru_cache(maxsize=2)
 def task_of(settings: Settings, index: int) -> Task:
-    """The task of an episode, the same for every arm.
+    """The task of an episode, the same for every arm and every vehicle.
 
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
@@ -77,6 +78,52 @@ def task_in(place: str, seed: int, car: CarConfig) -> Task:
     except NoTaskError:
         # Small buildings: half of the usual shortest way, rather than leaving them out.
         return sample_task(world, seed, car, min_length=10.0)
+
+
+@lru_cache(maxsize=2)
+def shortest_length(settings: Settings, index: int) -> float | None:
+    """Length of the shortest way of an episode on the whole map, the same for every arm [m].
+
+    Returns:
+        None if there is none: `benchmarks.shortest` may miss a gap hardly wider than the car.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    task = task_of(settings, index)
+    radius = CarConfig().body.half_width
+    try:
+        return way_length(shortest_way(task.world, task.start[:2], task.goal, radius))
+    except NoWayError:
+        return None
+
+
+def score(
+    outcome: str, time: float, path_length: float, shortest: float | None, car: CarConfig
+) -> dict[str, float | None]:
+    """How a drive compares with the least time and the shortest way of its task.
+
+    Args:
+        outcome: "reached" counts alone.
+        time: it took [s].
+        path_length: driven [m].
+        shortest: length of the shortest way [m].
+        car: its limits.
+
+    Returns:
+        `shortest_length` [m]; `t_bound`, T_bound [s]; `sct`, T_bound / time, 0 if the goal was not
+        reached; `detour`, what was driven over the shortest way. Each None where the way is not
+        known.
+    """
+    if shortest is None:
+        return dict.fromkeys(("shortest_length", "t_bound", "sct", "detour"))
+    bound = time_bound(shortest, car, EpisodeConfig().goal_radius)
+    return {
+        "shortest_length": shortest,
+        "t_bound": bound,
+        "sct": bound / time if outcome == Outcome.REACHED else 0.0,
+        "detour": path_length / shortest,
+    }
 
 
 def attempt(
@@ -114,7 +161,7 @@ def drive(
     """
     task = task_of(settings, index)
     arm = ARMS[arm_name]
-    car = CarConfig(v_max=settings.v_max)
+    car = CarConfig(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
     resolution = task.world.grid.frame.resolution
     config = NavigatorConfig(
         window=settings.window,
@@ -149,6 +196,7 @@ def drive(
     promised = trace["kept"] >= 0
     result = {
         "arm": arm_name,
+        "vehicle": settings.vehicle,
         "index": index,
         "world": task.world.name,
         "seed": task.seed,
@@ -159,6 +207,8 @@ def drive(
         "outcome": str(episode.outcome),
         "time": float(episode.time),
         "path_length": float(episode.path_length),
+        **score(episode.outcome, episode.time, episode.path_length,
+                shortest_length(settings, index), car),
         "mean_speed": float(episode.mean_speed),
         "max_speed": float(episode.max_speed),
         "min_clearance": float(episode.min_clearance),
@@ -172,7 +222,7 @@ def drive(
         # Of the code that drove, which may be another machine's.
         "commit": commit(),
         "cycle_ms": [float(np.percentile(times, q)) for q in (50, 99)],
-    }
+    }  # fmt: skip
     frame = task.world.grid.frame
     arrays = {f"e{index}/{arm_name}/{name}": values for name, values in trace.items()}
     arrays[f"w{index}/cells"] = task.world.grid.cells

@@ -268,27 +268,30 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
 
 
 def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
-    """Speed along the plan, in the colours of the panel before, over what the front stands on."""
+    """Speed along the plan, coloured as before, over what the end that leads stands on."""
     plan = now.plan
     steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
     distance = np.concatenate([[0.0], np.cumsum(steps)])
-    front = Body().half_length
+    reverse = bool(plan[:, 3].min() < 0)
+    ahead = -Body().half_length if reverse else Body().half_length
     for k in range(len(steps)):
-        x = plan[k + 1, 0] + front * np.cos(plan[k + 1, 2])
-        y = plan[k + 1, 1] + front * np.sin(plan[k + 1, 2])
+        x = plan[k + 1, 0] + ahead * np.cos(plan[k + 1, 2])
+        y = plan[k + 1, 1] + ahead * np.sin(plan[k + 1, 2])
         row, col = now.known.frame.cell(float(x), float(y))
         rows, cols = now.known.frame.shape
         seen = 0 <= row < rows and 0 <= col < cols and bool(now.known.free[row, col])
         ax.axvspan(distance[k], distance[k + 1], color=SEEN_SAFE if seen else RELIED_COLOUR,
                    linewidth=0)  # fmt: skip
-    speed_line(ax, np.column_stack([distance, plan[:, 3]]), plan[:, 3], v_max, width=3.0)
+    speed = np.abs(plan[:, 3])
+    speed_line(ax, np.column_stack([distance, speed]), speed, v_max, width=3.0)
     ax.set_xlim(0, max(distance[-1] * 1.02, 0.1))
     ax.set_ylim(0, 1.05 * v_max)
-    ax.set_xlabel("distance ahead [m]")
+    ax.set_xlabel("distance driven in reverse [m]" if reverse else "distance ahead [m]")
     ax.set_ylabel("planned speed [m/s]")
     ax.set_box_aspect(1)
     _name(ax, "Where the plan comes to a stop", [
-        _patch(SEEN_SAFE, "front on seen ground"), _patch(RELIED_COLOUR, "on believed ground"),
+        _patch(SEEN_SAFE, f"{'rear' if reverse else 'front'} on seen ground"),
+        _patch(RELIED_COLOUR, "on believed ground"),
     ])  # fmt: skip
     ax.get_legend().set_bbox_to_anchor((0.5, -0.11))  # type: ignore[union-attr]
     ax.set_facecolor("white")

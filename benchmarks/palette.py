@@ -148,7 +148,7 @@ def draw_image(ax: Axes, image: NDArray, frame: GridFrame) -> None:
 def speed_line(
     ax: Axes, points: NDArray, speed: NDArray, v_max: float, width: float = 2.0
 ) -> LineCollection:
-    """A line through points (n, 2), each segment coloured by its mean speed."""
+    """A line through points (n, 2), each segment coloured by its mean speed, in either gear."""
     # A white rim sets the line off from whatever lies beneath.
     ax.plot(*points.T, color="white", linewidth=width + 1.5, solid_capstyle="round", zorder=4)
     segments = np.stack([points[:-1], points[1:]], axis=1)
@@ -156,7 +156,7 @@ def speed_line(
         list(segments), cmap=SPEED_COLOURS, norm=Normalize(0, v_max), linewidths=width, zorder=5,
         capstyle="round",
     )  # fmt: skip
-    line.set_array((speed[:-1] + speed[1:]) / 2)
+    line.set_array(np.abs(speed[:-1] + speed[1:]) / 2)
     ax.add_collection(line)
     return line
 

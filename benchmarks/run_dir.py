@@ -20,6 +20,9 @@ from predictor import Grid, GridFrame
 RESULTS, TRACES = "results.json", "traces.npz"
 """The files of a run."""
 
+UNNAMED = {"vehicle": "dubins"}
+"""Settings that older runs do not name, and what they were driven with."""
+
 NEEDED: dict[str, type | tuple[type, ...]] = {
     "arm": str, "index": int, "world": str, "start": list, "goal": list, "outcome": str,
     "time": (int, float), "path_length": (int, float), "mean_speed": (int, float),
@@ -61,6 +64,17 @@ class Trace:
         """Driven so far at each state [m], (T+1,)."""
         steps = np.hypot(*np.diff(self.states[:, :2], axis=0).T)
         return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @cached_property
+    def gears(self) -> NDArray[np.int8]:
+        """The gear of each tick's plan, 1 or -1, (T,); 1 throughout in older traces."""
+        return self["gears"] if "gears" in self else np.ones(len(self.states) - 1, np.int8)
+
+    @cached_property
+    def cusps(self) -> NDArray[np.int64]:
+        """Numbers of the states at which the car stands and then drives off the other way, (k,)."""
+        moving = np.flatnonzero(self.states[:, 3])
+        return moving[1:][np.diff(np.sign(self.states[moving, 3])) != 0] - 1
 
     @cached_property
     def limits(self) -> list[str]:
@@ -160,7 +174,7 @@ class Run:
             raise RunError(f"{path} holds no episodes")
         return cls(
             directory,
-            results["settings"],
+            UNNAMED | results["settings"],
             results["summary"],
             results["episodes"],
             Archive(directory / TRACES),
@@ -255,6 +269,12 @@ class Run:
         cells = self.archive.array(f"w{index}/cells")
         resolution, x, y = self.archive.array(f"w{index}/frame").tolist()
         return Grid(GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1])), cells)
+
+
+def verdict(episode: dict[str, Any]) -> str:
+    """A drive's time and, where it is known, its SCT."""
+    sct = episode.get("sct")
+    return f"{episode['time']:.1f} s" + ("" if sct is None else f" · SCT {sct:.2f}")
 
 
 def _line(error: Exception) -> str:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
 """`sim.families.FAMILIES`, whose import takes longer than a --help may."""
+VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
+"""The cars, and how fast each reverses [m/s]; 0: it has no reverse gear."""
 ARM_NAMES = ("known", "known+route", "predicted", "optimistic", "oracle", "full")
 
 
@@ -33,6 +35,7 @@ class Settings:
         expansion: predicted square over window.
         noise: standard deviation of the LIDAR's ranges [m].
         dropout: share of its beams that say nothing.
+        vehicle: "dubins" (forward only) or "reeds-shepp" (with a reverse gear).
     """
 
     world: tuple[str, ...] = ("corridor",)
@@ -47,6 +50,7 @@ class Settings:
     expansion: float = 2.0
     noise: float = 0.0
     dropout: float = 0.0
+    vehicle: str = "dubins"
 
     def __post_init__(self) -> None:
         for arm in self.arms:
@@ -54,6 +58,9 @@ class Settings:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARM_NAMES)}")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms wants each arm once, and at least one")
+        if self.vehicle not in VEHICLES:
+            raise UsageError(f"no vehicle is called {self.vehicle!r}; there are "
+                             f"{', '.join(VEHICLES)}")  # fmt: skip
         bounds = {
             "episodes": (1, 1_000_000), "seed": (0, 2**31), "risk": (0, 1), "v_max": (0.5, 10),
             "window": (1, 100), "expansion": (1, 4), "noise": (0, 0.5), "dropout": (0, 0.95),
@@ -129,6 +136,9 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
         help="standard deviation of the LIDAR's ranges [m]")  # fmt: skip
     add("--dropout", type=float, default=default.dropout, metavar="P",
         help="share of the LIDAR's beams that say nothing")  # fmt: skip
+    add("--vehicle", choices=tuple(VEHICLES), default=default.vehicle,
+        help="dubins: forward only; reeds-shepp: with a reverse gear, at most "
+        f"{VEHICLES['reeds-shepp']:g} m/s")  # fmt: skip
     add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
     add("--dask", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786: its "
         "workers drive, in place of processes here")  # fmt: skip
@@ -144,5 +154,6 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     settings = Settings(
         tuple(args.world), args.route, args.episodes, args.seed, arms, args.predictor, args.risk,
         args.v_max, args.window, args.expansion, args.noise, args.dropout,
+        args.vehicle,
     )  # fmt: skip
     return settings, Place(args.out, args.jobs, args.dask, args.baselines)

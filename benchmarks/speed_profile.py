@@ -18,7 +18,7 @@ from benchmarks.palette import (
     limit_colour,
     new_figure,
 )
-from benchmarks.run_dir import Run, RunError, Trace
+from benchmarks.run_dir import Run, RunError, Trace, verdict
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 """Line styles that tell runs apart."""
@@ -32,13 +32,14 @@ class _Drive:
     arm: str
     run: int
     outcome: str
-    time: float
-    mean_speed: float
+    verdict: str
     trace: Trace
 
 
 def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     """One episode's speed over distance for every arm of every run, strips of limits below.
+
+    Speeds in reverse are drawn below zero.
 
     Args:
         runs: one or more; each gives its own lines.
@@ -50,7 +51,8 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     if index is None:
         index = runs[0].showcase
     drives = _drives(runs, index)
-    many = max(len(run.indices) for run in runs) > 1
+    scored = all(episode.get("sct") is not None for run in runs for episode in run.episodes)
+    many = scored and max(len(run.indices) for run in runs) > 1
     strip = 0.27
     figure = new_figure(10, 3.9 + strip * len(drives) + 0.5)
     axes = figure.subplots(
@@ -67,7 +69,6 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     axes[0, 0].set_title(f"Episode {index} · {world}", loc="left", fontsize=11, color=INK, pad=pad)
     if many:
         _all_episodes(axes[0, 1], runs, drives)
-        axes[0, 1].sharey(axes[0, 0])
         axes[1, 1].set_visible(False)
     used = {limit for drive in drives for limit in drive.trace.limits}
     order = [limit for limit in LIMIT_COLOURS if limit in used] + sorted(used - set(LIMIT_COLOURS))
@@ -96,8 +97,7 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
                     arm=arm,
                     run=number,
                     outcome=episode["outcome"],
-                    time=episode["time"],
-                    mean_speed=episode["mean_speed"],
+                    verdict=verdict(episode),
                     trace=run.trace(index, arm),
                 )
             )
@@ -118,7 +118,13 @@ def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:
                 zorder=5, clip_on=False)  # fmt: skip
     longest = max(drive.trace.distance[-1] for drive in drives)
     ax.set_xlim(0, max(longest, 0.1))
-    ax.set_ylim(0, 1.12 * v_max)
+    lowest = min(float(drive.trace.states[:, 3].min()) for drive in drives)
+    ax.set_ylim(min(0.0, lowest - 0.08 * v_max if lowest < 0 else 0.0), 1.12 * v_max)
+    if lowest < 0:
+        ax.axhline(0.0, color="#999999", linewidth=0.8)
+        ax.annotate("in reverse", (1, 0), (-2, -2), xycoords=("axes fraction", "data"),
+                    textcoords="offset points", fontsize=8, color="#777777", ha="right",
+                    va="top")  # fmt: skip
     ax.set_ylabel("speed [m/s]")
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9,
               ncols=6 if len(drives) <= 6 and drives[-1].run == 0 else 3,
@@ -136,7 +142,7 @@ def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
         )  # fmt: skip
         word = "" if drive.outcome == "reached" else f"{drive.outcome.replace('_', ' ')} · "
         ax.annotate(
-            f" {word}{drive.time:.1f} s · {drive.mean_speed:.2f} m/s", (distance[-1], row),
+            f" {word}{drive.verdict}", (distance[-1], row),
             (4, 0), textcoords="offset points", va="center", fontsize=8, color=INK,
             annotation_clip=False,
         ).set_in_layout(not room)  # fmt: skip
@@ -151,24 +157,23 @@ def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
 
 
 def _all_episodes(ax: Axes, runs: Sequence[Run], drives: list[_Drive]) -> None:
-    """Mean speed of each episode, a column for each line, so that one drive is not all one sees."""
+    """SCT of each episode, a column for each line, so that one drive is not all one sees."""
     rng = np.random.default_rng(0)
     for column, drive in enumerate(drives):
         episodes = [e for e in runs[drive.run].episodes if e["arm"] == drive.arm]
         x = column + rng.uniform(-0.2, 0.2, len(episodes))
         for mark in sorted(set(OUTCOME_MARKS.values())):
             here = [i for i, e in enumerate(episodes) if OUTCOME_MARKS.get(e["outcome"]) == mark]
-            ax.scatter(x[here], [episodes[i]["mean_speed"] for i in here], marker=mark,
+            ax.scatter(x[here], [episodes[i]["sct"] for i in here], marker=mark,
                        s=30 if mark == "X" else 12, color=arm_colour(drive.arm), alpha=0.55,
                        linewidths=0)  # fmt: skip
-        time = sum(e["time"] for e in episodes)
-        mean = sum(e["path_length"] for e in episodes) / time if time > 0 else 0.0
+        mean = np.mean([e["sct"] for e in episodes])
         ax.plot([column - 0.35, column + 0.35], [mean, mean], color=INK, linewidth=1.6)
     count = max(len(run.indices) for run in runs)
-    ax.set_title(f"mean speed,\nall {count} episodes", fontsize=9, color=INK)
+    ax.set_title(f"SCT,\nall {count} episodes", fontsize=9, color=INK)
     ax.set_xlim(-0.6, len(drives) - 0.4)
     ax.set_xticks([])
-    ax.tick_params(labelleft=False)
+    ax.set_ylim(-0.03, 1.03)
     _plain(ax)
 
 

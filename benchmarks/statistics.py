@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,13 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 Result = dict[str, Any]
+Arms = dict[str, list[Result]]
+"""arm → its results on the paired episodes, in one order."""
+
+MIN_WORLDS = 5
+"""An interval over worlds is given from no fewer distinct ones."""
+GAP = ("known", "predicted", "oracle")
+"""Arms whose gap is shared."""
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
@@ -74,35 +82,138 @@ def grouped_mean(
     return {"value": float(total[0] / total[1]), "low": ends[0], "high": ends[1], "groups": count}
 
 
-def paired_speed(arms: dict[str, list[Result]], arm: str) -> dict[str, Any]:
-    """Σ path length / Σ time of an arm over all paired episodes, interval over worlds [m/s]."""
-    return _interval(arms, (arm,), lambda speeds: speeds[0])
+def estimate(
+    worlds: Sequence[str],
+    entries: NDArray[np.float64],
+    statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> dict[str, Any]:
+    """A statistic of sums over episodes, as `bootstrap` takes it, with its 95 % interval.
 
-
-def difference(arms: dict[str, list[Result]], arm: str, baseline: str) -> dict[str, Any]:
-    """Speed of an arm less that of a baseline, on the same episodes [m/s]."""
-    return _interval(arms, (arm, baseline), lambda speeds: speeds[0] - speeds[1])
-
-
-def share_of_gap(arms: dict[str, list[Result]]) -> dict[str, Any] | None:
-    """(v_predicted - v_known) / (v_oracle - v_known), or None where there is no gap to share.
-
-    None, too, where the interval of the denominator contains 0.
+    Returns:
+        `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` distinct worlds,
+        which say too little of others.
     """
-    names = ("known", "predicted", "oracle")
-    if not arms.keys() >= set(names) or difference(arms, "oracle", "known")["low"] <= 0:
+    value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
+    low, high = None, None
+    if len(set(worlds)) >= MIN_WORLDS:
+        low, high = bootstrap(worlds, entries, statistic)
+    return {"value": value, "low": low, "high": high}
+
+
+def paired_speed(arms: Arms, arm: str) -> dict[str, Any]:
+    """Σ path length / Σ time of an arm over all paired episodes, interval over worlds [m/s]."""
+    return _of_speeds(arms, (arm,), lambda speeds: speeds[0])
+
+
+def difference(arms: Arms, arm: str, baseline: str) -> dict[str, Any]:
+    """Speed of an arm less that of a baseline, on the same episodes [m/s]."""
+    return _of_speeds(arms, (arm, baseline), lambda speeds: speeds[0] - speeds[1])
+
+
+def success(arms: Arms, arm: str) -> dict[str, Any] | None:
+    """An arm's SCT, success weighted by completion time (Yokoyama, Ha and Batra 2021).
+
+    The mean over episodes of T_bound / time where the goal was reached, else of 0.
+
+    Returns:
+        None if no episode has one in every arm: results of older runs have none.
+    """
+    scored = _scored(arms)
+    return _mean_difference(scored, arm) if scored[arm] else None
+
+
+def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
+    """Σ time of an arm / Σ time of a baseline over the episodes that both reached, paired.
+
+    Returns:
+        Its interval is over worlds; `episodes` says how many there are. None if there are none.
+    """
+    both = _reached(arms, (arm, baseline))
+    if not both[arm]:
+        return None
+    times = np.array([[result["time"] for result in both[name]] for name in (arm, baseline)])
+    ratio = estimate(_worlds(both), times, lambda sums: sums[0] / np.maximum(sums[1], 1e-9))
+    return ratio | {"episodes": len(both[arm])}
+
+
+def share_of_gap(arms: Arms) -> dict[str, Any] | None:
+    """(predicted - known) / (oracle - known) in SCT, with its 95 % interval over worlds.
+
+    Returns:
+        None where the interval of the denominator reaches 0, from fewer than `MIN_WORLDS` worlds,
+        and where arms or SCTs are missing.
+    """
+    if not arms.keys() >= set(GAP):
+        return None
+    scored = _scored(arms)
+    if not scored["known"]:
+        return None
+    return _share(scored, "sct", _mean_difference(scored, "oracle", "known", "sct"))
+
+
+def share_of_time(arms: Arms) -> dict[str, Any] | None:
+    """(predicted - known) / (oracle - known) in time, over the episodes that all three reached.
+
+    Only on a prescribed route: else a detour that prediction saves counts as driving faster.
+
+    Returns:
+        None where the interval of the denominator reaches 0, from fewer than `MIN_WORLDS` worlds,
+        and where an arm is missing.
+    """
+    if not arms.keys() >= set(GAP):
+        return None
+    reached = _reached(arms, GAP)
+    if not reached["known"]:
+        return None
+    return _share(reached, "time", _mean_difference(reached, "known", "oracle", "time"))
+
+
+def _share(arms: Arms, key: str, gap: dict[str, Any]) -> dict[str, Any] | None:
+    """The share in one figure; `gap` is by how much the oracle is the better one in it."""
+    if gap["low"] is None or gap["low"] <= 0:
         return None
 
-    def share(speeds: NDArray[np.float64]) -> NDArray[np.float64]:
-        known, predicted, oracle = speeds
-        gap = np.where(oracle == known, np.nan, oracle - known)
-        return np.asarray((predicted - known) / gap)
+    def share(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        known, predicted, oracle = sums
+        return np.asarray((predicted - known) / np.where(oracle == known, np.nan, oracle - known))
 
-    return _interval(arms, names, share)
+    values = np.array([[result[key] for result in arms[name]] for name in GAP])
+    return estimate(_worlds(arms), values, share)
 
 
-def _interval(
-    arms: dict[str, list[Result]],
+def _mean_difference(
+    arms: Arms, arm: str, baseline: str | None = None, key: str = "sct"
+) -> dict[str, Any]:
+    """Mean over episodes of a figure of an arm, less that of a baseline if there is one."""
+    values = np.array([result[key] for result in arms[arm]], dtype=np.float64)
+    if baseline is not None:
+        values = values - [result[key] for result in arms[baseline]]
+    entries = np.stack([values, np.ones(len(values))])
+    return estimate(_worlds(arms), entries, lambda sums: sums[0] / sums[1])
+
+
+def _scored(arms: Arms) -> Arms:
+    """Only the episodes that have an SCT in every arm."""
+    return _only(arms, lambda result: result.get("sct") is not None)
+
+
+def _reached(arms: Arms, names: tuple[str, ...]) -> Arms:
+    """Only some arms, and only the episodes that all of them reached."""
+    chosen = {name: arms[name] for name in names}
+    return _only(chosen, lambda result: bool(result["outcome"] == "reached"))
+
+
+def _only(arms: Arms, wanted: Callable[[Result], bool]) -> Arms:
+    keep = [all(map(wanted, results)) for results in zip(*arms.values(), strict=True)]
+    return {name: list(compress(results, keep)) for name, results in arms.items()}
+
+
+def _worlds(arms: Arms) -> list[str]:
+    return [result["world"] for result in next(iter(arms.values()))]
+
+
+def _of_speeds(
+    arms: Arms,
     names: tuple[str, ...],
     of_speeds: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> dict[str, Any]:
@@ -114,8 +225,7 @@ def _interval(
     def value(sums: NDArray[np.float64]) -> NDArray[np.float64]:
         return of_speeds(sums[: len(names)] / np.maximum(sums[len(names) :], 1e-9))
 
-    low, high = bootstrap([result["world"] for result in arms[names[0]]], entries, value)
-    return {"value": float(value(entries.sum(axis=1, keepdims=True))[0]), "low": low, "high": high}
+    return estimate(_worlds(arms), entries, value)
 
 
 def mcnemar(first: list[Result], second: list[Result], outcome: str) -> float:
@@ -137,5 +247,4 @@ def realised_risk(results: Sequence[Result]) -> dict[str, Any] | None:
     if not made:
         return None
     shares = np.array([broken[world] / made[world] for world in made])
-    low, high = bootstrap(list(made), shares[None], lambda sums: sums[0] / len(shares))
-    return {"value": float(shares.mean()), "low": low, "high": high}
+    return estimate(list(made), shares[None], lambda sums: sums[0] / len(shares))

@@ -11,7 +11,7 @@ import platform
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
-from benchmarks.run_dir import RESULTS, TRACES, Run, RunError
+from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, RunError
 from benchmarks.settings import Settings, UsageError
+from benchmarks.statistics import Result
 from benchmarks.summary import gap, summarise
 from predictor.whole import write_whole
 
@@ -65,7 +66,7 @@ class Store:
         marker = out / "settings.json"
         if marker.exists():
             try:
-                theirs = dict(json.loads(marker.read_text()))
+                theirs = UNNAMED | dict(json.loads(marker.read_text()))
             except (ValueError, TypeError, OSError) as error:
                 raise UsageError(f"--out: {marker} cannot be read: {error}") from None
             other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
@@ -97,10 +98,19 @@ class Store:
         write_whole(self.parts / _part(result), buffer.getvalue())
         self.episodes.append(result)
 
-    def pack(self) -> dict[str, Any]:
-        """Write results.json and traces.npz from all that is finished, and return the results."""
+    def pack(self, optimum: Callable[[Result], float | None] | None = None) -> dict[str, Any]:
+        """Write results.json and traces.npz from all that is finished, and return the results.
+
+        Args:
+            optimum: an episode's T_opt [s], None where it is not known; by default episodes keep
+                the one that they have.
+        """
         arms = self.settings.arms
-        chosen = [e for e in self.episodes if self._wanted(e)]
+        # Older drives lack these.
+        given: Result = {"vehicle": self.settings.vehicle, "t_opt": None}
+        chosen = [given | e for e in self.episodes if self._wanted(e)]
+        if optimum is not None:
+            chosen = [e | {"t_opt": optimum(e)} for e in chosen]
         chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
         # An interrupt may have left a drive on disk alone, for the next time.
         known = {_part(e) for e in self.episodes}
@@ -113,7 +123,7 @@ class Store:
             "version": version("foresee"),
             "commit": self.commit,
             "summary": summarise(chosen, arms),
-            "gap": gap(chosen, arms),
+            "gap": gap(chosen, arms, self.settings.route),
             "skipped": {str(k): v for k, v in self.skipped.items()},
             "lost": self.lost,
             "episodes": chosen,

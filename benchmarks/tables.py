@@ -10,6 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+DASH = "–"
+"""In place of an interval that is not given: there are too few worlds."""
+
 
 def markdown(rows: list[list[str]]) -> str:
     """A table whose first row is its head, padded so that it reads well as plain text too."""
@@ -49,29 +52,45 @@ def summarised(run: dict[str, Any]) -> dict[str, Any]:
     from benchmarks.summary import gap, summarise
 
     episodes, arms = run["episodes"], tuple(run["settings"]["arms"])
-    return run | {"summary": summarise(episodes, arms), "gap": gap(episodes, arms)}
+    route = run["settings"]["route"]
+    return run | {"summary": summarise(episodes, arms), "gap": gap(episodes, arms, route)}
 
 
 def overview(runs: dict[str, dict[str, Any]]) -> str:
     """One line for each comparison: what prediction bought there, and at which price.
 
+    A figure that older results do not hold is left blank.
+
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`.
     """
     arms = ("known", "predicted", "oracle")
-    rows = [["`known` / `predicted` / `oracle`", "episodes", "reached", "collided", "speed [m/s]",
-             "`predicted` faster by [m/s]", "of the gap closed"]]  # fmt: skip
+    rows = [["`known` / `predicted` / `oracle`", "car", "episodes", "SCT",
+             "time ratio `predicted` to `known`", "gap closed in SCT", "gap closed in time",
+             "detour", "speed [m/s]", "reached", "collided"]]  # fmt: skip
     for name, run in runs.items():
         of = [run["summary"][arm] for arm in arms]
-        faster, share = of[1]["faster_than_known"], run["gap"]
+
+        def three(key: str, form: str, of: list[dict[str, Any]] = of) -> str:
+            values = [entry[key] for entry in of]
+            return "" if None in values else " / ".join(format(value, form) for value in values)
+
+        ratio, shares = of[1]["time_ratio"], run["gap"]
+        closed = ["" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
+                  for key in ("sct", "time")]  # fmt: skip
+        if shares["sct"] is None and of[0]["sct_interval"] is not None:
+            closed[0] = "no gap"
         rows.append([
             name,
+            of[0]["vehicle"],
             str(of[0]["episodes"]),
-            " / ".join(str(entry["reached"]) for entry in of),
-            " / ".join(str(entry["collided"]) for entry in of),
-            " / ".join(f"{entry['mean_speed']:.2f}" for entry in of),
-            interval(faster, "+.2f"),
-            "no gap" if share is None else interval(share, ".0f", 100.0) + " %",
+            three("sct", ".3f"),
+            "" if ratio is None else interval(ratio, ".2f"),
+            *closed,
+            three("detour", ".2f"),
+            three("mean_speed", ".2f"),
+            three("reached", "d"),
+            three("collided", "d"),
         ])  # fmt: skip
     return markdown(rows)
 
@@ -85,10 +104,9 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
     from benchmarks.summary import broken
 
     rows = [["run", "predictor", "expansion", "ε", "promises broken (95 % over worlds)", "episodes",
-             "reached", "collided", "speed [m/s]"]]  # fmt: skip
+             "reached", "collided", "SCT", "speed [m/s]"]]  # fmt: skip
     for name, run in runs.items():
         settings, entry = run["settings"], run["summary"]["predicted"]
-        low, high = entry["mean_speed_interval"]
         rows.append([
             name,
             f"`{Path(settings['predictor']).stem}`",
@@ -96,7 +114,8 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
             f"{settings['risk']:g}",
             broken(entry),
             *(str(entry[key]) for key in ("episodes", "reached", "collided")),
-            f"{entry['mean_speed']:.2f} ({low:.2f}–{high:.2f})",
+            figure(entry["sct"], entry["sct_interval"], ".3f"),
+            figure(entry["mean_speed"], entry["mean_speed_interval"], ".2f"),
         ])  # fmt: skip
     return markdown(rows)
 
@@ -119,9 +138,20 @@ def scores(runs: dict[str, dict[str, Any]]) -> str:
     return markdown(rows)
 
 
-def interval(value: dict[str, float], form: str, factor: float = 1.0) -> str:
-    """A value and its 95 % interval."""
-    mid, low, high = (format(factor * value[name], form) for name in ("value", "low", "high"))
+def figure(value: float | None, ends: list[float] | None, form: str) -> str:
+    """A value and the ends of its 95 % interval, or a dash in its place; blank without a value."""
+    if value is None:
+        return ""
+    told = DASH if ends is None else "–".join(format(end, form) for end in ends)
+    return f"{format(value, form)} ({told})"
+
+
+def interval(value: dict[str, Any], form: str, factor: float = 1.0) -> str:
+    """A value and its 95 % interval, or a dash in its place."""
+    mid = format(factor * value["value"], form)
+    if value["low"] is None:
+        return f"{mid} ({DASH})"
+    low, high = (format(factor * value[name], form) for name in ("low", "high"))
     return f"{mid} ({low} to {high})"
 
 

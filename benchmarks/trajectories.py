@@ -22,11 +22,12 @@ from benchmarks.palette import (
     scale_bar,
     speed_line,
 )
-from benchmarks.run_dir import Run, Trace
+from benchmarks.run_dir import Run, Trace, verdict
 from predictor import Grid
 
 MARGIN = 2.5
 """Shown of the building around the drives [m]."""
+CUSP_MARK = "D"
 START_COLOUR, GOAL_COLOUR, CRASH_COLOUR = "#0072B2", "#009E73", "#C00000"
 
 
@@ -82,6 +83,8 @@ def _marks(run: Run, indices: Sequence[int]) -> list[Line2D]:
     """The legend: only the marks that occur."""
     seen = {e["outcome"] for e in run.episodes if e["index"] in indices}
     marks = [("o", START_COLOUR, 7, "start"), ("*", GOAL_COLOUR, 13, "goal")]
+    if any(len(run.trace(i, arm).cusps) for i in indices for arm in run.arms_of(i)):
+        marks.append((CUSP_MARK, INK, 5, "change of gear"))
     if "collided" in seen:
         marks.append(("X", CRASH_COLOUR, 11, "collision"))
     if seen & {"stuck", "timed_out"}:
@@ -121,6 +124,7 @@ def _drive(
         "zorder": 7,
         "linestyle": "none",
     }
+    ax.plot(*states[trace.cusps, :2].T, CUSP_MARK, color=INK, markersize=5, **style)
     ax.plot(*states[0, :2], "o", color=START_COLOUR, markersize=7, **style)
     ax.plot(*episode["goal"], "*", color=GOAL_COLOUR, markersize=13, **style)
     if episode["outcome"] == "collided":
@@ -139,5 +143,5 @@ def _title(ax: Axes, arm: str, episode: dict[str, Any]) -> None:
     if episode["outcome"] == "collided" and impact is not None:
         word += f" at {impact:.1f} m/s"
     colour = INK if episode["outcome"] == "reached" else CRASH_COLOUR
-    ax.annotate(f"{word} · {episode['time']:.1f} s", (0, 1), (0, 4), xycoords="axes fraction",
+    ax.annotate(f"{word} · {verdict(episode)}", (0, 1), (0, 4), xycoords="axes fraction",
                 textcoords="offset points", fontsize=9, color=colour)  # fmt: skip

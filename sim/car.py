@@ -15,10 +15,13 @@ from sim.world import World
 SPACING = 0.2
 """How far a corner of the body moves between two poses tested for collision [cells]."""
 
+REST = 1e-6
+"""A car slower than this stands: braking may leave a rounding error of its speed [m/s]."""
+
 
 @dataclass(frozen=True)
 class CarConfig:
-    """A fast indoor robot; it cannot reverse.
+    """A fast indoor robot; by default it has no reverse gear.
 
     Attributes:
         v_max: top speed [m/s].
@@ -27,6 +30,7 @@ class CarConfig:
         lateral_acceleration: hardest cornering, v²·κ [m/s²].
         turning_radius: of the tightest arc [m].
         body: the rectangle around (x, y).
+        reverse: top speed in reverse [m/s]; 0: no reverse gear.
     """
 
     v_max: float = 4.0
@@ -35,11 +39,13 @@ class CarConfig:
     lateral_acceleration: float = 3.0
     turning_radius: float = 0.8
     body: Body = field(default_factory=Body)
+    reverse: float = 0.0
 
     def __post_init__(self) -> None:
         check_finite(
             self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
         )
+        check_finite(self, "reverse", zero=True)
 
     @property
     def max_curvature(self) -> float:
@@ -48,7 +54,12 @@ class CarConfig:
 
 
 class DubinsCar:
-    """State [x, y, yaw, v], control [acceleration, curvature], in closed form.
+    """State [x, y, yaw, v], control [acceleration, curvature] or with a gear, in closed form.
+
+    The speed v is negative when the car rolls backwards. The third entry of a control is the gear:
+    +1 forwards (the default) or -1 backwards. It is changed at standstill only: a car that moves
+    stays in the gear of its motion, whatever is asked for. The acceleration acts along the gear:
+    positive values raise |v|, negative ones brake to standstill and never beyond.
 
     Args:
         config: the car's limits.
@@ -58,13 +69,14 @@ class DubinsCar:
         self.config = config or CarConfig()
 
     def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
-        """The state (4,) after `dt` [s] of constant control (2,).
+        """The state (4,) after `dt` [s] of constant control, (2,) or (3,).
 
-        Control beyond the limits is cut to them. Speed saturates at 0 and at v_max, inside the step
-        too, so the path is one circular arc.
+        Control beyond the limits is cut to them. |v| saturates at 0 and at the gear's top speed,
+        inside the step too, so the path is one circular arc.
 
         Raises:
-            ValueError: if something is not finite, the speed or `dt` negative.
+            ValueError: if something is not finite, `dt` negative, the gear neither 1 nor -1, or if
+                a car without a reverse gear is asked to reverse.
         """
         x, y, yaw, length, v_end, curvature = self._arc(state, control, dt)
         return np.array([*along_arc(x, y, yaw, curvature, length), v_end])
@@ -83,7 +95,7 @@ class DubinsCar:
             raise ValueError(f"spacing is {spacing} m, it must be positive")
         x, y, yaw, length, _, curvature = self._arc(state, control, dt)
         # A point of the body moves at most (1 + |κ|·radius) times as far as its centre.
-        swept = length * (1.0 + abs(curvature) * self.config.body.radius)
+        swept = abs(length) * (1.0 + abs(curvature) * self.config.body.radius)
         count = max(1, math.ceil(swept / spacing))
         steps = (length * i / count for i in range(1, count + 1))
         return np.array([along_arc(x, y, yaw, curvature, s) for s in steps])
@@ -97,21 +109,34 @@ class DubinsCar:
     def _arc(
         self, state: ArrayLike, control: ArrayLike, dt: float
     ) -> tuple[float, float, float, float, float, float]:
-        """Start x, y, yaw; then the arc's length, the speed at its end, and its curvature."""
+        """Start x, y, yaw; then the arc's signed length, the speed at its end, its curvature."""
         x, y, yaw, v = (float(value) for value in np.asarray(state, dtype=np.float64))
-        acceleration, curvature = (float(value) for value in np.asarray(control, dtype=np.float64))
+        acceleration, curvature, *rest = np.asarray(control, dtype=np.float64).tolist()
         if not math.isfinite(x + y + yaw + v + acceleration + curvature + dt):
             raise ValueError(f"state {state!r}, control {control!r}, dt {dt} must be finite")
-        if v < 0 or dt < 0:
-            raise ValueError(f"speed {v} m/s and dt {dt} s may not be negative")
+        if dt < 0:
+            raise ValueError(f"dt {dt} s may not be negative")
         config = self.config
+        gear = self._gear(v, *rest)
         acceleration = min(max(acceleration, -config.braking), config.acceleration)
-        length, v_end = travel(v, acceleration, dt, config.v_max)
-        fastest = max(v, v_end)
+        top = config.v_max if gear > 0 else config.reverse
+        length, end_speed = travel(abs(v), acceleration, dt, top)
+        fastest = max(abs(v), end_speed)
         tightest = config.max_curvature
         if tightest * fastest**2 > config.lateral_acceleration:
             tightest = config.lateral_acceleration / fastest**2
-        return x, y, yaw, length, v_end, min(max(curvature, -tightest), tightest)
+        curvature = min(max(curvature, -tightest), tightest)
+        # Adding 0 turns a negative zero, the speed after braking in reverse, into a plain one.
+        return x, y, yaw, gear * length, gear * end_speed + 0.0, curvature
+
+    def _gear(self, v: float, asked: float = 1.0) -> float:
+        """The gear of a step: that of the motion, or at standstill the one asked for."""
+        if asked not in (1.0, -1.0):
+            raise ValueError(f"gear is {asked}, it must be 1 or -1")
+        if self.config.reverse == 0 and (asked < 0 or v < 0):
+            what = f"speed {v} m/s is negative" if v < 0 else "gear is -1"
+            raise ValueError(f"{what}, but the car has no reverse gear")
+        return asked if abs(v) < REST else math.copysign(1.0, v)
 
 
 class PaperCar:

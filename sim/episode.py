@@ -67,9 +67,9 @@ class Episode:
         time: [s].
         path_length: driven [m].
         mean_speed: path_length / time [m/s].
-        max_speed: [m/s].
+        max_speed: in either gear [m/s].
         min_clearance: least distance between the body and something solid [m].
-        stops: times that the car came to rest after it had set off.
+        stops: times that the car came to rest after it had set off, in either gear.
         impact_speed: at a collision [m/s], else None.
         faults: kind → ticks in which it was survived.
         paths: who planned the paths that were followed → how many.
@@ -101,8 +101,9 @@ def run_episode(
     """Drive until the goal, a collision, the time limit, or until nothing moves.
 
     The trace, T ticks long:
-        `states` (T+1, 4), `controls` (T, 2), `limits` (T,) index into `limit_names`;
-        `plans` (T, N, 2) float16, the controls of each plan; `emergency`, `unsolved` (T,) bool;
+        `states` (T+1, 4), the speed negative in reverse; `controls` (T, 2); `limits` (T,) index
+        into `limit_names`; `plans` (T, N, 2) float16, the controls of each plan, and `gears` (T,)
+        int8, the gear it is driven in, 1 or -1; `emergency`, `unsolved` (T,) bool;
         `relied_count` (T,), `relied_cells` (Σ, 2) int16 row and column in the world's frame and
         `relied_trust` (Σ,) uint8 in 1/255: which cells not seen each plan swept, and their
         confidence · p_free; `kept` (T,) int8: 1 if nothing solid was among them, 0 if the
@@ -136,7 +137,7 @@ def run_episode(
         decision = driver.step(state, scan)
         log.record(tick, decision, driver.known, task, scan_ms)
         collided = car.collides(world, state, decision.control, config.dt)
-        before = float(state[3])
+        before = abs(float(state[3]))
         state = car.step(state, decision.control, config.dt)
         states.append(state)
         if collided:
@@ -153,7 +154,7 @@ def run_episode(
     drive = np.array(states)
     length = float(np.hypot(*np.diff(drive[:, :2], axis=0).T).sum())
     duration = (len(drive) - 1) * config.dt
-    speed = drive[:, 3]
+    speed = np.abs(drive[:, 3])
     return Episode(
         outcome=outcome,
         time=duration,
@@ -197,8 +198,8 @@ class _Log:
         self._first_seen = np.zeros(shape, dtype=np.int16)
         self._rows: dict[str, list[Any]] = {
             name: []
-            for name in ("controls", "plans", "limits", "emergency", "unsolved", "relied_count",
-                         "relied_cells", "relied_trust", "kept", "times")
+            for name in ("controls", "gears", "plans", "limits", "emergency", "unsolved",
+                         "relied_count", "relied_cells", "relied_trust", "kept", "times")
         }  # fmt: skip
         self._time_names: list[str] = []
         self._moment: tuple[int, int, Any] | None = None
@@ -208,7 +209,8 @@ class _Log:
     ) -> None:
         rows = self._rows
         frame, solid = task.world.grid.frame, task.world.solid
-        rows["controls"].append(decision.control)
+        rows["controls"].append(decision.control[:2])
+        rows["gears"].append(decision.control[2] if len(decision.control) == 3 else 1)
         rows["plans"].append(decision.plan.controls.astype(np.float16))
         rows["limits"].append(str(decision.limit))
         rows["emergency"].append(decision.emergency)
@@ -247,8 +249,9 @@ class _Log:
     def arrays(self) -> dict[str, NDArray]:
         rows = self._rows
         names = sorted(set(rows["limits"]))
-        out = {
+        out: dict[str, NDArray] = {
             "controls": np.array(rows["controls"], dtype=np.float32),
+            "gears": np.array(rows["gears"], dtype=np.int8),
             "plans": np.array(rows["plans"]),
             "limits": np.array([names.index(name) for name in rows["limits"]], dtype=np.uint8),
             "limit_names": np.array(names),

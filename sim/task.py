@@ -27,6 +27,8 @@ SLACK = 1.1
 """How much wider than the car's tightest arc those of the way are."""
 MARGIN = 10.0
 """How far beyond start and goal a blank grid reaches [m]; it grows from there."""
+NO_TRIP = 5.0
+"""A goal nearer to the start than this, in a straight line, is drawn again [m]."""
 STARTS = 25
 """Starts tried before a world is given up."""
 SHORTEST_LEG, LONGEST_LEG = 8.0, 40.0
@@ -78,10 +80,11 @@ def sample_task(
     min_length: float = 20.0,
     max_length: float = 80.0,
 ) -> Task:
-    """Draw a start and a goal that this car, which cannot reverse, can drive between.
+    """Draw a start and a goal that this car can drive between, forwards all the way.
 
     The start has room around it and looks along free space; the goal is drawn from the far part of
-    what can be reached from there. The same seed gives the same task.
+    what can be reached from there, at least `NO_TRIP` from the start in a straight line. The same
+    seed gives the same task.
 
     Args:
         world: where to drive.
@@ -113,6 +116,14 @@ def sample_task(
         goals &= (lengths >= max(min_length, 0.6 * reach)) & (lengths <= max_length)
         if goals.any():
             chosen = int(rng.choice(np.flatnonzero(goals)))
+            away = np.hypot(*(poses[:, :2] - poses[0, :2]).T) >= NO_TRIP
+            if not away[chosen]:
+                # Drawing again until one is far enough is drawing among those that are. Only after
+                # a first draw: it leaves all other tasks as they are.
+                goals &= away
+                if not goals.any():
+                    continue
+                chosen = int(rng.choice(np.flatnonzero(goals)))
             way = _trace(poses, parents, chosen)
             goal = (float(way[-1, 0]), float(way[-1, 1]))
             return Task(world, start, goal, _thinned(way), float(lengths[chosen]), seed)

@@ -12,6 +12,7 @@ from sim.lidar import Lidar, LidarConfig
 from sim.world import World
 
 CAR = DubinsCar()
+TWO_GEARS = DubinsCar(CarConfig(reverse=0.5))
 state = st.tuples(
     st.floats(-50, 50), st.floats(-50, 50), st.floats(-math.pi, math.pi), st.floats(0, 4)
 )
@@ -116,6 +117,78 @@ def test_no_corner_moves_further_than_the_spacing(state, control, dt, spacing):
     assert np.hypot(np.diff(xs, axis=0), np.diff(ys, axis=0)).max(initial=0) <= spacing + 1e-9
 
 
+@given(state, control, interval)
+def test_a_reverse_gear_changes_nothing_about_driving_forwards(state, control, dt):
+    end = CAR.step(state, control, dt)
+    assert np.array_equal(TWO_GEARS.step(state, control, dt), end)
+    assert np.array_equal(TWO_GEARS.step(state, (*control, 1), dt), end)
+    poses = CAR.motion(state, control, dt, 0.05)
+    assert np.array_equal(TWO_GEARS.motion(state, (*control, 1), dt, 0.05), poses)
+
+
+@given(state, control, interval)
+def test_driving_backwards_mirrors_driving_forwards(state, control, dt):
+    # The same drive seen by someone who faces the other way: left and right change places.
+    slow = DubinsCar(CarConfig(v_max=TWO_GEARS.config.reverse))
+    x, y, yaw, v = state
+    v = min(v, slow.config.v_max)
+    back = TWO_GEARS.step((x, y, yaw, -v), (*control, -1), dt)
+    faced = slow.step((x, y, yaw + math.pi, v), (control[0], -control[1]), dt)
+    assert same_pose(back, faced + np.array([0, 0, math.pi, 0]))
+    assert back[3] == -faced[3]
+
+
+@given(state, control, interval, st.sampled_from([1, -1]))
+def test_each_gear_has_its_top_speed(state, control, dt, gear):
+    v = TWO_GEARS.step((*state[:3], 0.0), (*control, gear), dt)[3]
+    assert 0 <= gear * v <= (4.0 if gear > 0 else 0.5)
+
+
+@given(state, control, interval, st.sampled_from([1, -1]))
+def test_a_car_that_moves_stays_in_its_gear(state, control, dt, gear):
+    x, y, yaw, v = state
+    for speed in (v + 0.01, -(v + 0.01) / 10):
+        moved = TWO_GEARS.step((x, y, yaw, speed), (*control, gear), dt)
+        own = TWO_GEARS.step((x, y, yaw, speed), (*control, math.copysign(1, speed)), dt)
+        assert np.array_equal(moved, own)
+        assert moved[3] * speed >= 0
+
+
+def test_a_car_backs_up_only_after_it_has_come_to_rest():
+    state = np.array([0.0, 0.0, 0.0, 0.3])
+    state = TWO_GEARS.step(state, (-1.5, 0, -1), 1.0)
+    assert state[3] == 0
+    assert math.copysign(1, TWO_GEARS.step(state, (-1.5, 0, -1), 1.0)[3]) == 1
+    back = TWO_GEARS.step(state, (1.0, 0.5, -1), 0.4)
+    assert back[3] == pytest.approx(-0.4)
+    assert back[0] < state[0]
+    assert back[2] < 0  # Curvature to the left: backwards the yaw falls.
+    assert TWO_GEARS.step(back, (-1.5, 0), 5.0)[3] == 0
+
+
+def test_a_rounding_error_of_the_speed_does_not_hold_the_gear():
+    for v in (2e-16, -2e-16):
+        for gear in (1, -1):
+            assert TWO_GEARS.step((0, 0, 0, v), (1.0, 0, gear), 0.1)[3] == pytest.approx(0.1 * gear)
+
+
+def test_a_car_that_backs_into_a_wall_has_collided():
+    world = walled()
+    state = (-0.5, 0.0, 0.0, 0.0)
+    assert not TWO_GEARS.collides(world, state, (1.5, 0, 1), 1.0)
+    assert TWO_GEARS.collides(world, state, (1.5, 0, -1), 1.0)
+
+
+@given(state, control, st.floats(0.01, 1), st.floats(0.005, 0.2))
+@settings(max_examples=30)
+def test_poses_along_a_motion_backwards_end_where_the_step_does(state, control, dt, spacing):
+    state = (*state[:3], -state[3] / 8)
+    poses = TWO_GEARS.motion(state, (*control, -1), dt, spacing)
+    assert same_pose(poses[-1], TWO_GEARS.step(state, (*control, -1), dt))
+    moves = np.diff(np.vstack([state[:3], poses]), axis=0)
+    assert np.hypot(*moves[:, :2].T).max() <= spacing + 1e-9
+
+
 def test_a_car_that_flies_through_a_thin_wall_in_one_step_has_collided():
     world = walled(200)
     cells = world.grid.cells.copy()
@@ -154,6 +227,14 @@ def test_misuse_says_what_is_wrong():
         CAR.motion((0, 0, 0, 1), (0, 0), 0.1, 0.0)
     with pytest.raises(ValueError, match="braking"):
         CarConfig(braking=0)
+    with pytest.raises(ValueError, match="reverse"):
+        CarConfig(reverse=-0.5)
+    for gear in (0, 2, math.nan):
+        with pytest.raises(ValueError, match="gear is"):
+            TWO_GEARS.step((0, 0, 0, 0), (0, 0, gear), 0.1)
+    for speed in (0, 1):
+        with pytest.raises(ValueError, match="gear is -1, but the car has no reverse gear"):
+            CAR.step((0, 0, 0, speed), (0, 0, -1), 0.1)
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2), st.floats(0, 3))

@@ -13,18 +13,20 @@ import pytest
 
 from benchmarks import tables
 from benchmarks.corridor import main
-from benchmarks.drive import attempt, drive
+from benchmarks.drive import attempt, drive, score
 from benchmarks.settings import Settings
 from benchmarks.store import Store
 from benchmarks.workers import LostError
 from predictor import PredictorError
-from sim import empty_straight, save_world
+from sim import CarConfig, empty_straight, save_world
 from sim.map_server import MapError
 
 SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
-           "max_speed", "min_clearance", "stops", "cycle_ms_p50", "cycle_ms_p99"}  # fmt: skip
+           "max_speed", "min_clearance", "stops", "cycle_ms_p50", "cycle_ms_p99", "sct", "detour",
+           "t_bound", "t_opt", "over_optimum", "vehicle"}  # fmt: skip
 EPISODE = {"arm", "world", "seed", "start", "goal", "outcome", "time", "path_length",
-           "mean_speed", "max_speed", "min_clearance", "stops"}  # fmt: skip
+           "mean_speed", "max_speed", "min_clearance", "stops", "shortest", "shortest_length",
+           "t_bound", "t_opt", "sct", "detour", "vehicle"}  # fmt: skip
 OUTCOMES = {"reached", "collided", "timed_out", "stuck"}
 
 
@@ -92,6 +94,7 @@ def test_the_results_have_what_the_issue_names(narrow):
     assert episode["outcome"] != "collided"
     assert r["settings"]["world"] == ["narrow"]
     assert r["settings"]["risk"] == 0.05
+    assert r["settings"]["vehicle"] == "dubins"
     json.loads((out / "results.json").read_text(), parse_constant=pytest.fail)
 
 
@@ -104,6 +107,51 @@ def test_the_summary_adds_up_to_the_episodes(narrow):
     assert entry["mean_speed"] == pytest.approx(episode["mean_speed"])
     assert episode["mean_speed"] == pytest.approx(episode["path_length"] / episode["time"])
     assert episode["mean_speed"] <= episode["max_speed"] <= r["settings"]["v_max"]
+
+
+def test_a_drive_is_scored_by_the_shortest_way_of_its_task(narrow):
+    (episode,) = results(narrow[0])["episodes"]
+    assert 0.5 * episode["shortest"] < episode["shortest_length"] <= episode["shortest"] + 0.5
+    # At the car's best: from rest to 4 m/s in 5.33 m, then at 4 m/s to half a metre from the goal.
+    bound = 4.0 / 1.5 + (episode["shortest_length"] - 0.5 - 4.0**2 / (2 * 1.5)) / 4.0
+    assert episode["t_bound"] == pytest.approx(bound)
+    reached = episode["outcome"] == "reached"
+    assert episode["sct"] == pytest.approx(bound / episode["time"] if reached else 0.0)
+    assert episode["detour"] == pytest.approx(episode["path_length"] / episode["shortest_length"])
+
+
+def test_a_drive_that_does_not_arrive_scores_nothing():
+    car = CarConfig()
+    scores = {outcome: score(outcome, 20.0, 60.0, 50.0, car) for outcome in OUTCOMES}
+    assert {outcome for outcome, of in scores.items() if of["sct"] == 0.0} == OUTCOMES - {"reached"}
+    assert scores["reached"]["sct"] == pytest.approx(scores["stuck"]["t_bound"] / 20.0)
+    assert scores["stuck"]["detour"] == pytest.approx(1.2)
+    assert set(score("reached", 20.0, 60.0, None, car).values()) == {None}
+
+
+def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path, capsys):
+    assert run("--world", short_map, "--episodes", 2, "--jobs", 1, "--predictor", "none",
+               "--out", tmp_path / "run") == 0  # fmt: skip
+    said = capsys.readouterr().out
+    assert "Share of the gap" not in said
+    rows = {line.split("|")[1].strip(): line for line in said.splitlines() if line[:1] == "|"}
+    assert list(rows)[2:4] == [
+        "**SCT** (95 % over worlds)",
+        "**time ratio** to `known`, both reached",
+    ]
+    for row, arms in (("**SCT** (95 % over worlds)", 3), ("faster than `known` [m/s]", 2),
+                      ("**time ratio** to `known`, both reached", 2),
+                      ("speed [m/s] (95 % over worlds)", 3)):  # fmt: skip
+        assert rows[row].count("(–)") == arms, rows[row]
+        assert " to " not in rows[row].split("|", 2)[2]
+    r = results(tmp_path / "run")
+    entry = r["summary"]["predicted"]
+    for name in ("sct_interval", "mean_speed_interval", "collided_interval"):
+        assert entry[name] is None
+    for name in ("time_ratio", "faster_than_known"):
+        assert entry[name]["value"] is not None
+        assert (entry[name]["low"], entry[name]["high"]) == (None, None)
+    assert r["gap"] == {"sct": None, "time": None}
 
 
 def test_the_figures_and_traces_are_there(narrow):
@@ -185,7 +233,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
     def failing(settings, weights, item):
         if item[0] == 1:
             raise error("it has gone")
-        return {"index": 0, "arm": "known", "outcome": "reached", "mean_speed": 1.0}, {}
+        return {"index": 0, "arm": "known", "outcome": "reached", "time": 1.0}, {}
 
     monkeypatch.setattr("benchmarks.drive.attempt", failing)
     assert run(*command) == 2
@@ -264,6 +312,39 @@ def test_baselines_of_another_comparison_are_refused(narrow, tmp_path, capsys):
         assert not (tmp_path / "run").exists()
 
 
+def test_vehicles_are_never_mixed(short_map, tmp_path, capsys):
+    command = ("--world", short_map, "--episodes", 1, "--jobs", 1, "--arms", "known")
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*command, "--out", first) == 0
+    assert results(first)["settings"]["vehicle"] == "dubins"
+    assert [e["vehicle"] for e in results(first)["episodes"]] == ["dubins"]
+    other = (*command, "--vehicle", "reeds-shepp")
+    for words in (("--out", first), ("--baselines", first, "--out", second)):
+        capsys.readouterr()
+        assert run(*other, *words) == 2
+        error = capsys.readouterr().err
+        assert "holds a run with vehicle dubins" in error
+        assert error.count("\n") == 1
+    assert run(*other, "--out", second) == 0
+    assert results(second)["settings"]["vehicle"] == "reeds-shepp"
+    assert [e["vehicle"] for e in results(second)["episodes"]] == ["reeds-shepp"]
+
+
+def test_an_older_run_goes_on_as_one_of_the_forward_only_car(short_map, tmp_path):
+    command = ("--world", short_map, "--episodes", 1, "--jobs", 1, "--arms", "known")
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*command, "--out", first) == 0
+    now = results(first)
+    del now["settings"]["vehicle"], now["episodes"][0]["vehicle"]
+    (first / "results.json").write_text(json.dumps(now))
+    (first / "settings.json").write_text(json.dumps(now["settings"]))
+    assert run(*command, "--vehicle", "reeds-shepp", "--out", first) == 2
+    assert run(*command, "--out", first) == 0
+    assert run(*command, "--baselines", first, "--out", second) == 0
+    for out in (first, second):
+        assert [e["vehicle"] for e in results(out)["episodes"]] == ["dubins"]
+
+
 @pytest.mark.slow
 def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
     short_map, tmp_path, monkeypatch
@@ -301,7 +382,7 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
      ("--predictor", "json:dumps"), ("--episodes", "0"), ("--episodes", "-3"),
      ("--v-max", "0"), ("--v-max", "inf"), ("--window", "0"), ("--expansion", "0.5"),
      ("--jobs", "0"), ("--route", "scenic"), ("--noise", "-1"), ("--dropout", "1"),
-     ("--seed", "-1"), ("--seed", "1.5"), ("--faster",), ("--world",)],
+     ("--seed", "-1"), ("--seed", "1.5"), ("--vehicle", "tank"), ("--faster",), ("--world",)],
     ids="".join,
 )  # fmt: skip
 def test_bad_arguments_exit_with_two_and_one_line(words, tmp_path, capsys):
@@ -366,12 +447,32 @@ def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
     assert "`known`" in lines[0]
     assert len({line.count("|") for line in lines}) == 1
     assert len({len(line) for line in lines}) == 1
-    speed = results(out)["summary"]["known"]["mean_speed"]
-    assert any("speed [m/s]" in line and f"{speed:.2f}" in line for line in lines)
+    entry = results(out)["summary"]["known"]
+    assert "SCT" in lines[2]
+    assert f"{entry['sct']:.3f}" in lines[2]
+    assert any("speed [m/s]" in line and f"{entry['mean_speed']:.2f}" in line for line in lines)
     (tmp_path / "foreign.json").write_text("[1, 2]")
     for name in ("foreign.json", "missing.json"):
         assert tables.main([str(tmp_path / name)]) == 2
         assert name in capsys.readouterr().err
+
+
+def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
+    folder = Path(__file__).parents[1] / "docs/results"
+    files = [folder / f"{name}.json" for name in ("corridor-5m", "office-fixed-5m")]
+    older = json.loads(files[0].read_text())
+    for episode in older["episodes"]:
+        for name in ("sct", "t_bound", "t_opt", "detour", "shortest_length", "vehicle"):
+            episode.pop(name, None)
+    older["settings"].pop("vehicle", None)
+    text = tables.tables_of(tables.summarised(older))
+    assert "dubins car" in text
+    ratio = next(line for line in text.splitlines() if "time ratio" in line)
+    assert re.search(r"0\.\d\d \(0\.\d\d to \d\.\d\d\)", ratio)
+    sct = next(line for line in text.splitlines() if "SCT" in line)
+    assert not "".join(sct.split("|")[2:]).strip()
+    assert tables.main([str(path) for path in files]) == 0
+    assert "## Overview" in capsys.readouterr().out
 
 
 def test_the_tables_of_runs_have_the_risk_asked_for_beside_what_became_of_it(capsys):

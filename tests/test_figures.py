@@ -8,10 +8,13 @@ from benchmarks import plot
 from benchmarks.animation import Animation, roll_out
 from benchmarks.arms import ARMS
 from benchmarks.figures import draw_all
+from benchmarks.moment import moment
 from benchmarks.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
 from benchmarks.run_dir import Run, RunError
+from benchmarks.speed_profile import speed_profile
+from benchmarks.trajectories import trajectories
 from planner.limits import Limit
-from sim.car import DubinsCar
+from sim.car import CarConfig, DubinsCar
 
 TICKS = 12
 FIGURES = ["moment.png", "speed_profile.png", "trajectories.png"]
@@ -38,6 +41,7 @@ def write_run(directory, arms=("known", "predicted"), outcomes=None, episodes=2)
                     "outcome": (outcomes or {}).get((index, arm), "reached"),
                     "time": TICKS * 0.1, "path_length": 1.0 + number, "mean_speed": 1.0 + number,
                     "max_speed": 2.0, "min_clearance": 0.5, "stops": 0, "impact_speed": None,
+                    "sct": 0.25 * (1 + number),
                 }
             )  # fmt: skip
     np.savez_compressed(directory / "traces.npz", **arrays)
@@ -88,6 +92,75 @@ def test_a_run_gives_three_figures_that_can_be_opened_and_nothing_else(tmp_path)
             pixels = np.asarray(image.convert("L"))
         assert min(pixels.shape) > 400
         assert pixels.std() > 5
+
+
+def backed_up(directory):
+    """A run whose first drive goes forwards, then backwards."""
+    write_run(directory, episodes=1)
+    with np.load(directory / "traces.npz") as file:
+        arrays = {name: file[name] for name in file.files}
+    there = roll_out(
+        np.array([2.0, 2.0, 0.0, 0.0]), np.array([[1.0, 0]] * 3 + [[-1.0, 0]] * 3), 0.1
+    )
+    there[-1, 3] = 0.0
+    back = roll_out(there[-1], np.array([[1.0, 0.5]] * 6), 0.1, -1)
+    states = np.vstack([there, back[1:]])
+    plan = roll_out(states[-1], np.array([[1.0, 0.5]] * 3 + [[-1.0, 0.5]] * 9), 0.1)
+    arrays |= {"e0/known/states": states, "e0/known/moment_plan": plan.astype(np.float32),
+               "e0/known/gears": np.repeat([1, -1], 6).astype(np.int8)}  # fmt: skip
+    np.savez_compressed(directory / "traces.npz", **arrays)
+    return directory
+
+
+def test_a_change_of_gear_is_found_where_the_car_turns_back(tmp_path):
+    run = Run.load(backed_up(tmp_path / "run"))
+    assert run.trace(0, "known").cusps.tolist() == [6]
+    assert run.trace(0, "predicted").cusps.tolist() == []
+    assert run.trace(0, "known").gears.tolist() == [1] * 6 + [-1] * 6
+    assert run.trace(0, "predicted").gears.tolist() == [1] * TICKS  # An older trace.
+
+
+def test_driving_backwards_is_shown_in_every_figure(tmp_path):
+    run = Run.load(backed_up(tmp_path / "run"))
+    assert len(draw_all(tmp_path / "run")) == 3
+    profile = speed_profile([run]).axes[0]
+    assert profile.get_ylim()[0] < -0.5
+    assert "in reverse" in [text.get_text() for text in profile.texts]
+    legend = trajectories(run).legends[0]
+    assert "change of gear" in [text.get_text() for text in legend.get_texts()]
+    labels = [ax.get_xlabel() for ax in moment(run, 0, "known").axes]
+    assert "distance driven in reverse [m]" in labels
+    for index, arm in ((0, "known"), (0, "predicted")):
+        Animation(run, index, arm).frame(TICKS - 1)
+
+
+def test_drives_without_a_reverse_gear_look_as_before(tmp_path):
+    run = Run.load(write_run(tmp_path / "run"))
+    assert speed_profile([run]).axes[0].get_ylim()[0] == 0
+    legend = trajectories(run).legends[0]
+    assert "change of gear" not in [text.get_text() for text in legend.get_texts()]
+
+
+def test_figures_lead_with_time_and_sct(tmp_path):
+    run = Run.load(write_run(tmp_path / "run"))
+    texts = [text.get_text() for ax in trajectories(run).axes for text in ax.texts]
+    assert {"reached · 1.2 s · SCT 0.25", "reached · 1.2 s · SCT 0.50"} <= set(texts)
+    profile = speed_profile([run])
+    texts = [text.get_text().strip() for ax in profile.axes for text in ax.texts]
+    assert {"1.2 s · SCT 0.25", "1.2 s · SCT 0.50"} <= set(texts)
+    assert not any("m/s" in text for text in texts)
+    assert "SCT,\nall 2 episodes" in [ax.get_title() for ax in profile.axes]
+
+
+def test_a_run_without_sct_is_drawn_with_what_it_has(tmp_path):
+    run = write_run(tmp_path / "run")
+    results = json.loads((run / "results.json").read_text())
+    for episode in results["episodes"]:
+        del episode["sct"]
+    (run / "results.json").write_text(json.dumps(results))
+    assert len(draw_all(run)) == 3
+    profile = speed_profile([Run.load(run)])
+    assert "1.2 s" in [text.get_text().strip() for ax in profile.axes for text in ax.texts]
 
 
 def test_figures_are_written_all_or_none(tmp_path):
@@ -195,13 +268,16 @@ def test_bad_arguments_end_with_status_2_and_one_line(tmp_path, capsys, extra):
 
 
 def test_a_plan_rolls_out_as_the_car_drives():
-    car, dt = DubinsCar(), 0.1
+    car, dt = DubinsCar(CarConfig(reverse=4.0)), 0.1
     controls = np.random.default_rng(0).uniform([-1.0, -0.3], [0.5, 0.3], (20, 2))
-    state = np.array([1.0, -2.0, 3.0, 2.5])
-    states = roll_out(state, controls, dt)
-    for control, expected in zip(controls, states[1:], strict=True):
-        state = car.step(state, control, dt)
-        np.testing.assert_allclose(state, expected, atol=1e-9)
+    for speed, gear in ((2.5, 1), (2.5, -1), (-2.5, 1), (0.0, -1)):
+        state = np.array([1.0, -2.0, 3.0, speed])
+        # Neither stops within a step.
+        driven = controls if speed else np.abs(controls)
+        states = roll_out(state, driven, dt, gear)
+        for control, expected in zip(driven, states[1:], strict=True):
+            state = car.step(state, (*control, gear), dt)
+            np.testing.assert_allclose(state, expected, atol=1e-9)
 
 
 def test_every_arm_and_every_limit_has_a_colour_of_its_own():

@@ -8,12 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.statistics import (
+    MIN_WORLDS,
     bootstrap,
     difference,
     mcnemar,
     paired_speed,
     realised_risk,
     share_of_gap,
+    share_of_time,
+    success,
+    time_ratio,
     wilson,
 )
 
@@ -27,6 +31,13 @@ def result(world="w", length=10.0, time=5.0, outcome="reached", broken=0, promis
 
 def drives(lengths, time=10.0):
     return [result(f"w{i}", length, time) for i, length in enumerate(lengths)]
+
+
+def scored(scts, times=None):
+    """A drive in each of as many worlds."""
+    times = times or [10.0] * len(scts)
+    return [result(f"w{i}", time=time) | {"sct": sct}
+            for i, (sct, time) in enumerate(zip(scts, times, strict=True))]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -86,22 +97,113 @@ def test_a_difference_changes_sign_with_its_order():
     assert difference(arms, "a", "a") == pytest.approx({"value": 0, "low": 0, "high": 0})
 
 
-@pytest.mark.parametrize(
-    ("predicted", "share"), [(20.0, 0.0), (25.0, 0.5), (30.0, 1.0), (18, -0.2)]
-)
-def test_the_share_of_the_gap_is_where_predicted_stands_between_known_and_oracle(predicted, share):
-    lengths = {"known": 20.0, "predicted": predicted, "oracle": 30.0}
-    arms = {name: drives([length] * 6) for name, length in lengths.items()}
-    entry = share_of_gap(arms)
-    assert entry == pytest.approx({"value": share, "low": share, "high": share})
+def test_one_world_driven_twice_gives_no_interval():
+    known, predicted, oracle = (
+        [result("map", length) for _ in range(2)] for length in (20, 23, 25)
+    )
+    arms = {"known": known, "predicted": predicted, "oracle": oracle}
+    faster = difference(arms, "predicted", "known")
+    assert faster["value"] == pytest.approx(0.6)
+    assert (faster["low"], faster["high"]) == (None, None)
 
 
-def test_no_share_is_given_where_the_oracle_is_not_faster_with_certainty():
-    known = drives([20, 21, 19, 20, 22, 18])
-    oracle = drives([21, 19, 20, 23, 18, 19])
-    assert difference({"known": known, "oracle": oracle}, "oracle", "known")["low"] <= 0
-    assert share_of_gap({"known": known, "predicted": known, "oracle": oracle}) is None
-    assert share_of_gap({"known": known, "oracle": drives([40] * 6)}) is None
+@pytest.mark.parametrize("worlds", range(1, 8))
+def test_an_interval_takes_five_distinct_worlds(worlds):
+    names = [f"w{i % worlds}" for i in range(14)]
+    arms = {
+        name: [result(world, promises=4, broken=1, time=time) | {"sct": sct} for world in names]
+        for name, sct, time in (("known", 0.3, 9), ("predicted", 0.4, 7), ("oracle", 0.5, 6))
+    }
+    given = [
+        paired_speed(arms, "known"), difference(arms, "oracle", "known"), success(arms, "oracle"),
+        time_ratio(arms, "predicted", "known"), realised_risk(arms["known"]),
+    ]  # fmt: skip
+    enough = worlds >= MIN_WORLDS == 5
+    for figure in given:
+        assert (figure["low"] is not None, figure["high"] is not None) == (enough, enough)
+    for share in (share_of_gap(arms), share_of_time(arms)):
+        assert (share is not None) == enough
+
+
+def test_the_sct_of_an_arm_is_the_mean_over_all_its_episodes():
+    found = success({"a": scored([0.9, 0.5, 0.0, 0.4, 0.2])}, "a")
+    assert found["value"] == pytest.approx(0.4)
+    assert 0.0 < found["low"] < 0.4 < found["high"] < 0.9
+
+
+def test_an_episode_without_an_sct_in_one_arm_counts_in_none():
+    arms = {"known": scored([0.5] * 6), "oracle": scored([0.7] * 5 + [None])}
+    assert success(arms, "known")["value"] == pytest.approx(0.5)
+    arms["known"][5]["sct"] = 0.0
+    assert success(arms, "known")["value"] == pytest.approx(0.5)
+    older = {"known": drives([20] * 6)}
+    assert success(older, "known") is None
+
+
+def test_the_time_ratio_is_of_the_episodes_that_both_reached():
+    known = scored([0.5] * 6, [10, 20, 30, 10, 10, 99])
+    arm = scored([0.5] * 6, [8, 16, 24, 8, 8, 1])
+    known[5]["outcome"] = "stuck"
+    arms = {"known": known, "arm": arm}
+    found = time_ratio(arms, "arm", "known")
+    assert found == pytest.approx({"value": 0.8, "low": 0.8, "high": 0.8, "episodes": 5})
+    arm[0]["outcome"] = "collided"
+    assert time_ratio(arms, "arm", "known")["episodes"] == 4
+    assert time_ratio(arms, "arm", "known")["low"] is None
+    assert time_ratio({"known": known, "arm": [known[5]] * 6}, "arm", "known") is None
+
+
+@given(st.lists(st.tuples(st.floats(1, 100), st.floats(1, 100)), min_size=1, max_size=12))
+def test_time_ratios_one_way_and_the_other_are_reciprocal(times):
+    arms = {name: scored([0.5] * len(times), [pair[i] for pair in times])
+            for i, name in enumerate("ab")}  # fmt: skip
+    there, back = time_ratio(arms, "a", "b"), time_ratio(arms, "b", "a")
+    assert there["value"] * back["value"] == pytest.approx(1.0)
+    assert time_ratio(arms, "a", "a")["value"] == 1.0
+
+
+SHARES = [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (-0.2, -0.2)]
+
+
+@pytest.mark.parametrize(("where", "share"), SHARES)
+def test_the_share_of_the_gap_is_where_predicted_stands_between_known_and_oracle(where, share):
+    sct = {"known": 0.3, "predicted": 0.3 + 0.4 * where, "oracle": 0.7}
+    time = {"known": 20.0, "predicted": 20.0 - 8.0 * where, "oracle": 12.0}
+    arms = {name: scored([sct[name]] * 6, [time[name]] * 6) for name in sct}
+    for found in (share_of_gap(arms), share_of_time(arms)):
+        assert found == pytest.approx({"value": share, "low": share, "high": share})
+
+
+def test_speed_bought_by_a_detour_closes_no_gap():
+    # Twice the way at twice the speed: as late as `known`.
+    known, oracle = scored([0.4] * 6), scored([0.8] * 6)
+    predicted = [drive | {"path_length": 2 * drive["path_length"]} for drive in known]
+    arms = {"known": known, "predicted": predicted, "oracle": oracle}
+    assert difference(arms, "predicted", "known")["value"] == pytest.approx(1.0)
+    assert share_of_gap(arms)["value"] == 0.0
+
+
+def test_a_drive_that_did_not_arrive_counts_in_sct_and_not_in_time():
+    drives = {"known": (0.4, 20), "predicted": (0.5, 16), "oracle": (0.8, 10)}
+    arms = {name: scored([sct] * 6, [time] * 6) for name, (sct, time) in drives.items()}
+    before = share_of_gap(arms), share_of_time(arms)
+    arms["predicted"][0] |= {"sct": 0.0, "outcome": "stuck", "time": 40.0}
+    assert share_of_gap(arms)["value"] < before[0]["value"]
+    assert share_of_time(arms) == pytest.approx(before[1])
+
+
+def test_no_share_is_given_where_the_oracle_is_not_better_with_certainty():
+    known = scored([0.50, 0.55, 0.45, 0.50, 0.60, 0.40], [20, 21, 19, 20, 22, 18])
+    oracle = scored([0.55, 0.45, 0.50, 0.65, 0.40, 0.45], [19, 21, 20, 17, 23, 21])
+    better = scored([0.9] * 6, [10] * 6)
+    for share in (share_of_gap, share_of_time):
+        assert share({"known": known, "predicted": known, "oracle": oracle}) is None
+        assert share({"known": better, "predicted": known, "oracle": known}) is None
+        assert share({"known": known, "oracle": better}) is None
+        assert share({"known": known, "predicted": known, "oracle": better}) is not None
+    assert (
+        share_of_gap({name: drives([20] * 6) for name in ("known", "predicted", "oracle")}) is None
+    )
 
 
 @given(st.lists(st.tuples(st.sampled_from(OUTCOMES), st.sampled_from(OUTCOMES)), max_size=30))
@@ -121,9 +223,9 @@ def test_mcnemars_test_counts_discordant_pairs_alone():
 
 
 def test_realised_risk_is_the_mean_over_worlds_not_over_ticks():
-    results = [result("a", broken=1, promises=2), result("b", broken=0, promises=98),
-               result("c", promises=0)]  # fmt: skip
+    results = [result("a", broken=5, promises=10), *(result(w, promises=98) for w in "bcde"),
+               result("f", promises=0)]  # fmt: skip
     found = realised_risk(results)
-    assert found["value"] == pytest.approx(0.25)
-    assert (found["low"], found["high"]) == pytest.approx((0.0, 0.5))
+    assert found["value"] == pytest.approx(0.1)
+    assert (found["low"], found["high"]) == pytest.approx((0.0, 0.3))
     assert realised_risk([result("a")]) is None

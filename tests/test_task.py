@@ -8,7 +8,7 @@ from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import CarConfig, along_arc, collides
 from sim.families import FAMILIES, empty_straight, generate
 from sim.lattice import HEADINGS, body_circles, explore
-from sim.task import NEW, SLACK, START_CLEARANCE, NoTaskError, prolonged, sample_task
+from sim.task import NEW, NO_TRIP, SLACK, START_CLEARANCE, NoTaskError, prolonged, sample_task
 from sim.world import World
 
 CAR = CarConfig()
@@ -43,6 +43,40 @@ def test_the_same_seed_gives_the_same_task_and_another_another():
     assert first.goal == again.goal
     assert np.array_equal(first.waypoints, again.waypoints)
     assert first.start != other.start
+
+
+CORRIDOR_TASKS = (
+    (39.575, 36.975, 1.499, 13.922, 30.119, 60.821),
+    (36.025, 23.875, -2.471, 18.638, 33.678, 43.197),
+    (15.225, 35.125, -2.641, 48.841, 24.16, 39.741),
+    (7.325, 27.925, -1.654, 32.527, 6.74, 40.087),
+    (51.125, 31.325, -1.107, 35.415, 32.509, 77.409),
+    (43.225, 40.075, 0.953, 9.017, 15.844, 63.931),
+    (10.175, 19.825, -0.396, 19.178, 2.942, 29.374),
+    (24.675, 50.025, -2.806, 19.569, 15.783, 58.402),
+    (40.575, 20.975, 1.687, 28.595, 3.241, 31.102),
+    (38.375, 24.175, -1.732, 12.829, 33.753, 52.527),
+    (19.925, 34.425, -0.07, 54.083, 18.023, 45.27),
+    (41.175, 14.475, 2.941, 6.72, 40.512, 58.057),
+)
+"""Start x, y, yaw, goal x, y, and length of the way of seeds 0 to 11, as they were published."""
+
+
+def test_the_tasks_of_published_drives_stay_what_they_were():
+    for seed, expected in enumerate(CORRIDOR_TASKS):
+        task = sample_task(generate("corridor", seed), seed, CAR)
+        assert (*task.start, *task.goal, task.path_length) == pytest.approx(expected, abs=6e-4)
+
+
+def test_a_goal_beside_the_start_is_drawn_again():
+    # A ring, closed by a wall: the way around it may lead to the start's other side.
+    cells = np.full((220, 220), FREE, np.int8)
+    cells[:4], cells[-4:], cells[:, :4], cells[:, -4:] = (OCCUPIED,) * 4
+    cells[60:160, 60:160] = cells[108:112, 160:] = OCCUPIED
+    ring = World("ring", Grid(GridFrame(0.05, (0, 0), cells.shape), cells))
+    for seed in range(4):
+        task = sample_task(ring, seed, CAR, min_length=20.0)
+        assert math.dist(task.start[:2], task.goal) >= NO_TRIP
 
 
 @pytest.mark.parametrize("body", [Body(), Body(0.9, 0.3), Body(0.3, 0.3)])
