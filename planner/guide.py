@@ -39,7 +39,7 @@ class GuideConfig:
     """
 
     every: int = 8
-    delay: int = int(__import__('os').environ.get('DELAY', 2))
+    delay: int = int(__import__('os').environ.get('DELAY', 1))
     ahead: tuple[float, ...] = (9.0, 5.0, 3.0)
     better: float = 0.95
     reserve: float = 5.0
@@ -177,7 +177,7 @@ class Guide:
         fresh = self._smoothed(Path.through(route, "dijkstra").points, pose, state[3], cost, risk)
         import os
         if fresh is None or os.environ.get("ALWAYS"):
-            if os.environ.get("WAY") == "hybrid":
+            if os.environ.get("WAY", "hybrid") == "hybrid":
                 found = self._searched(cost, known, pose)
             else:
                 found = self._sampled(cost, risk, pose, route, self.seed * 100_003 + tick)
@@ -266,7 +266,7 @@ class Guide:
         cells = np.floor((on - np.array(cost.frame.origin)) / cost.frame.resolution).astype(int)
         inside = ((cells >= 0) & (cells < np.array(cost.frame.shape[::-1]))).all(axis=1)
         cols, rows = np.where(inside[:, None], cells, 0).T
-        free = inside & (cost.clearance[rows, cols] >= cost.required + 0.1) & ~cost.unsure[rows, cols]
+        free = inside & (cost.room[rows, cols] >= cost.required + 0.1)
         return np.vstack([way, on[: count if free.all() else int(np.argmin(free))]])
 
     def _smoothed(
