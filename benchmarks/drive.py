@@ -172,7 +172,7 @@ def drive(
         deadline=600.0,
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
         car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
-                      car.turning_radius, car.body),
+                      car.turning_radius, car.body, car.reverse),
     )  # fmt: skip
     predictor = predictor_for(arm, load_predictor(settings.predictor), task.world)
     navigator = Navigator(

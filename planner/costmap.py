@@ -22,6 +22,8 @@ OCCUPIED_COST = 20.0
 WALL_PRIOR, WALL_REACH = 15.0, 2.5
 """What a metre of unknown space costs more right beside a cell seen occupied, falling to nothing at
 this distance from it [m]: walls go on, so a way turns off where an opening has been seen."""
+STUCK_REACH = 1.2
+"""How far around a place where the car could not go on it does not expect to get through [m]."""
 BELIEVED = 8.0
 """Unseen cells that cost more are believed to be occupied."""
 
@@ -53,6 +55,7 @@ class CostMap:
         belief: Belief | None,
         half_width: float,
         way: NDArray[np.float64] | None = None,
+        stuck: NDArray[np.float64] | None = None,
     ) -> CostMap:
         """From all that is known and, where it may steer, what is believed.
 
@@ -63,6 +66,8 @@ class CostMap:
             way: points (n, 2) [m] of a way that is the task, less than a cell apart: the unseen
                 cells on it cost what free ones do, those beside it what believed walls do, so that
                 it is left where it must be and not for a short cut through rooms. None: no such.
+            stuck: points (k, 2) [m] at which the car could not go on: the unseen cells around them
+                cost what believed walls do. None: no such.
         """
         factor = coarsening(known.frame)
         frame = coarsened(known.frame)
@@ -96,6 +101,11 @@ class CostMap:
             on_rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
             on_cols = (cells[:, 0, None, None] + near).clip(0, frame.shape[1] - 1)
             density[on_rows, on_cols] = 1.0
+        for x, y in () if stuck is None else stuck:
+            row, col = frame.cell(float(x), float(y))
+            n = round(STUCK_REACH / frame.resolution)
+            here = np.s_[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
+            density[here][unseen[here]] = OCCUPIED_COST
         # Keep to the middle where there is room: 0.7 m and more costs nothing.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)

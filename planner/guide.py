@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from planner.costmap import Belief, CostMap, remember
 from planner.dynamics import CarLimits
-from planner.hybrid import HybridConfig, find_legs
-from planner.line import LineConfig, curvatures, smooth_line, speeds
+from planner.hybrid import HybridConfig, Leg, find_legs
+from planner.line import LineConfig
 from planner.path import PathConfig, plan_path
+from planner.plan import mirrored
 from planner.reference import SPACING, Path, project
 from planner.risk import RiskMap
 from planner.route import find_route
+from planner.smoothing import NEAR_GOAL, Smoother
 from predictor import OccupancyGrid, Prediction
 
 
@@ -29,32 +31,38 @@ class GuideConfig:
         every: ticks from one request to the next while nothing is wrong.
         delay: ticks from a request to the adoption of its path: what the search may take.
         ahead: how far along the route OMPL's curves reach [m]; where none is found, how far next.
-        better: a new path replaces one that still serves if it costs less than this share.
-        reserve: a path serves as long as this much of its drivable part is ahead [m].
+        better: a way replaces the one at hand if it costs less than this share.
         join: how far ahead a given way is joined [m].
         beside: so near to a given way the car has come along it [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
-        search: settings of the search itself.
+        leg_end: a leg is done when the car rests this near to its end [m].
+        onward: how far nearer to the goal arcs lead that are searched for [m].
+        search: settings of OMPL's search.
+        hybrid: settings of the search over arcs.
         line: settings of the line along the path.
     """
 
     every: int = 8
-    delay: int = int(__import__('os').environ.get('DELAY', 1))
+    delay: int = 1
     ahead: tuple[float, ...] = (9.0, 5.0, 3.0)
     better: float = 0.95
-    reserve: float = 5.0
     join: float = 12.0
     beside: float = 1.0
     turning_room: float = 1.2
+    leg_end: float = 0.12
+    onward: float = 6.0
     search: PathConfig = field(default_factory=PathConfig)
+    hybrid: HybridConfig = field(default_factory=HybridConfig)
     line: LineConfig = field(default_factory=LineConfig)
 
 
 class Guide:
     """Requests paths, adopts each a fixed number of ticks later, and says where the car is.
 
-    OMPL's path is what the car follows; the route that Dijkstra found stands in, and is counted,
-    where OMPL found none. Planning time is measured apart from the control cycle's.
+    What the car follows is a smooth line along the cheapest way of three: the one at hand, the
+    route that Dijkstra's algorithm finds, and, where no line along that can be driven, OMPL's or
+    one over arcs. A car that rests is led out by a search over arcs, in both gears if it has two.
+    Planning time is measured apart from the control cycle's.
 
     Args:
         goal: x, y [m].
@@ -82,28 +90,24 @@ class Guide:
         self.is_new = False
         self.counts: Counter[str] = Counter()
         self.plan_ms = 0.0
+        self.gear = 1
         self._pending: tuple[int, Path] | None = None
         self._requested = -(10**9)
+        self._legs: list[Leg] = []
+        self._stuck = np.empty((0, 2))
 
-    def update(
-        self,
-        tick: int,
-        state: NDArray[np.float64],
-        risk: RiskMap,
-    ) -> None:
+    def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
         """Advance by a tick: adopt a path that is due, and end it before what blocks it.
 
         Args:
             tick: number of this tick.
-            state: x, y, yaw, v now, (4,).
+            state: x, y, yaw, v now, (4,), of a car that looks where it drives.
             risk: the newest map around the car.
         """
         self.is_new = False
         if self._pending is not None and tick >= self._pending[0]:
-            self._whole, self._pending = self._pending[1], None
-            self.segment = 0
-            self.is_new = True
-            self.counts[self._whole.source] += 1
+            self._adopt(self._pending[1])
+            self._pending = None
         if self._whole is not None:
             # A new path starts where the car was expected to be: near its first metres.
             reach = 40 if self.is_new else 15
@@ -130,16 +134,79 @@ class Guide:
             steering: a prediction that may move the route, or None.
         """
         self.plan_ms = 0.0
+        if self._legs or self._is_held():
+            self._next_leg(ahead[0])
+            return
         urgent = self.path is not self._whole or ahead[:, 3].max() < 0.2
         overdue = tick - self._requested >= self.config.every
         if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
             self._requested = tick
-            at = min(self.config.delay if self.path is not None else 0, len(ahead) - 1)
+            # A car without a path stands, and need not wait for one.
+            delay = 0 if self.path is None else self.config.delay
+            at = min(delay, len(ahead) - 1)
             started = time.perf_counter()
             path = self._plan(tick, ahead[at], known, risk, steering)
             self.plan_ms = 1e3 * (time.perf_counter() - started)
             if path is not None:
-                self._pending = (tick + (self.config.delay if self.path is not None else 0), path)
+                self._pending = (tick + delay, path)
+
+    def unstick(
+        self,
+        tick: int,
+        state: NDArray[np.float64],
+        known: OccupancyGrid,
+        steering: Prediction | None,
+    ) -> None:
+        """Search for a way out for a car that rests, in both gears if it has two.
+
+        Args:
+            tick: number of this tick.
+            state: x, y, yaw, v now, (4,), of a car that looks where it drives.
+            known: what has been seen.
+            steering: a prediction that may move the route, or None.
+        """
+        started = time.perf_counter()
+        pose = state if self.gear > 0 else mirrored(state)
+        front = pose[:2] + self.car.body.half_length * np.array(
+            [math.cos(pose[2]), math.sin(pose[2])]
+        )
+        self._stuck = np.vstack([self._stuck, front])
+        cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
+        self._legs = find_legs(cost, known, pose, self.goal, self.config.onward, self.car,
+                               self.config.hybrid)  # fmt: skip
+        self._requested = tick
+        if self._legs:
+            self.counts["manoeuvre"] += 1
+            self._begin_leg()
+        self.plan_ms = 1e3 * (time.perf_counter() - started)
+
+    def _adopt(self, path: Path) -> None:
+        self._whole, self.segment, self.is_new = path, 0, True
+        self.counts[path.source] += 1
+
+    def _begin_leg(self) -> None:
+        """Drive the first of the legs; the last of them is a path as any other."""
+        leg = self._legs[0]
+        self.gear = leg.gear
+        self._pending = None
+        path = Path.through(leg.poses[:, :2], "hybrid")
+        self._adopt(replace(path, drivable=len(path.points)))
+        if len(self._legs) == 1:
+            self._legs = []
+
+    def _next_leg(self, state: NDArray[np.float64]) -> None:
+        if self._legs and state[3] < 0.02:
+            end = self._legs[0].poses[-1, :2]
+            if math.dist(end, state[:2]) < self.config.leg_end:
+                del self._legs[0]
+                self._begin_leg()
+
+    def _is_held(self) -> bool:
+        """Whether the car is on arcs that were searched for, and ends them first."""
+        path = self._whole
+        if path is None or path.source != "hybrid" or self.path is not path:
+            return False
+        return path.drivable - self.segment > 0.5 / SPACING
 
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
         """The path, or the part of it that ends with room to turn before an obstacle."""
@@ -154,6 +221,16 @@ class Guide:
         end = max(first - round(self.config.turning_room / SPACING), self.segment + 2)
         return Path(path.points[:end], path.source)
 
+    def _costs(
+        self, known: OccupancyGrid, steering: Prediction | None, position: tuple[float, float]
+    ) -> tuple[CostMap, NDArray[np.float64] | None]:
+        """What a metre of way costs, and what is left of a given way."""
+        if steering is not None:
+            self._belief = remember(self._belief, known.frame, steering)
+        way = None if self._given is None else self._still_to_go(self._given, position)
+        cost = CostMap.build(known, self._belief, self.car.body.half_width, way, self._stuck)
+        return cost, way
+
     def _plan(
         self,
         tick: int,
@@ -162,48 +239,49 @@ class Guide:
         risk: RiskMap,
         steering: Prediction | None,
     ) -> Path | None:
-        if steering is not None:
-            self._belief = remember(self._belief, known.frame, steering)
-        position = (float(state[0]), float(state[1]))
-        way = None if self._given is None else self._still_to_go(self._given, position)
-        cost = CostMap.build(known, self._belief, self.car.body.half_width, way)
+        position, speed = (float(state[0]), float(state[1])), float(state[3])
+        cost, way = self._costs(known, steering, position)
         route = None if way is None else self._along(way, cost, position)
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
             self.counts["no_route"] += 1
             return None
-        pose = np.array([state[0], state[1], np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
-        fresh = self._smoothed(Path.through(route, "dijkstra").points, pose, state[3], cost, risk)
-        import os
-        if fresh is None or os.environ.get("ALWAYS"):
-            if os.environ.get("WAY", "hybrid") == "hybrid":
-                found = self._searched(cost, known, pose)
-            else:
-                found = self._sampled(cost, risk, pose, route, self.seed * 100_003 + tick)
+        pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
+        smoother = Smoother(cost, risk, self.goal, self.car, self.config.line)
+        fresh = smoother.along(Path.through(route, "route").points, pose, speed, "route")
+        kept = self._kept(smoother, pose, speed)
+        if fresh is None and kept is None:
+            seed = self.seed * 100_003 + tick
+            found = self._sampled(cost, risk, pose, route, seed) or self._searched(
+                cost, known, pose
+            )
             if found is not None:
-                other = self._smoothed(found.points, pose, state[3], cost, risk)
-                self.counts["tried"] += 1
-                if other is not None:
-                    self.counts["smoothed"] += 1
-                other = other or found
-                if fresh is not None:
-                    prices = [self._price(path, state[3], cost) for path in (fresh, other)]
-                    if prices[0] < prices[1]:
-                        other = fresh
-                fresh = other
-        if fresh is None:
+                return smoother.along(found.points, pose, speed, found.source) or found
             # The car cannot drive a polyline's corners. It is better off at the end of the path
             # that it has, which leaves it room to turn, as long as it has not come to rest there.
             self.counts["not_found"] += 1
-            if self.path is not None and state[3] > 0.3:
-                return None
-            return Path.through(route, "dijkstra")
-        kept = self._kept(pose, state[3], cost, risk)
-        if kept is None:
-            return fresh
-        prices = [self._price(path, state[3], cost) for path in (fresh, kept)]
+            return (
+                None if self.path is not None and speed > 0.3 else Path.through(route, "dijkstra")
+            )
+        if fresh is None or kept is None:
+            return fresh or kept
+        prices = [smoother.price(path, speed) for path in (fresh, kept)]
+        # A car that keeps changing its mind orbits.
         return fresh if prices[0] < self.config.better * prices[1] else kept
+
+    def _kept(self, smoother: Smoother, pose: NDArray[np.float64], speed: float) -> Path | None:
+        """The path at hand, smoothed anew from a pose; None where it no longer serves."""
+        path = self._whole
+        if path is None or path is not self.path or path.source == "dijkstra":
+            return None
+        here, _, square = project(path.points, *pose[:2], self.segment - 5, self.segment + 30)
+        left = path.points[here:]
+        # Beyond the goal it leads on, but not back.
+        missed = np.hypot(*(left - np.array(self.goal)).T).min() > NEAR_GOAL
+        if square > 0.4**2 or len(left) < 8 or missed:
+            return None
+        return smoother.along(left, pose, speed, path.source)
 
     def _sampled(
         self,
@@ -227,103 +305,17 @@ class Guide:
     def _searched(
         self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
     ) -> Path | None:
-        """A path of arcs, and the route from its end."""
+        """A path over arcs forward, and the route from its end."""
         forward = replace(self.car, reverse=0.0)
-        legs = find_legs(cost, known, pose, self.goal, 6.0, forward, HybridConfig(nodes=20000))
+        legs = find_legs(cost, known, pose, self.goal, self.config.onward, forward,
+                         self.config.hybrid)  # fmt: skip
         if not legs:
             return None
-        points = legs[0].poses[:, :2]
-        rest = find_route(cost, (points[-1, 0], points[-1, 1]), self.goal)
-        path = Path.through(points, "ompl")
-        count = len(path.points)
-        if rest is not None:
-            path = Path.through(np.vstack([path.points, rest[1:]]), "ompl")
-        return replace(path, drivable=count)
-
-    def _kept(
-        self, pose: NDArray[np.float64], speed: float, cost: CostMap, risk: RiskMap
-    ) -> Path | None:
-        """The path at hand, smoothed anew from a pose; None where it no longer serves."""
-        path = self._whole
-        if path is None or path is not self.path or path.source != "ompl":
-            return None
-        here, _, square = project(path.points, *pose[:2], self.segment - 5, self.segment + 30)
-        left = path.points[here:]
-        # Beyond the goal it leads on, but not back.
-        missed = np.hypot(*(left - np.array(self.goal)).T).min() > 0.3
-        if square > 0.4**2 or len(left) < 8 or missed:
-            return None
-        return self._smoothed(left, pose, speed, cost, risk)
-
-    def _run_out(self, way: NDArray[np.float64], cost: CostMap) -> NDArray[np.float64]:
-        """A way to the goal, and straight on as far as is free, so that none need brake for it."""
-        if len(way) < 6 or math.dist(way[-1], self.goal) > 0.2:
-            return way
-        heading = way[-1] - way[-6]
-        heading /= max(float(np.hypot(*heading)), 1e-9)
-        count = math.ceil((self.car.stopping_distance + 0.5) / SPACING)
-        on = way[-1] + SPACING * np.arange(1, count + 1)[:, None] * heading
-        cells = np.floor((on - np.array(cost.frame.origin)) / cost.frame.resolution).astype(int)
-        inside = ((cells >= 0) & (cells < np.array(cost.frame.shape[::-1]))).all(axis=1)
-        cols, rows = np.where(inside[:, None], cells, 0).T
-        free = inside & (cost.room[rows, cols] >= cost.required + 0.1)
-        return np.vstack([way, on[: count if free.all() else int(np.argmin(free))]])
-
-    def _smoothed(
-        self,
-        way: NDArray[np.float64],
-        pose: NDArray[np.float64],
-        speed: float,
-        cost: CostMap,
-        risk: RiskMap,
-    ) -> Path | None:
-        """The fastest line along a way that the car can drive, and the rest of the way."""
-        way = self._run_out(way, cost)
-        lines = smooth_line(way, pose, speed, cost.room, cost.frame.resolution, cost.frame.origin,
-                            cost.unsure, self.goal, self.car, self.config.line)  # fmt: skip
-        for _, line in lines:
-            if self._drivable(line, cost, risk):
-                path = Path.through(np.vstack([line, way[len(line) :]]), "ompl")
-                return replace(path, drivable=min(len(line), len(path.points)))
-        return None
-
-    def _drivable(self, line: NDArray[np.float64], cost: CostMap, risk: RiskMap) -> bool:
-        if np.abs(curvatures(line)).max() > self.car.max_curvature:
-            return False
-        steps = np.diff(line, axis=0)
-        steps /= np.hypot(*steps.T)[:, None]
-        ends = self.car.body.length / 4
-        # The car may start closer to something than it likes; it must be able to leave.
-        start = np.hypot(*(line[1:] - line[0]).T) < 0.45
-        for side in (-ends, ends):
-            points = line[1:] + side * steps
-            if not (start | self._fits(points, cost, risk)).all():
-                return False
-        return True
-
-    def _fits(
-        self, points: NDArray[np.float64], cost: CostMap, risk: RiskMap
-    ) -> NDArray[np.bool_]:
-        around = math.hypot(self.car.body.length / 4, self.car.body.half_width) + 0.02
-        cells = np.floor((points - np.array(cost.frame.origin)) / cost.frame.resolution).astype(int)
-        inside = ((cells >= 0) & (cells < np.array(cost.frame.shape[::-1]))).all(axis=1)
-        out = np.ones(len(points), dtype=bool)
-        cols, rows = cells[inside].T
-        out[inside] = cost.clearance[rows, cols] >= cost.required
-        cells = np.floor((points - np.array(risk.frame.origin)) / risk.frame.resolution).astype(int)
-        inside = ((cells >= 0) & (cells < np.array(risk.frame.shape[::-1]))).all(axis=1)
-        cols, rows = cells[inside].T
-        out[inside] = risk.obstacle_distance[rows, cols] >= around
-        return out
-
-    def _price(self, path: Path, speed: float, cost: CostMap) -> float:
-        """What a path costs: metres at top speed, times what a metre of each place costs."""
-        car, points = self.car, path.points
-        head = points[: max(2, min(path.drivable or 120, len(points)))]
-        v = speeds(head, max(speed, 0.5), car.v_max, car.acceleration, car.braking, car.planned_cornering)
-        slowness = np.ones(len(points))
-        slowness[: len(head)] = car.v_max / np.maximum(v, 0.5)
-        return cost.along(points, slowness)
+        arcs = Path.through(legs[0].poses[:, :2], "hybrid")
+        end = arcs.points[-1]
+        rest = find_route(cost, (float(end[0]), float(end[1])), self.goal)
+        points = arcs.points if rest is None else np.vstack([arcs.points, rest[1:]])
+        return replace(Path.through(points, "hybrid"), drivable=len(arcs.points))
 
     def _still_to_go(
         self, given: NDArray[np.float64], position: tuple[float, float]

@@ -121,7 +121,10 @@ def _search(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); no arcs where there is no way."""
     none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
-    rows, cols = int(density.shape[0] * coarse / CELL) + 1, int(density.shape[1] * coarse / CELL) + 1
+    rows, cols = (
+        int(density.shape[0] * coarse / CELL) + 1,
+        int(density.shape[1] * coarse / CELL) + 1,
+    )
     occupied, unfree = cells > 0, cells != 0
     size = 1 << 14
     poses = np.empty((size, 3))
@@ -144,7 +147,9 @@ def _search(  # type: ignore[no-untyped-def]
         x, y, yaw = poses[node, 0], poses[node, 1], poses[node, 2]
         row, col = int((y - origin[1]) / CELL), int((x - origin[0]) / CELL)
         heading = int(math.floor((yaw / (2.0 * math.pi)) * HEADINGS + 0.5)) % HEADINGS
-        key = ((np.int64(row) * cols + col) * HEADINGS + heading) * 2 + (1 if gears[node] > 0 else 0)
+        key = ((np.int64(row) * cols + col) * HEADINGS + heading) * 2 + (
+            1 if gears[node] > 0 else 0
+        )
         if key in closed:
             continue
         closed.add(key)

@@ -40,12 +40,12 @@ class LineConfig:
     bending: tuple[float, ...] = (0.5, 2.0, 6.0, 15.0)
     push: float = 60.0
     comfort: float = 0.45
-    tether: float = float(__import__('os').environ.get('TETHER', 0.5))
+    tether: float = 0.5
     hold: float = 500.0
     iterations: int = 15
 
 
-def smooth_line(
+def fastest_lines(
     way: NDArray[np.float64],
     pose: NDArray[np.float64],
     speed: float,
@@ -56,8 +56,8 @@ def smooth_line(
     goal: tuple[float, float],
     car: CarLimits,
     config: LineConfig,
-) -> list[tuple[float, NDArray[np.float64]]]:
-    """Lines along a way, the fastest first.
+) -> list[NDArray[np.float64]]:
+    """Lines (n, 2) [m] along a way, the fastest first; none along a way of less than half a metre.
 
     Args:
         way: (n, 2) [m], `SPACING` apart, from near the pose.
@@ -67,36 +67,28 @@ def smooth_line(
         resolution: side of its cells [m].
         origin: x, y of its lower-left corner [m].
         unsure: cells in which the line is tethered to the way, (rows, columns).
-        goal: x, y [m]: where the way passes it the line does.
+        goal: x, y [m]; a line whose way passes it does so too.
         car: what it can do.
         config: settings.
-
-    Returns:
-        The time that each takes [s], and its points (n, 2).
     """
-    reach = min(len(way), round(config.reach / SPACING) + 1)
-    way = way[:reach].copy()
+    way = way[: round(config.reach / SPACING) + 1].copy()
     if len(way) < 6:
         return []
-    guess = _begun(way, pose)
-    tether = np.full(len(way), 0.0)
     cells = np.floor((way - np.array(origin)) / resolution).astype(int)
     inside = ((cells >= 0) & (cells < np.array(unsure.shape[::-1]))).all(axis=1)
-    tether[~inside] = config.tether
-    tether[inside] = config.tether * unsure[cells[inside, 1], cells[inside, 0]]
+    tether = np.full(len(way), config.tether)
+    tether[inside] *= unsure[cells[inside, 1], cells[inside, 0]]
     passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
     if math.dist(way[passed], goal) < 0.4:
         way[passed], tether[passed] = goal, config.hold
-    lines = []
-    for bending in config.bending:
-        line = relax(guess, way, tether, clearance, resolution, origin, bending, config.push,
-                     config.comfort, config.iterations, 0.95 * car.max_curvature)  # fmt: skip
-        lines.append((float(drive_time(line, speed, *_limits(car))), line))
-    return sorted(lines, key=lambda timed: timed[0])
-
-
-def _limits(car: CarLimits) -> tuple[float, float, float, float]:
-    return car.v_max, car.acceleration, car.braking, car.planned_cornering
+    guess = _begun(way, pose)
+    lines = [
+        relax(guess, way, tether, clearance, resolution, origin, bending, config.push,
+              config.comfort, config.iterations, 0.95 * car.max_curvature)
+        for bending in config.bending
+    ]  # fmt: skip
+    limits = car.v_max, car.acceleration, car.braking, car.planned_cornering
+    return sorted(lines, key=lambda line: float(drive_time(line, speed, *limits)))
 
 
 def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -127,8 +119,9 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations,
-          tightest):  # type: ignore[no-untyped-def]
+def relax(
+    guess, way, tether, field, resolution, origin, bending, push, comfort, iterations, tightest
+):  # type: ignore[no-untyped-def]
     """The curve (n, 2) that costs least, its first two points and its last held.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from planner.guess import pursue, shifted
 from planner.guide import Guide, GuideConfig
 from planner.limits import Limit, what_limits
 from planner.mpc import MPC, MPCConfig, stop_controls
-from planner.plan import Plan
+from planner.plan import Plan, mirrored
 from planner.reference import SPACING, Path, project
 from planner.resort import LastResort
 from planner.risk import RiskMap
@@ -38,6 +38,8 @@ BESIDE = 5.0
 """Side of the squares about the points of a given way that the map holds from the start [m]."""
 AHEAD = 2.5
 """How far the risk map's centre lies ahead of the car [m]."""
+PATIENCE = 4
+"""Ticks that the car rests before a way out is searched for, and from one such search to the next."""
 AFRESH = 5
 """Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 
@@ -145,12 +147,15 @@ class Navigator:
         seed: int = 0,
     ) -> None:
         self.config, self.goal, self.known = config, goal, known
-        self.mpc = MPC(config.car, config.mpc)
+        self._drives = {1: self._drive(config.car)}
+        if config.car.reverse > 0.0:
+            self._drives[-1] = self._drive(replace(config.car, v_max=config.car.reverse))
+        self.mpc, self.checker, self.resort = self._drives[1]
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
-        self.checker = CollisionChecker(config.car, config.mpc.dt)
-        self.resort = LastResort(self.mpc, self.checker)
+        self._gear = 1
+        self._rested = 0
         self._tick = -1
         self._curvature = 0.0
         # No prediction moves a way that is the task.
@@ -181,8 +186,10 @@ class Navigator:
         except Exception:
             # A driver may hand over anything; none of it may reach the wheels.
             faults.append("bad_scan")
-        clock.lap("integrate")
         c = self.config
+        # Wherever the body is, there is nothing else: it must be able to back out of there.
+        self.known.mark_free(state, c.car.body, 0.0)
+        clock.lap("integrate")
         prediction = None
         if self._asker is not None:
             square = self.known.frame.square(float(state[0]), float(state[1]), c.predicted_side)
@@ -190,22 +197,28 @@ class Navigator:
             clock.lap("crop")
             prediction = self._predict(self._asker, crop, state, faults)
             clock.lap("predict")
-        centre = state[:2] + AHEAD * np.array([math.cos(state[2]), math.sin(state[2])])
+        self._shift()
+        # In reverse the car drives as one that looks the other way does forward.
+        driven = state if self._gear > 0 else mirrored(state)
+        driven = np.array([*driven[:3], max(driven[3], 0.0)])
+        centre = driven[:2] + AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
-        believed = prediction if c.risk > 0 else None
-        risk = RiskMap.from_prediction(self.known.crop(frame), believed, c.risk, c.margin)
+        # It reverses through what was seen free alone.
+        epsilon = c.risk if self._gear > 0 else 0.0
+        believed = prediction if epsilon > 0 else None
+        risk = RiskMap.from_prediction(self.known.crop(frame), believed, epsilon, c.margin)
         clock.lap("risk")
         steering = prediction if c.steer else None
         if self._tick == 0:
             # The car stands, and has no path to drive meanwhile.
-            self.guide.request(self._tick, state[None], self.known, risk, steering)
-        self.guide.update(self._tick, state, risk)
-        intended, emergency = self._decide(state, risk, faults)
+            self.guide.request(self._tick, driven[None], self.known, risk, steering)
+        self.guide.update(self._tick, driven, risk)
+        intended, emergency = self._decide(driven, risk, faults)
         plan = intended
         if emergency:
             faults.append("emergency")
         else:
-            plan, survivable = self.resort.begin(state, intended, risk)
+            plan, survivable = self.resort.begin(driven, intended, risk)
             if not survivable:
                 faults.append("no_last_resort")
         control = plan.controls[0].copy()
@@ -213,18 +226,21 @@ class Navigator:
         clock.total("cycle")
 
         try:
-            self.guide.request(self._tick, plan.states, self.known, risk, steering)
+            self._look_ahead(driven, plan, risk, steering)
         except Exception:
             # OMPL is others' code. Without a new path the car goes on along the last one.
             faults.append("path_failed")
         clock.times["path"] = self.guide.plan_ms
         rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
         xs, ys = frame.centres()
-        limit = what_limits(plan, risk, self.goal, c.car, emergency)
+        limit = what_limits(plan, risk, self.goal, self.mpc.limits, emergency)
         if plan is not intended:
             # It is held back for the case that what was not seen is not as believed.
             limit = Limit.UNSEEN
         self.plan, self._curvature = intended, float(control[1])
+        if self._gear < 0:
+            plan = plan.mirrored()
+            control = np.array([*plan.controls[0], -1.0])
         survived = tuple(dict.fromkeys(faults))
         self.faults.update(survived)
         return Decision(
@@ -240,6 +256,32 @@ class Navigator:
             prediction=prediction,
             path=self.guide.path,
         )
+
+    def _drive(self, car: CarLimits) -> tuple[MPC, CollisionChecker, LastResort]:
+        mpc, checker = MPC(car, self.config.mpc), CollisionChecker(car, self.config.mpc.dt)
+        return mpc, checker, LastResort(mpc, checker)
+
+    def _shift(self) -> None:
+        """Change to the gear that the guide is in; it changes its own at standstill only."""
+        if self.guide.gear != self._gear:
+            self._gear = self.guide.gear
+            self.mpc, self.checker, self.resort = self._drives[self._gear]
+            self.plan, self.resort.controls, self._curvature = None, None, 0.0
+
+    def _look_ahead(
+        self,
+        state: NDArray[np.float64],
+        plan: Plan,
+        risk: RiskMap,
+        steering: Prediction | None,
+    ) -> None:
+        """Ask for a path; where the car rests and would go on resting, for a way out."""
+        moving = max(state[3], plan.states[:, 3].max()) > 0.1
+        self._rested = 0 if moving else self._rested + 1
+        if self._rested and self._rested % PATIENCE == 0:
+            self.guide.unstick(self._tick, state, self.known, steering)
+        else:
+            self.guide.request(self._tick, plan.states, self.known, risk, steering)
 
     def _predict(
         self, asker: Asker, crop: Grid, state: NDArray[np.float64], faults: list[str]
@@ -265,7 +307,7 @@ class Navigator:
         self, state: NDArray[np.float64], risk: RiskMap, faults: list[str]
     ) -> tuple[Plan, bool]:
         """The cheapest safe plan; where none is safe, the least bad way to brake."""
-        mpc, car = self.mpc, self.config.car
+        mpc, car = self.mpc, self.mpc.limits
         stop = mpc.roll(state, stop_controls(mpc.stages, car.braking, self._curvature))
         kept = stop
         if self.plan is not None:
@@ -366,7 +408,7 @@ class Navigator:
         self, state: NDArray[np.float64], path: Path, risk: RiskMap
     ) -> NDArray[np.float64]:
         """Controls that follow the path as far as it is safe."""
-        mpc, car = self.mpc, self.config.car
+        mpc, car = self.mpc, self.mpc.limits
         free = math.inf
         controls = np.zeros((mpc.stages, 2))
         for _ in range(2):
