@@ -28,7 +28,7 @@ setup: .venv/.tools
 
 # Driving needs no more than this.
 corridor: .venv/.installed
-	$(BIN)/python -m benchmarks.corridor
+	$(BIN)/python -m benchmarks.corridor $(addprefix --optimum ,$(wildcard docs/results/optimum-corridor.json))
 
 TRAIN_ALL = $(BIN)/python -m predictor.study $(NET) $(STUDY) --out $(OUT)
 

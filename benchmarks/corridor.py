@@ -39,6 +39,7 @@ def _run(settings: Settings, place: Place) -> int:
     import benchmarks.workers  # noqa: F401
     from benchmarks.drive import sources
     from benchmarks.figures import draw_all
+    from benchmarks.optima import optimum_of
     from benchmarks.store import Store, several_states
     from benchmarks.summary import table, title
     from predictor import PredictorError, load_predictor
@@ -52,10 +53,11 @@ def _run(settings: Settings, place: Place) -> int:
                 load_world(name)
     except (PredictorError, MapError) as error:
         raise UsageError(str(error)) from None
+    optima = None if place.optimum is None else optimum_of(place.optimum, settings.v_max)
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:
         interrupted = _drive_all(store, settings, weights, place)
-        results = store.pack()
+        results = store.pack(optima)
     print(f"\n{title(results['settings'])}\n")
     print(table(results["summary"], results["gap"]))
     for index, why in store.skipped.items():

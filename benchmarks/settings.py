@@ -89,12 +89,14 @@ class Place:
         jobs: processes.
         dask: address of a Dask scheduler whose workers drive in their place, or None.
         baselines: folder of an earlier run: what would be driven the same is taken over.
+        optimum: file of `benchmarks.optimum` whose T_opt times are compared with, or None.
     """
 
     out: Path
     jobs: int
     dask: str | None
     baselines: Path | None
+    optimum: Path | None
 
 
 def parse(argv: list[str] | None) -> tuple[Settings, Place]:
@@ -145,6 +147,8 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--baselines", type=Path, metavar="DIR", help="an earlier run with another predictor, "
         "ε or expansion: drives that would be the same (known, optimistic, full; with the same ε "
         "and expansion oracle) are taken from there")  # fmt: skip
+    add("--optimum", type=Path, metavar="FILE", help="least times T_opt of the same tasks, from "
+        "benchmarks.optimum, for the same top speed: adds them to the results")  # fmt: skip
     add("--out", type=Path, default=Path("results/corridor"), metavar="DIR",
         help="results.json, traces.npz and the figures go here")  # fmt: skip
     args = parser.parse_args(argv)
@@ -156,4 +160,6 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
         args.v_max, args.window, args.expansion, args.noise, args.dropout,
         args.vehicle,
     )  # fmt: skip
-    return settings, Place(args.out, args.jobs, args.dask, args.baselines)
+    if args.optimum is not None and settings.vehicle != "dubins":
+        raise UsageError("--optimum: its times are those of the dubins car")
+    return settings, Place(args.out, args.jobs, args.dask, args.baselines, args.optimum)

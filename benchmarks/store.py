@@ -11,7 +11,7 @@ import platform
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
+from benchmarks.optima import Key, task_key
 from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, RunError
 from benchmarks.settings import Settings, UsageError
 from benchmarks.statistics import Result
@@ -98,19 +99,19 @@ class Store:
         write_whole(self.parts / _part(result), buffer.getvalue())
         self.episodes.append(result)
 
-    def pack(self, optimum: Callable[[Result], float | None] | None = None) -> dict[str, Any]:
+    def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
         """Write results.json and traces.npz from all that is finished, and return the results.
 
         Args:
-            optimum: an episode's T_opt [s], None where it is not known; by default episodes keep
-                the one that they have.
+            optima: T_opt of tasks [s]; by default episodes keep the one that they have.
         """
         arms = self.settings.arms
         # Older drives lack these.
         given: Result = {"vehicle": self.settings.vehicle, "t_opt": None}
         chosen = [given | e for e in self.episodes if self._wanted(e)]
-        if optimum is not None:
-            chosen = [e | {"t_opt": optimum(e)} for e in chosen]
+        if optima is not None:
+            keys = [task_key(e["world"], e["seed"], e["start"], e["goal"]) for e in chosen]
+            chosen = [e | {"t_opt": optima.get(k)} for e, k in zip(chosen, keys, strict=True)]
         chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
         # An interrupt may have left a drive on disk alone, for the next time.
         known = {_part(e) for e in self.episodes}

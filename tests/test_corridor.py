@@ -154,6 +154,44 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
     assert r["gap"] == {"sct": None, "time": None}
 
 
+def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
+    """A file of T_opt, the same for all tasks."""
+    found = [{"index": e["index"], "world": e["world"], "seed": e["seed"], "start": e["start"],
+              "goal": e["goal"], "t_opt": t_opt, "t_bound": e["t_bound"]}
+             for e in episodes]  # fmt: skip
+    head = {"command": "benchmarks.optimum", "settings": {"v_max": v_max}, "drives": found}
+    path.write_text(json.dumps(head))
+    return path
+
+
+def test_times_are_compared_with_the_optimum_of_their_task(short_map, tmp_path, capsys):
+    command = ("--world", short_map, "--episodes", 2, "--jobs", 1, "--arms", "known",
+               "--out", tmp_path / "run")  # fmt: skip
+    assert run(*command) == 0
+    assert "T_opt" not in capsys.readouterr().out
+    episodes = results(tmp_path / "run")["episodes"]
+    optimum = optima_of(episodes[:1], tmp_path / "optimum.json")
+    assert run(*command, "--optimum", optimum) == 0
+    expected = episodes[0]["time"] / 10.0
+    row = next(line for line in capsys.readouterr().out.splitlines() if "T_opt" in line)
+    assert f" {expected:.2f} " in row
+    for words in (("--optimum", optimum), ()):  # What is known is kept.
+        assert run(*command, *words) == 0
+        r = results(tmp_path / "run")
+        assert [e["t_opt"] for e in r["episodes"]] == [10.0, None]
+        assert r["summary"]["known"]["over_optimum"] == pytest.approx(expected)
+        assert r["summary"]["known"]["t_opt"] == 10.0
+
+
+def test_times_of_another_car_are_no_optimum(narrow, tmp_path, capsys):
+    other = optima_of(results(narrow[0])["episodes"], tmp_path / "other.json", v_max=3.0)
+    for words in (("--optimum", other), ("--optimum", tmp_path / "gone.json"),
+                  ("--optimum", other, "--v-max", 3, "--vehicle", "reeds-shepp")):  # fmt: skip
+        assert run(*words, "--out", tmp_path / "run") == 2
+        assert capsys.readouterr().err.count("\n") == 1
+        assert not (tmp_path / "run").exists()
+
+
 def test_the_figures_and_traces_are_there(narrow):
     out, _ = narrow
     for name in ("speed_profile.png", "trajectories.png", "moment.png"):

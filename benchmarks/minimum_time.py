@@ -1,0 +1,257 @@
+"""The car's minimum-time problem on a known map, by direct multiple shooting.
+
+The controls, acceleration and curvature, are held over ticks of equal length, which is free. A tick
+is the simulator's own arc, so what is solved is what `sim.car.DubinsCar` drives. casadi derives the
+problem, IPOPT solves it (Wächter and Biegler 2006). The solution is a local minimum: which one
+depends on the guess.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, spline_filter
+
+from sim.car import CarConfig, DubinsCar
+from sim.task import Task
+
+CIRCLES = 3
+"""That cover the body; those at its ends are kept clear, and sweep what the others cover."""
+SPACING = 0.14
+"""Between places along a tick where the circles are kept clear, about [m]."""
+MARGINS = (0.006, 0.012, 0.025)
+"""Added to the circles' radius [m]: what the simulator adds, then more if the body collides."""
+CAP = 1.0
+"""Beyond this clearance no wall matters [m]."""
+INSIDE = 1e-4
+"""How far inside the goal's radius a drive ends [m]."""
+AROUND = 3.0
+"""How far beyond the guesses the map is read [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A drive to start from; it need not be feasible.
+
+    Attributes:
+        name: how it was made.
+        dt: of a tick [s].
+        states: x, y, yaw, v, (N + 1, 4).
+        controls: acceleration, curvature, (N, 2).
+    """
+
+    name: str
+    dt: float
+    states: NDArray[np.float64]
+    controls: NDArray[np.float64]
+
+    @property
+    def time(self) -> float:
+        """Duration [s]."""
+        return self.dt * len(self.controls)
+
+    def resampled(self, ticks: int) -> Guess:
+        """The same drive in another number of ticks."""
+        mine, ends = np.linspace(0.0, 1.0, len(self.states)), np.linspace(0.0, 1.0, ticks + 1)
+        states = np.stack([np.interp(ends, mine, column) for column in self.states.T], axis=1)
+        held = ((ends[1:] + ends[:-1]) / 2 * len(self.controls)).astype(int)
+        return Guess(self.name, self.time / ticks, states, self.controls[held])
+
+
+@dataclass(frozen=True, eq=False)
+class Drive(Guess):
+    """A drive that the simulator's car has driven.
+
+    Attributes:
+        status: what the solver said.
+        iterations: that it took.
+        collides: whether the body met something solid.
+        arrives: whether it ended within the goal's radius.
+    """
+
+    status: str
+    iterations: int
+    collides: bool
+    arrives: bool
+
+    @property
+    def valid(self) -> bool:
+        """Whether this drive counts: only the rollout decides, not the solver."""
+        return self.arrives and not self.collides
+
+
+@dataclass(frozen=True, eq=False)
+class MinimumTime:
+    """The problem of a task.
+
+    Attributes:
+        task: world, start and goal.
+        car: limits and body.
+        goal_radius: how near the goal a drive ends, at any speed [m].
+        box: lowest and highest x, y that a drive may use, (2, 2) [m].
+    """
+
+    task: Task
+    car: CarConfig
+    goal_radius: float
+    box: NDArray[np.float64]
+
+    def solve(self, guess: Guess, iterations: int = 300, barrier: float = 0.1) -> Drive:
+        """The quickest drive near a guess, rolled out by the simulator's car.
+
+        Args:
+            guess: where to start; its number of ticks is kept.
+            iterations: of the solver, at most, for each margin.
+            barrier: IPOPT's first barrier parameter; small where the guess is nearly a solution.
+        """
+        for margin in MARGINS:
+            drive = self._solve(guess, margin, iterations, barrier)
+            if not (drive.collides and drive.status == "Solve_Succeeded"):
+                break
+            guess, barrier = drive, 1e-3
+        return drive
+
+    def roll(self, guess: Guess, status: str = "", iterations: int = 0) -> Drive:
+        """What the simulator's car does with a guess's controls."""
+        car, state = DubinsCar(self.car), np.array([*self.task.start, 0.0])
+        states, hit = [state], False
+        for control in guess.controls:
+            hit = hit or car.collides(self.task.world, state, control, guess.dt)
+            state = car.step(state, control, guess.dt)
+            states.append(state)
+        missed = math.dist(state[:2], self.task.goal)
+        driven = np.array(states)
+        # The car's yaw is wrapped; between two states it would be anything.
+        driven[:, 2] = np.unwrap(driven[:, 2])
+        return Drive(guess.name, guess.dt, driven, guess.controls, status, iterations, hit,
+                     missed <= self.goal_radius)  # fmt: skip
+
+    def _solve(self, guess: Guess, margin: float, iterations: int, barrier: float) -> Drive:
+        car, ticks = self.car, len(guess.controls)
+        places = max(1, math.ceil(car.v_max * guess.dt / SPACING))
+        x, u, dt = ca.MX.sym("x", 4, ticks + 1), ca.MX.sym("u", 2, ticks), ca.MX.sym("dt")
+        stage = self._stage(places).map(ticks)
+        after, lateral, clear = stage(x[:, :-1], u, ca.repmat(dt, 1, ticks))
+        last = x[:2, ticks] - ca.DM(list(self.task.goal))
+        # One row a constraint: values, lowest, highest.
+        # The simulator would cut a curvature that is too large by a rounding, and go astray.
+        cornering = car.lateral_acceleration * (1.0 - 1e-6)
+        rows = [
+            (x[:, 1:] - after, 0.0, 0.0),
+            (lateral, -cornering, cornering),
+            (clear, self._radius + margin, np.inf),
+            (ca.sumsqr(last), 0.0, (self.goal_radius - INSIDE) ** 2),
+        ]
+        low, high = np.full((ticks + 1, 4), -np.inf), np.full((ticks + 1, 4), np.inf)
+        low[:, :2], high[:, :2] = self.box
+        low[:, 3], high[:, 3] = 0.0, car.v_max
+        low[0] = high[0] = [*self.task.start, 0.0]
+        hardest = np.tile([car.acceleration, car.max_curvature], ticks)
+        softest = np.tile([-car.braking, -car.max_curvature], ticks)
+        options: Any = {
+            "print_time": False, "calc_lam_p": False,
+            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": iterations, "mu_init": barrier,
+                      "tol": 1e-6, "constr_viol_tol": 1e-7},
+        }  # fmt: skip
+        problem: Any = {
+            "x": ca.vertcat(dt, ca.vec(x), ca.vec(u)),
+            "f": ticks * dt,
+            "g": ca.vertcat(*[ca.vec(values) for values, _, _ in rows]),
+        }
+        solver = ca.nlpsol("solver", "ipopt", problem, options)
+        found = solver(
+            x0=np.concatenate([[guess.dt], guess.states.ravel(), guess.controls.ravel()]),
+            lbx=np.concatenate([[0.02 * guess.dt], low.ravel(), softest]),
+            ubx=np.concatenate([[5.0 * guess.dt], high.ravel(), hardest]),
+            lbg=np.concatenate([np.full(values.numel(), lowest) for values, lowest, _ in rows]),
+            ubg=np.concatenate([np.full(values.numel(), highest) for values, _, highest in rows]),
+        )
+        stats, values = solver.stats(), np.array(found["x"]).ravel()
+        controls = values[-2 * ticks :].reshape(ticks, 2)
+        drive = Guess(guess.name, float(values[0]), guess.states, controls)
+        return self.roll(drive, stats["return_status"], stats["iter_count"])
+
+    @property
+    def _half(self) -> float:
+        """Half the body's length that a circle covers [m]."""
+        return self.car.body.half_length / CIRCLES
+
+    @property
+    def _radius(self) -> float:
+        """Of the circles that cover the body [m]."""
+        return math.hypot(self._half, self.car.body.half_width)
+
+    def _stage(self, places: int) -> ca.Function:
+        """One tick as a function of state (4,), control (2,) and its length.
+
+        It returns the state after it (4,), the lateral acceleration at both ends (2,), and the
+        clearance of the circles' centres at some places along it (2 · places,).
+        """
+        # Scalar symbols (SX) are some times as fast as matrix symbols (MX), which splines need.
+        x, u, dt = ca.SX.sym("x", 4), ca.SX.sym("u", 2), ca.SX.sym("dt")
+
+        def after(t: Any) -> Any:
+            length = x[3] * t + 0.5 * u[0] * t**2
+            half = 0.5 * u[1] * length
+            chord = length * (1 - half**2 / 6 + half**4 / 120 - half**6 / 5040)
+            return ca.vertcat(x[0] + chord * ca.cos(x[2] + half),
+                              x[1] + chord * ca.sin(x[2] + half), x[2] + 2 * half,
+                              x[3] + u[0] * t)  # fmt: skip
+
+        offset = (CIRCLES - 1) * self._half
+        centres = []
+        for place in range(1, places + 1):
+            pose = after(dt * place / places)
+            ahead = offset * ca.vertcat(ca.cos(pose[2]), ca.sin(pose[2]))
+            centres += [pose[:2] + ahead, pose[:2] - ahead]
+        end = after(dt)
+        lateral = ca.vertcat(x[3] ** 2 * u[1], end[3] ** 2 * u[1])
+        motion = ca.Function("motion", [x, u, dt], [end, lateral, ca.horzcat(*centres)])
+        inputs = [ca.MX.sym("x", 4), ca.MX.sym("u", 2), ca.MX.sym("dt")]
+        *outputs, at = motion(*inputs)
+        clear = self._clearance.map(2 * places)(at).T
+        return ca.Function("stage", inputs, [*outputs, clear])
+
+    @cached_property
+    def _clearance(self) -> ca.Function:
+        """Signed distance to what is solid, as a cubic spline: (2,) [m] to [m]."""
+        frame = self.task.world.grid.frame
+        first = np.floor((self.box[0] - frame.origin) / frame.resolution).astype(int) - 2
+        last = np.ceil((self.box[1] - frame.origin) / frame.resolution).astype(int) + 2
+        (col, row), (cols, rows) = first, last - first
+        solid = np.ones((rows, cols), dtype=bool)
+        a, b = max(0, row), max(0, col)
+        part = self.task.world.solid[a : row + rows, b : col + cols]
+        solid[a - row : a - row + part.shape[0], b - col : b - col + part.shape[1]] = part
+        distance = frame.resolution * np.minimum(signed_distance(solid), CAP / frame.resolution)
+        # Coefficient k belongs to sample k, in the middle of knots k to k + 4.
+        knots = [
+            (frame.origin[axis] + (start + np.arange(-1.5, count + 2.0)) * frame.resolution)
+            for axis, start, count in ((0, col, cols), (1, row, rows))
+        ]
+        at = ca.MX.sym("at", 2)
+        coefficients = ca.DM(spline_filter(distance, mode="mirror").ravel())
+        spline = ca.bspline(at, coefficients, [k.tolist() for k in knots], [3, 3], 1, {})
+        return ca.Function("clearance", [at], [spline])
+
+
+def signed_distance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """From each cell's centre to the boundary of the solid cells [cells]; negative inside them.
+
+    The distance is to the cells' squares, not to their centres: a lattice of half the spacing
+    holds the corners and the sides' middles too, among which the nearest point always is.
+    """
+    doubled = solid.repeat(2, axis=0).repeat(2, axis=1)
+    closed = np.zeros((doubled.shape[0] + 1, doubled.shape[1] + 1), dtype=bool)
+    closed[:-1, :-1] |= doubled
+    closed[1:, :-1] |= doubled
+    closed[:-1, 1:] |= doubled
+    closed[1:, 1:] |= doubled
+    distance = distance_transform_edt(~closed) - distance_transform_edt(closed)
+    return np.asarray(0.5 * distance[1::2, 1::2], dtype=np.float64)

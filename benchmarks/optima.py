@@ -1,0 +1,128 @@
+"""Time-optimal drives on disk: what `benchmarks.optimum` writes, and others compare with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.settings import UsageError
+from predictor.whole import write_whole
+
+Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
+"""Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
+GROWS = ("episodes",)
+"""Settings that a file may be continued with more of."""
+
+
+def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
+    """What identifies a task, whatever file or run it is in: numbers are rounded to 1 mm, 1 mrad.
+
+    Args:
+        world: its name.
+        seed: of the task.
+        start: x, y, yaw.
+        goal: x, y.
+    """
+    return world, int(seed), _rounded(start), _rounded(goal)
+
+
+def _rounded(numbers: Sequence[float]) -> tuple[float, ...]:
+    # Adding 0 makes −0 the 0 that it equals.
+    return tuple(round(float(number), 3) + 0.0 for number in numbers)
+
+
+def optimum_of(path: Path, v_max: float | None = None) -> dict[Key, float | None]:
+    """Least times T_opt [s] by task, None where no drive was found.
+
+    Args:
+        path: file that `benchmarks.optimum` has written.
+        v_max: top speed that they must be of [m/s]; any if None.
+
+    Raises:
+        UsageError: if the file cannot be read, or is of another top speed.
+    """
+    found = read_optima(path)
+    theirs = found["settings"]["v_max"]
+    if v_max is not None and v_max != theirs:
+        raise UsageError(f"{path} is of a top speed of {theirs:g} m/s, not of {v_max:g}")
+    return {
+        task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"] for d in found["drives"]
+    }
+
+
+def read_optima(path: Path) -> dict[str, Any]:
+    """All that a file of optima holds.
+
+    Raises:
+        UsageError: if it cannot be read, or is something else.
+    """
+    try:
+        found = json.loads(path.read_text())
+        if found["command"] != "benchmarks.optimum":
+            raise UsageError(f"{path} is no file of benchmarks.optimum")
+        # What others rely on is there.
+        [(d["index"], d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
+        float(found["settings"]["v_max"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        if isinstance(error, UsageError):
+            raise
+        why = (
+            error.strerror if isinstance(error, OSError) else "it is no file of benchmarks.optimum"
+        )
+        raise UsageError(f"{path} cannot be read: {why}") from None
+    return dict(found)
+
+
+class Optima:
+    """A file of optima that grows, drive by drive; it is always whole.
+
+    Args:
+        path: of the file; made if need be.
+        settings: of the run, plain values.
+
+    Raises:
+        UsageError: if the file is of other settings or cannot be written.
+    """
+
+    def __init__(self, path: Path, settings: dict[str, Any]) -> None:
+        self.path = path
+        self.drives: dict[int, dict[str, Any]] = {}
+        self._settings = settings
+        if path.exists():
+            found = read_optima(path)
+            theirs = found["settings"]
+            other = sorted(
+                name for name in settings.keys() | theirs.keys()
+                if name not in GROWS and settings.get(name) != theirs.get(name)
+            )  # fmt: skip
+            if other:
+                raise UsageError(f"--out: {path} was made with another {', '.join(other)}")
+            self.drives = {drive["index"]: drive for drive in found["drives"]}
+            grown = {name: max(settings[name], theirs[name]) for name in GROWS}
+            self._settings = settings | grown
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"--out: {path.parent} cannot be made: {error.strerror}") from None
+
+    def add(self, drive: dict[str, Any]) -> None:
+        """Keep a drive, and write the file anew.
+
+        Raises:
+            UsageError: if it cannot be written.
+        """
+        self.drives[drive["index"]] = drive
+        head = {"command": "benchmarks.optimum", "settings": self._settings}
+        # A line a drive, so that a change of one is a change of a line.
+        lines = [_json(self.drives[index]) for index in sorted(self.drives)]
+        text = f'{_json(head)[:-1]},"drives":[\n' + ",\n".join(lines) + "\n]}\n"
+        try:
+            write_whole(self.path, text.encode())
+        except OSError as error:
+            raise UsageError(f"--out: {self.path} cannot be written: {error.strerror}") from None
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False)
