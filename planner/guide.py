@@ -22,6 +22,9 @@ from planner.route import find_route
 from planner.smoothing import NEAR_GOAL, Smoother
 from predictor import OccupancyGrid, Prediction
 
+REST = 1e-6
+"""A car slower than this stands, and may change its gear [m/s]."""
+
 
 @dataclass(frozen=True)
 class GuideConfig:
@@ -94,7 +97,21 @@ class Guide:
         self._pending: tuple[int, Path] | None = None
         self._requested = -(10**9)
         self._legs: list[Leg] = []
+        self._on_leg = False
         self._stuck = np.empty((0, 2))
+
+    def shift(self, state: NDArray[np.float64]) -> int:
+        """Begin the next leg of a way out, where the car stands at the last one's end.
+
+        Args:
+            state: x, y, yaw, v now, (4,).
+
+        Returns:
+            The gear to drive in, 1 or -1.
+        """
+        if self._legs and abs(state[3]) < REST:
+            self._change_leg(state)
+        return self.gear
 
     def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
         """Advance by a tick: adopt a path that is due, and end it before what blocks it.
@@ -135,7 +152,6 @@ class Guide:
         """
         self.plan_ms = 0.0
         if self._legs or self._is_held():
-            self._next_leg(ahead[0])
             return
         urgent = self.path is not self._whole or ahead[:, 3].max() < 0.2
         overdue = tick - self._requested >= self.config.every
@@ -172,34 +188,29 @@ class Guide:
         )
         self._stuck = np.vstack([self._stuck, front])
         cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
-        self._legs = find_legs(cost, known, pose, self.goal, self.config.onward, self.car,
+        self._legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, self.car,
                                self.config.hybrid)  # fmt: skip
         self._requested = tick
-        if self._legs:
-            self.counts["manoeuvre"] += 1
-            self._begin_leg()
+        self._on_leg, self._pending = False, None
+        self.counts["manoeuvre"] += bool(self._legs)
         self.plan_ms = 1e3 * (time.perf_counter() - started)
 
     def _adopt(self, path: Path) -> None:
         self._whole, self.segment, self.is_new = path, 0, True
         self.counts[path.source] += 1
 
-    def _begin_leg(self) -> None:
-        """Drive the first of the legs; the last of them is a path as any other."""
+    def _change_leg(self, state: NDArray[np.float64]) -> None:
+        # The last of them is a path as any other.
+        if self._on_leg:
+            if math.dist(self._legs[0].poses[-1, :2], state[:2]) > self.config.leg_end:
+                return
+            del self._legs[0]
         leg = self._legs[0]
-        self.gear = leg.gear
-        self._pending = None
+        self.gear, self._on_leg = leg.gear, len(self._legs) > 1
         path = Path.through(leg.poses[:, :2], "hybrid")
         self._adopt(replace(path, drivable=len(path.points)))
-        if len(self._legs) == 1:
+        if not self._on_leg:
             self._legs = []
-
-    def _next_leg(self, state: NDArray[np.float64]) -> None:
-        if self._legs and state[3] < 0.02:
-            end = self._legs[0].poses[-1, :2]
-            if math.dist(end, state[:2]) < self.config.leg_end:
-                del self._legs[0]
-                self._begin_leg()
 
     def _is_held(self) -> bool:
         """Whether the car is on arcs that were searched for, and ends them first."""
@@ -307,7 +318,7 @@ class Guide:
     ) -> Path | None:
         """A path over arcs forward, and the route from its end."""
         forward = replace(self.car, reverse=0.0)
-        legs = find_legs(cost, known, pose, self.goal, self.config.onward, forward,
+        legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, forward,
                          self.config.hybrid)  # fmt: skip
         if not legs:
             return None

@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.costmap import CostMap
+from planner.costmap import STUCK_REACH, CostMap
 from planner.dynamics import CarLimits, pose_along
 from planner.route import cost_to_go
-from predictor import OccupancyGrid
+from predictor import OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.body import meets
 
 HEADINGS = 48
@@ -71,6 +71,7 @@ def find_legs(
     pose: NDArray[np.float64],
     goal: tuple[float, float],
     ahead: float,
+    stuck: NDArray[np.float64],
     car: CarLimits,
     config: HybridConfig,
 ) -> list[Leg]:
@@ -83,6 +84,8 @@ def find_legs(
         pose: x, y, yaw, (3,).
         goal: x, y [m].
         ahead: by how much the cost to go is to fall [m]; infinite: to the goal.
+        stuck: points (k, 2) [m] at which the car could not go on: around them it keeps out of what
+            has not been seen.
         car: what it can do; it has a reverse gear if its speed in it is not 0.
         config: settings.
 
@@ -94,6 +97,11 @@ def find_legs(
         return []
     to_go, side = field
     cells = known.cells
+    for x, y in stuck:
+        row, col = known.frame.cell(float(x), float(y))
+        n = round(STUCK_REACH / known.frame.resolution)
+        here = cells[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
+        here[here == UNKNOWN] = OCCUPIED
     curvature = 1.0 / (config.slack * car.turning_radius)
     for margin in config.margin:
         body = car.body.inflated(margin)

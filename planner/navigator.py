@@ -197,7 +197,7 @@ class Navigator:
             clock.lap("crop")
             prediction = self._predict(self._asker, crop, state, faults)
             clock.lap("predict")
-        self._shift()
+        self._shift(self.guide.shift(state))
         # In reverse the car drives as one that looks the other way does forward.
         driven = state if self._gear > 0 else mirrored(state)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
@@ -261,11 +261,10 @@ class Navigator:
         mpc, checker = MPC(car, self.config.mpc), CollisionChecker(car, self.config.mpc.dt)
         return mpc, checker, LastResort(mpc, checker)
 
-    def _shift(self) -> None:
-        """Change to the gear that the guide is in; it changes its own at standstill only."""
-        if self.guide.gear != self._gear:
-            self._gear = self.guide.gear
-            self.mpc, self.checker, self.resort = self._drives[self._gear]
+    def _shift(self, gear: int) -> None:
+        if gear != self._gear:
+            self._gear = gear
+            self.mpc, self.checker, self.resort = self._drives[gear]
             self.plan, self.resort.controls, self._curvature = None, None, 0.0
 
     def _look_ahead(
@@ -276,7 +275,7 @@ class Navigator:
         steering: Prediction | None,
     ) -> None:
         """Ask for a path; where the car rests and would go on resting, for a way out."""
-        moving = max(state[3], plan.states[:, 3].max()) > 0.1
+        moving = max(state[3], plan.states[1, 3]) > 0.02
         self._rested = 0 if moving else self._rested + 1
         if self._rested and self._rested % PATIENCE == 0:
             self.guide.unstick(self._tick, state, self.known, steering)

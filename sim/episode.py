@@ -210,7 +210,7 @@ class _Log:
         rows = self._rows
         frame, solid = task.world.grid.frame, task.world.solid
         rows["controls"].append(decision.control[:2])
-        rows["gears"].append(decision.control[2] if len(decision.control) == 3 else 1)
+        rows["gears"].append(decision.plan.gear)
         rows["plans"].append(decision.plan.controls.astype(np.float16))
         rows["limits"].append(str(decision.limit))
         rows["emergency"].append(decision.emergency)
@@ -252,7 +252,7 @@ class _Log:
         out: dict[str, NDArray] = {
             "controls": np.array(rows["controls"], dtype=np.float32),
             "gears": np.array(rows["gears"], dtype=np.int8),
-            "plans": np.array(rows["plans"]),
+            "plans": _padded(rows["plans"]),
             "limits": np.array([names.index(name) for name in rows["limits"]], dtype=np.uint8),
             "limit_names": np.array(names),
             "emergency": np.array(rows["emergency"], dtype=bool),
@@ -269,6 +269,12 @@ class _Log:
             _, tick, decision = self._moment
             out |= _moment(tick, decision)
         return out
+
+
+def _padded(plans: list[NDArray]) -> NDArray:
+    """Plans as one array: those in reverse have fewer steps, after which the car stays at rest."""
+    longest = max(len(plan) for plan in plans)
+    return np.array([np.pad(plan, ((0, longest - len(plan)), (0, 0))) for plan in plans])
 
 
 def _moment(tick: int, decision: Any) -> dict[str, NDArray]:
