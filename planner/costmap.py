@@ -94,7 +94,9 @@ class CostMap:
             room = distance_field(occupied | walls) * np.float32(frame.resolution)
             unsure = unseen & ~(steered & (believed < 0.5 * (1.0 + UNKNOWN_COST)))
             if way is None:
-                density[steered] = believed[steered]
+                # Where a wall goes on is as much in doubt as the belief leaves it.
+                doubt = np.clip(believed - 1.0, 0.0, 1.0)
+                density[steered] = (believed + prior * doubt)[steered]
         if way is not None:
             near = np.arange(-2, 3)
             cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
