@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.settings import UsageError
-from predictor.whole import write_whole
+from benchmarks.tables import markdown
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
@@ -113,6 +113,8 @@ class Optima:
         Raises:
             UsageError: if it cannot be written.
         """
+        from predictor.whole import write_whole
+
         self.drives[drive["index"]] = drive
         head = {"command": "benchmarks.optimum", "settings": self._settings}
         # A line a drive, so that a change of one is a change of a line.
@@ -122,6 +124,21 @@ class Optima:
             write_whole(self.path, text.encode())
         except OSError as error:
             raise UsageError(f"--out: {self.path} cannot be written: {error.strerror}") from None
+
+
+def table(found: dict[str, Any]) -> str:
+    """The means of a file of optima, in Markdown; of drives whose T_opt and T_bound are known."""
+    drives = found["drives"]
+    known = [d for d in drives if d["t_opt"] is not None and d["t_bound"] is not None]
+    best, bound, length = (
+        sum(d[name] for d in known) / max(1, len(known))
+        for name in ("t_opt", "t_bound", "shortest")
+    )
+    rows = [
+        ["tasks", "drives found", "T_opt [s]", "T_bound [s]", "shortest way [m]"],
+        [str(len(drives)), str(len(known)), f"{best:.2f}", f"{bound:.2f}", f"{length:.1f}"],
+    ]
+    return markdown(rows)
 
 
 def _json(value: Any) -> str:

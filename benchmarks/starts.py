@@ -21,6 +21,10 @@ ARCS = ((1.1, 0.4), (2.0, 0.4), (1.1, 1.5), (3.75, 0.4))
 """Ways of arcs tried: their radius over the car's tightest, clearance that they look for [m]."""
 ROUNDING = 0.2
 """Standard deviation that smooths ways of arcs [m]."""
+AWAY = math.pi / 3
+"""A start that looks this far away from the shortest way is turned to either side [rad]."""
+TURN, JOIN = 1.2, 5.0
+"""Radius of that turn, and where on the shortest way it leads [m]."""
 CLEARANCE = 0.03
 """Free space that ways of arcs keep around the body [m]."""
 STEP = 0.05
@@ -32,8 +36,9 @@ DETOUR = 1.8
 def ways(task: Task, car: CarConfig, goal_radius: float) -> Iterator[tuple[str, NDArray]]:
     """Ways (n, 2) to near the goal [m], with their names; none twice, some perhaps not drivable.
 
-    The first are the shortest ways of discs, whatever the heading at the start; the others are
-    the cheapest ways of arcs, which a car can drive from there.
+    The first are the shortest ways of discs, whatever the heading at the start; then the shortest
+    way after a turn to the left or to the right; the others are the cheapest ways of arcs, which a
+    car can drive from there.
 
     Args:
         task: world, start and goal.
@@ -45,7 +50,12 @@ def ways(task: Task, car: CarConfig, goal_radius: float) -> Iterator[tuple[str, 
             way = shortest_way(task.world, task.start[:2], task.goal, radius)
         except NoWayError:
             continue
-        yield f"taut {radius:g} m", _smooth(_evenly(way, goal_radius), sigma)
+        even = _evenly(way, goal_radius)
+        yield f"taut {radius:g} m", _smooth(even, sigma)
+        away = wrap(math.atan2(*(even[4] - even[0])[::-1]) - task.start[2])
+        if radius == TAUT[0][0] and abs(away) > AWAY:
+            for name, side in (("left", 1.0), ("right", -1.0)):
+                yield f"{name} turn", _smooth(_turned(even, task.start, side), ROUNDING)
     for times, comfort in ARCS:
         bent = _arcs(task, car, times * car.turning_radius, comfort, goal_radius)
         if bent is not None:
@@ -87,6 +97,20 @@ def timed(
     dt = float(times[-1]) / ticks
     held = np.interp(0.5 * (at[1:] + at[:-1]), times, curvature)
     return Guess(name, dt, states, np.stack([np.diff(states[:, 3]) / dt, held], axis=1))
+
+
+def _turned(
+    way: NDArray[np.float64], start: tuple[float, float, float], side: float
+) -> NDArray[np.float64]:
+    """A way that begins with an arc, to the left for 1, until it points where the way leads."""
+    join = min(len(way) - 1, round(JOIN / STEP))
+    points = []
+    for along in np.arange(0.0, 2.0 * math.pi * TURN, STEP):
+        x, y, yaw = along_arc(*start, side / TURN, along)
+        points.append((x, y))
+        if abs(wrap(math.atan2(way[join, 1] - y, way[join, 0] - x) - yaw)) < STEP / TURN:
+            break
+    return _evenly(np.vstack([points, way[join:]]), 0.0)
 
 
 def _arcs(

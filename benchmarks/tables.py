@@ -34,6 +34,10 @@ def tables_of(results: dict[str, Any]) -> str:
         from benchmarks.stages import tables
 
         return tables(results)
+    if results.get("command") == "benchmarks.optimum":
+        from benchmarks.optima import table as optima
+
+        return optima(results)
     if "simulated" in results:
         from benchmarks.prediction.tables import tables_of as of_prediction
 
@@ -164,7 +168,7 @@ def main(argv: list[str] | None = None) -> int:
         description="Print the tables of results.json files as Markdown.",
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
-        "benchmarks.corridor, .stages, .prediction, or predictor.evaluate")  # fmt: skip
+        "benchmarks.corridor, .optimum, .stages, .prediction, or predictor.evaluate")  # fmt: skip
     runs: dict[str, dict[str, Any]] = {}
     relied: dict[str, dict[str, Any]] = {}
     scored: dict[str, dict[str, Any]] = {}

@@ -7,6 +7,7 @@ import pytest
 
 COMMANDS = {
     "benchmarks.corridor": "benchmarks",
+    "benchmarks.optimum": "benchmarks",
     "benchmarks.plot": "benchmarks",
     "benchmarks.prediction.__main__": "predictor",
     "benchmarks.stages": "benchmarks",
