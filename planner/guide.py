@@ -264,13 +264,9 @@ class Guide:
         kept = self._kept(smoother, pose, speed)
         if fresh is None and kept is None:
             seed = self.seed * 100_003 + tick
-            import os
-            if os.environ.get("ORDER") == "h":
-                found = self._searched(cost, known, pose) or self._sampled(cost, risk, pose, route, seed)
-            else:
-                found = self._sampled(cost, risk, pose, route, seed) or self._searched(
-                    cost, known, pose
-                )
+            found = self._searched(cost, known, pose)
+            if found is None:
+                found = self._sampled(cost, risk, pose, route, seed)
             if found is not None:
                 return smoother.along(found.points, pose, speed, found.source) or found
             # The car cannot drive a polyline's corners. It is better off at the end of the path

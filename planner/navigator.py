@@ -214,6 +214,7 @@ class Navigator:
             self.guide.request(self._tick, driven[None], self.known, risk, steering)
         self.guide.update(self._tick, driven, risk)
         intended, emergency = self._decide(driven, risk, faults)
+        intended = self._at_once(driven, intended)
         plan = intended
         if emergency:
             faults.append("emergency")
@@ -349,6 +350,16 @@ class Navigator:
         # Standing still for ever is no better than standing there.
         moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
+
+    def _at_once(self, state: NDArray[np.float64], plan: Plan) -> Plan:
+        """A plan without the steps for which it waits first: a solver may put off for ever."""
+        moves = np.flatnonzero(plan.states[1:, 3] > 1e-3)
+        if state[3] > 0.0 or not len(moves) or moves[0] == 0:
+            return plan
+        # The same motion, sooner: it meets what it met.
+        first = int(moves[0])
+        rest = stop_controls(first, self.mpc.limits.braking, float(plan.controls[-1, 1]))
+        return self.mpc.roll(state, np.vstack([plan.controls[first:], rest]))
 
     def _stopping_sooner(
         self,
