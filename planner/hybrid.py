@@ -68,7 +68,7 @@ class Leg:
 def find_legs(
     cost: CostMap,
     known: OccupancyGrid,
-    pose: NDArray[np.float64],
+    state: NDArray[np.float64],
     goal: tuple[float, float],
     ahead: float,
     stuck: NDArray[np.float64],
@@ -81,7 +81,7 @@ def find_legs(
         cost: what a metre of way costs.
         known: what has been seen: forward the body keeps out of what is occupied, in reverse in
             what is free.
-        pose: x, y, yaw, (3,).
+        state: x, y, yaw, v, (4,); a fast car has to brake before it can turn tightly.
         goal: x, y [m].
         ahead: by how much the cost to go is to fall [m]; infinite: to the goal.
         stuck: points (k, 2) [m] at which the car could not go on: around them it keeps out of what
@@ -106,10 +106,11 @@ def find_legs(
     for margin in config.margin:
         body = car.body.inflated(margin)
         poses, gears = _search(
-            np.asarray(pose, dtype=np.float64)[:3], goal, ahead, to_go, side, cost.density,
+            np.asarray(state, dtype=np.float64), goal, ahead, to_go, side, cost.density,
             cost.frame.resolution, cost.frame.origin, cells, known.frame.resolution,
             known.frame.origin, body.half_length, body.half_width, curvature, car.reverse > 0.0,
-            config.reversing, config.shift, config.steering, config.nodes,
+            config.reversing, config.shift, config.steering, config.nodes, car.braking,
+            car.planned_cornering,
         )  # fmt: skip
         if len(gears):
             return _legs(poses, gears)
@@ -125,7 +126,7 @@ def _legs(poses: NDArray[np.float64], gears: NDArray[np.int64]) -> list[Leg]:
 @njit(cache=True, nogil=True)
 def _search(  # type: ignore[no-untyped-def]
     start, goal, ahead, to_go, side, density, coarse, origin, cells, fine, fine_origin, half_length,
-    half_width, curvature, both, reversing, shift, steering, limit,
+    half_width, curvature, both, reversing, shift, steering, limit, braking, lateral,
 ):  # fmt: skip
     """Poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); no arcs where there is no way."""
     none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
@@ -142,7 +143,8 @@ def _search(  # type: ignore[no-untyped-def]
     shares = np.empty(size)
     closed = set()
     closed.add(np.int64(-1))
-    poses[0] = start
+    poses[0] = start[:3]
+    driven = np.zeros(size)
     spent[0], parents[0], gears[0], shares[0] = 0.0, -1, 1, 0.0
     begun = _remaining(start[0], start[1], to_go, side, origin)
     if not begun < np.inf:
@@ -172,6 +174,10 @@ def _search(  # type: ignore[no-untyped-def]
             blocked = occupied if gear > 0 else unfree
             for share in SHARES:
                 kappa = share * curvature
+                # Until it has braked it can turn but little.
+                square = start[3] ** 2 - 2.0 * braking * driven[node]
+                if gear > 0 and abs(kappa) * square > 1.05 * lateral:
+                    continue
                 ex, ey, eyaw = x, y, yaw
                 hit = False
                 for check in range(1, CHECKS + 1):
@@ -204,7 +210,9 @@ def _search(  # type: ignore[no-untyped-def]
                     parents = np.concatenate((parents, np.empty_like(parents)))
                     gears = np.concatenate((gears, np.empty_like(gears)))
                     shares = np.concatenate((shares, np.empty_like(shares)))
+                    driven = np.concatenate((driven, np.empty_like(driven)))
                 poses[count, 0], poses[count, 1], poses[count, 2] = ex, ey, eyaw
+                driven[count] = driven[node] + STEP
                 spent[count] = spent[node] + price
                 parents[count], gears[count], shares[count] = node, gear, share
                 heapq.heappush(queue, (spent[count] + left, count))
@@ -215,19 +223,19 @@ def _search(  # type: ignore[no-untyped-def]
     while parents[node] >= 0:
         steps += 1
         node = parents[node]
-    way, driven = np.empty((CHECKS * steps + 1, 3)), np.empty(steps, dtype=np.int64)
+    way, chosen = np.empty((CHECKS * steps + 1, 3)), np.empty(steps, dtype=np.int64)
     node = found
     for i in range(steps - 1, -1, -1):
         before = parents[node]
-        driven[i] = gears[node]
+        chosen[i] = gears[node]
         for check in range(1, CHECKS + 1):
             way[CHECKS * i + check] = pose_along(
                 poses[before, 0], poses[before, 1], poses[before, 2], shares[node] * curvature,
                 gears[node] * STEP * check / CHECKS,
             )  # fmt: skip
         node = before
-    way[0] = start
-    return way, driven
+    way[0] = start[:3]
+    return way, chosen
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -62,12 +62,12 @@ class MPCConfig:
 
     dt: float = 0.1
     progress: float = 1.0
-    contour: float = float(__import__("os").environ.get("CONTOUR", 1.0))
+    contour: float = 1.0
     final: tuple[float, float] = (6.0, 12.0)
     effort: tuple[float, float] = (0.01, 0.02)
     smoothness: float = 0.1
     closeness: float = 4.0
-    comfort: float = float(__import__("os").environ.get("COMFORT", 0.25))
+    comfort: float = 0.25
     violation: float = 100.0
     margin: float = 0.035
     trust: float = 0.6
