@@ -317,9 +317,7 @@ def test_a_car_whose_qps_fail_goes_on_by_its_guesses_where_they_are_safe():
 
 
 @pytest.mark.parametrize("part", ["find_route", "Smoother.along", "CostMap.build"])
-def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it(
-    monkeypatch, part
-):
+def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it(monkeypatch, part):
     task = straight()
     driver = navigator(task)
     search = raising(RuntimeError("a search's"))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def check(room, legs, pose, car=BOTH, barred=None):
     seen_free = room.cells == FREE
     occupied = room.cells == OCCUPIED if barred is None else barred
     assert legs[0].poses[0] == pytest.approx(np.array(pose))
-    for before, after in zip(legs[:-1], legs[1:], strict=True):
+    for before, after in pairwise(legs):
         assert np.array_equal(before.poses[-1], after.poses[0])
         assert before.gear == -after.gear
     for leg in legs:
@@ -64,8 +65,8 @@ def check(room, legs, pose, car=BOTH, barred=None):
         kappas, metres = driven(leg)
         assert np.abs(kappas).max() <= car.max_curvature / CONFIG.slack + 1e-6
         assert metres.max() < 0.1
-        for here, there, kappa, s in zip(leg.poses[:-1], leg.poses[1:], kappas, metres, strict=True):
-            end = arc(here, leg.gear, kappa, s)
+        for i, there in enumerate(leg.poses[1:]):
+            end = arc(leg.poses[i], leg.gear, kappas[i], metres[i])
             assert end[:2] == pytest.approx(there[:2], abs=1e-6)
             assert float(turned(end[2] - there[2])) == pytest.approx(0.0, abs=1e-6)
         assert not room.meets(swept(leg), occupied if leg.gear > 0 else ~seen_free)
@@ -192,9 +193,7 @@ def test_around_a_place_where_the_car_was_stuck_it_keeps_out_of_the_unseen():
     start, goal, place = (2.0, 2.0, 0.0), (9.0, 2.0), (5.2, 2.0)
     plain = legs_of(room, start, goal, CAR)
     kept = legs_of(room, start, goal, CAR, stuck=np.array([place]))
-    near = (abs(room.x - place[0]) < STUCK_REACH) & (
-        abs(room.y[:, None] - place[1]) < STUCK_REACH
-    )
+    near = (abs(room.x - place[0]) < STUCK_REACH) & (abs(room.y[:, None] - place[1]) < STUCK_REACH)
     barred = (room.cells == OCCUPIED) | (near & (room.cells == UNKNOWN))
     assert room.meets(swept(plain[0]), barred)
     check(room, kept, start, CAR, barred)

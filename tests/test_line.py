@@ -13,12 +13,13 @@ from planner.line import LineConfig, curvatures, drive_time, fastest_lines, spee
 from planner.reference import SPACING, Path
 from predictor import OCCUPIED
 
+CONFIG = LineConfig()
 LIMITS = CAR.v_max, CAR.acceleration, CAR.braking, CAR.planned_cornering
 ANYWHERE = (100.0, 100.0)
 """A goal that no way here passes."""
 
 
-def lines(room, vertices, pose, speed=2.0, unsure=False, goal=ANYWHERE, config=LineConfig()):
+def lines(room, vertices, pose, speed=2.0, unsure=False, goal=ANYWHERE, config=CONFIG):
     """The lines along a way through a room; unsure: everywhere or nowhere."""
     way = Path.through(np.array(vertices), "").points
     clearance = distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION)
@@ -44,7 +45,7 @@ def test_a_straight_way_stays_straight(unsure, angle):
     start = np.array([10.0, 10.0])
     way, found = lines(Room(20.0, 20.0), [start, start + 5.999999 * ahead], (*start, angle),
                        unsure=unsure)  # fmt: skip
-    assert len(found) == len(LineConfig().bending)
+    assert len(found) == len(CONFIG.bending)
     for line in found:
         assert line == pytest.approx(way, abs=1e-5)
 
@@ -125,11 +126,12 @@ def test_the_mirror_image_of_a_map_has_the_mirror_image_of_the_line(vertices, po
     plain, other = corner(), corner()
     other.cells = other.cells[::-1].copy()
     # The room reaches from 0 to 8 m.
-    flip = np.array([1.0, -1.0]), np.array([0.0, 8.0])
+    sign, shift = np.array([1.0, -1.0]), np.array([0.0, 8.0])
     _, found = lines(plain, vertices, pose)
-    _, image = lines(other, np.array(vertices) * flip[0] + flip[1], (pose[0], 8 - pose[1], -pose[2]))
+    there = (pose[0], 8.0 - pose[1], -pose[2])
+    _, image = lines(other, np.array(vertices) * sign + shift, there)
     for line, reflected in zip(found, image, strict=True):
-        assert reflected == pytest.approx(line * flip[0] + flip[1], abs=1e-5)
+        assert reflected == pytest.approx(line * sign + shift, abs=1e-5)
 
 
 @given(radius=st.floats(0.8, 50.0), sign=st.sampled_from([-1, 1]), count=st.integers(3, 60))

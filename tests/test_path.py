@@ -193,7 +193,7 @@ def test_a_metre_costs_as_many_times_more_as_it_is_slower():
 def test_the_unknown_costs_more_beside_a_wall_and_less_and_less_away_from_it():
     # A wall at x = 6 m, seen from the left alone.
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
-    cells[:, 6.0 > X] = FREE
+    cells[:, X < 6.0] = FREE
     cells[:, abs(X - 6.0) < 0.1] = OCCUPIED
     x, _ = coarsened(FRAME).centres()
     density = cost_of(cells).density[50]

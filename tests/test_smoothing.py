@@ -115,7 +115,8 @@ def test_a_path_does_not_run_on_into_a_wall_that_is_believed_in():
     wall[:, (room.x > 13.5) & (room.x < 13.9)] = 1.0
     ends = []
     for word in (0 * wall, wall):
-        belief = remember(None, room.frame, Prediction(room.frame, 1.0 - word, word, 0 * word + 0.9))
+        believed = Prediction(room.frame, 1.0 - word, word, 0 * word + 0.9)
+        belief = remember(None, room.frame, believed)
         cost = CostMap.build(room.known, belief, CAR.body.half_width)
         of = Smoother(cost, room.near(*POSE[:2]), GOAL, CAR, LineConfig())
         way = Path.through(np.array([POSE[:2], GOAL]), "").points
