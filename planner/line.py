@@ -111,8 +111,14 @@ def curvatures(points):  # type: ignore[no-untyped-def]
         ax, ay = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
         bx, by = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
         cx, cy = ax + bx, ay + by
+        cross = ax * by - ay * bx
+        if ax * bx + ay * by < 0.0:
+            # It turns back. Three points on one straight line would pass for no curvature at all.
+            shorter = min(math.hypot(ax, ay), math.hypot(bx, by))
+            out[i] = math.copysign(2.0 / max(shorter, 1e-9), cross)
+            continue
         product = math.sqrt((ax * ax + ay * ay) * (bx * bx + by * by) * (cx * cx + cy * cy))
-        out[i] = 2.0 * (ax * by - ay * bx) / max(product, 1e-9)
+        out[i] = 2.0 * cross / max(product, 1e-9)
     if n > 2:
         out[0], out[n - 1] = out[1], out[n - 2]
     return out

@@ -26,7 +26,9 @@ class Plan:
 
     def poses(self, dt: float, spacing: float) -> NDArray[np.float64]:
         """Poses along the plan, at most `spacing` [m] apart: (n, 3)."""
-        return np.asarray(swept(self.states, self.controls, dt, spacing))
+        forward = self if self.gear > 0 else self.mirrored()
+        poses = np.asarray(swept(forward.states, forward.controls, dt, spacing))
+        return poses if self.gear > 0 else poses + np.array([0.0, 0.0, np.pi])
 
     def mirrored(self) -> Plan:
         """The same motion of a car that looks the other way, and is in the other gear."""

@@ -87,6 +87,8 @@ class Smoother:
         inside, rows, cols = _cells(on, self.cost.frame)
         open_ = np.zeros(count, dtype=bool)
         open_[inside] = self.cost.room[rows, cols] >= self.cost.required + 0.1
+        # The body reaches farther than its centre: a line that ends here has to fit.
+        open_ &= self._fit(on + (self.car.body.length / 4 + SPACING) * heading)
         return np.vstack([way, on[: count if open_.all() else int(np.argmin(open_))]])
 
     def _is_drivable(self, line: NDArray[np.float64], speed: float) -> bool:

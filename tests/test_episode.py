@@ -31,7 +31,8 @@ class Shunter:
         self.known.integrate(scan, state)
         control = self.controls[self.tick % len(self.controls)]
         self.tick += 1
-        plan = SimpleNamespace(states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)))
+        gear = int(control[2]) if len(control) > 2 else 1
+        plan = SimpleNamespace(states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)), gear=gear)
         frame = self.known.frame.square(state[0], state[1], 5.0)
         return SimpleNamespace(
             control=np.array(control), plan=plan, limit=Limit.GOAL, faults=(), emergency=False,

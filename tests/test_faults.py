@@ -312,23 +312,41 @@ def test_a_car_whose_qps_fail_goes_on_by_its_guesses_where_they_are_safe():
     driver.mpc.solve = solve
     episode = drive(task, driver)
     assert episode.outcome is Outcome.REACHED
-    # In the first ticks there is no path yet, and nothing to solve.
-    solved = len(episode.trace["controls"]) - driver.config.guide.delay
-    assert episode.faults["solver_failed"] == solved
+    # There is a path from the first tick on, and so something to solve in each.
+    assert episode.faults["solver_failed"] == len(episode.trace["controls"])
 
 
-def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it(monkeypatch):
+@pytest.mark.parametrize("part", ["find_route", "Smoother.along", "CostMap.build"])
+def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it(monkeypatch, part):
     task = straight()
     driver = navigator(task)
-    search = raising(RuntimeError("OMPL's"))
-    fail = functools.partial(monkeypatch.setattr, "planner.guide.plan_path", search)
+    search = raising(RuntimeError("a search's"))
+    fail = functools.partial(monkeypatch.setattr, f"planner.guide.{part}", search)
     *_, (_, state) = driven(task, driver, 140, fail)
     assert driver.faults["path_failed"] > 3
     assert math.hypot(state[0] - task.goal[0], state[1] - task.goal[1]) < 1.0
     assert state[3] < 0.05
 
 
-def test_braking_hard_is_counted_also_where_there_is_no_path():
+@pytest.mark.xfail(reason="what the search for the first path raises is not survived")
+@pytest.mark.parametrize("error", [RuntimeError("a search's"), MemoryError()])
+def test_a_car_whose_first_path_search_fails_stands_and_tries_again(monkeypatch, error):
+    task = straight()
+    driver = navigator(task)
+    state = np.array([*task.start, 0.0])
+    with monkeypatch.context() as broken:
+        broken.setattr("planner.guide.find_route", raising(error))
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        assert decision.path is None
+        assert decision.faults == ("path_failed",)
+    for _ in range(20):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[3] > 0.5
+
+
+def test_braking_hard_is_counted_also_where_there_is_no_path(monkeypatch):
+    monkeypatch.setattr("planner.guide.find_route", lambda *_: None)
     task = straight()
     driver = navigator(task)
     state = np.array([*task.start, 4.0])

@@ -11,6 +11,8 @@ from planner.dynamics import CarLimits
 from planner.navigator import NavigatorConfig
 from planner.reference import Path as Way
 from planner.risk import RiskMap
+from planner.solution import Solution, Status
+from planner.sweep import swept_cells
 from predictor import FREE, OCCUPIED, Grid, GridFrame, Prediction
 from sim import DubinsCar, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome
@@ -49,6 +51,57 @@ def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():
         decision = driver.step(state, LIDAR.scan(task.world, state))
         state = DubinsCar().step(state, decision.control, 0.1)
     assert state[3] > 0.5
+
+
+def test_the_first_path_is_planned_and_driven_in_the_first_tick():
+    for task in (straight(), sample_task(generate("office", 1), 1)):
+        driver = navigator(task)
+        state = np.array([*task.start, 0.0])
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        assert decision.path is not None
+        assert decision.faults == ()
+        assert DubinsCar().step(state, decision.control, 0.1)[3] > 0.05
+
+
+@pytest.mark.parametrize("waits", [1, 3, 7])
+@pytest.mark.parametrize("kappa", [0.0, 0.3])
+def test_a_plan_that_waits_first_is_driven_at_once_over_the_same_cells(waits, kappa):
+    task = straight()
+    driver = navigator(task)
+    state = np.array([*task.start, 0.0])
+    controls = np.zeros((driver.mpc.stages, 2))
+    controls[waits : waits + 5] = (1.0, kappa)
+    controls[waits + 5 : waits + 10] = (-1.0, kappa)
+    waiting = driver.mpc.roll(state, controls)
+    driver.mpc.solve = lambda *_: Solution(waiting, 0.0, Status.CONVERGED)
+    decision = driver.step(state, LIDAR.scan(task.world, state))
+    plan, frame = decision.plan, decision.risk_map.frame
+    assert plan.states[1, 3] > 0.05
+    assert plan.states[: len(plan.states) - waits] == pytest.approx(waiting.states[waits:])
+    assert plan.states[-1] == pytest.approx(waiting.states[-1])
+    every = np.ones(frame.shape, dtype=bool)
+    mine, others = (swept_cells(p, 0.1, driver.config.car.body, frame, every)
+                    for p in (plan, waiting))  # fmt: skip
+    assert np.array_equal(np.array(mine), np.array(others))
+
+
+def test_a_car_never_waits_for_good_where_it_might_go_on():
+    # Whatever the solver puts off, it puts off no more than once.
+    task = straight()
+    driver = navigator(task)
+    solve = driver.mpc.solve
+
+    def putting_off(state, *others):
+        solution = solve(state, *others)
+        controls = np.vstack([np.zeros((2, 2)), solution.plan.controls[:-2]])
+        return dataclasses.replace(solution, plan=driver.mpc.roll(state, controls))
+
+    driver.mpc.solve = putting_off
+    state = np.array([*task.start, 0.0])
+    for _ in range(30):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[0] > task.start[0] + 0.5
 
 
 def test_a_car_that_sees_nothing_stays_where_it_may():

@@ -5,7 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from planner.costmap import OCCUPIED_COST, UNKNOWN_COST, CostMap, coarsened, remember
+from planner.costmap import (
+    OCCUPIED_COST,
+    STUCK_REACH,
+    UNKNOWN_COST,
+    WALL_PRIOR,
+    WALL_REACH,
+    CostMap,
+    coarsened,
+    remember,
+)
 from planner.dynamics import CarLimits
 from planner.guide import Guide, GuideConfig
 from planner.path import PathConfig, plan_path
@@ -39,6 +48,11 @@ def divided(gap: float = 2.0) -> np.ndarray:
     cells = room()
     cells[np.ix_((10.0 - gap) > Y, abs(X - 6.0) < 0.1)] = OCCUPIED
     return cells
+
+
+def price(cost, points) -> float:
+    """What a polyline (n, 2) costs a car that is nowhere slowed down."""
+    return cost.along(points, np.ones(len(points)))
 
 
 def length(points) -> float:
@@ -156,8 +170,8 @@ def test_routes_are_as_costly_one_way_as_the_other():
     cost = cost_of(divided())
     there = find_route(cost, (2.0, 3.0), (10.0, 3.0))
     back = find_route(cost, (10.0, 3.0), (2.0, 3.0))
-    assert cost.along(Path.through(there, "").points) == pytest.approx(
-        cost.along(Path.through(back, "").points), rel=0.03
+    assert price(cost, Path.through(there, "").points) == pytest.approx(
+        price(cost, Path.through(back, "").points), rel=0.03
     )
 
 
@@ -165,8 +179,44 @@ def test_a_metre_of_unknown_space_costs_twice_a_metre_of_free_space():
     line = np.column_stack([np.linspace(2.0, 10.0, 81), np.full(81, 5.0)])
     unseen = np.full(FRAME.shape, UNKNOWN, np.int8)
     free = np.full(FRAME.shape, FREE, np.int8)
-    assert cost_of(free).along(line) == pytest.approx(8.0)
-    assert cost_of(unseen).along(line) == pytest.approx(2 * 8.0)
+    assert price(cost_of(free), line) == pytest.approx(8.0)
+    assert price(cost_of(unseen), line) == pytest.approx(2 * 8.0)
+
+
+def test_a_metre_costs_as_many_times_more_as_it_is_slower():
+    line = np.column_stack([np.linspace(2.0, 10.0, 81), np.full(81, 5.0)])
+    cost = cost_of(np.full(FRAME.shape, FREE, np.int8))
+    slowness = np.where(line[:, 0] < 6.05, 1.0, 3.0)
+    assert cost.along(line, slowness) == pytest.approx(4.0 + 3.0 * 4.0)
+
+
+def test_the_unknown_costs_more_beside_a_wall_and_less_and_less_away_from_it():
+    # A wall at x = 6 m, seen from the left alone.
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    cells[:, X < 6.0] = FREE
+    cells[:, abs(X - 6.0) < 0.1] = OCCUPIED
+    x, _ = coarsened(FRAME).centres()
+    density = cost_of(cells).density[50]
+    behind, beyond = (x > 6.8) & (x < 6.1 + WALL_REACH), x > 6.1 + WALL_REACH + 0.1
+    assert (np.diff(density[behind]) < 0.0).all()
+    assert UNKNOWN_COST < density[behind].max() < UNKNOWN_COST + WALL_PRIOR
+    assert density[beyond] == pytest.approx(UNKNOWN_COST)
+    # What was seen costs no more for it.
+    assert density[x < 5.2] == pytest.approx(1.0)
+
+
+def test_the_unknown_around_a_place_where_the_car_was_stuck_costs_what_a_wall_does():
+    half = np.full(FRAME.shape, FREE, np.int8)
+    half[:, 120:] = UNKNOWN
+    known, stuck = grid(half), np.array([[7.0, 5.0]])
+    plain = CostMap.build(known, None, BODY.half_width)
+    barred = CostMap.build(known, None, BODY.half_width, stuck=stuck)
+    x, y = plain.frame.centres()
+    near = (abs(x - 7.0) < STUCK_REACH) & (x > 6.0) & (abs(y[:, None] - 5.0) < STUCK_REACH)
+    assert (barred.density[near] >= OCCUPIED_COST).all()
+    far = (abs(x - 7.0) > STUCK_REACH + 0.2) | (abs(y[:, None] - 5.0) > STUCK_REACH + 0.2)
+    seen = np.broadcast_to(x < 6.0, far.shape)
+    assert np.array_equal(barred.density[far | seen], plain.density[far | seen])
 
 
 @pytest.mark.parametrize(("rise", "detours"), [(2.0, True), (4.8, False)])
@@ -259,18 +309,29 @@ def test_a_projection_is_the_closest_point_of_the_path():
         assert math.sqrt(square) <= nearest + 1e-9
 
 
+def test_a_belief_does_not_move_the_price_of_a_way_that_is_the_task():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    cells[np.ix_(abs(Y - 2.0) < 1.5, abs(X - 2.0) < 1.5)] = FREE
+    way = Path.through(np.array([[2.0, 2.0], [2.0, 8.0], [9.0, 8.0]]), "given").points
+    for p_free, p_occupied in [(1.0, 0.0), (0.0, 1.0)]:
+        belief = remember(None, FRAME, prediction(p_free, p_occupied))
+        plain, steered = (
+            CostMap.build(grid(cells), word, BODY.half_width, way) for word in (None, belief)
+        )
+        assert np.array_equal(steered.density, plain.density)
+
+
 @pytest.mark.parametrize("given", [True, False])
 def test_a_belief_moves_a_way_of_ones_own_but_not_one_that_is_the_task(given):
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
     cells[np.ix_(abs(Y - 2.0) < 1.5, abs(X - 2.0) < 1.5)] = FREE
     way = np.array([[2.0, 2.0], [2.0, 8.0], [9.0, 8.0]])
     known, shape = grid(cells), FRAME.shape
-    wall = (abs(X[None, :] - 5.0) < 0.5) & (Y[:, None] < 7.0)
+    # Far from the way that is given, across the straight line to the goal. Nothing is believed to
+    # be free, for there the line may round the corners of either way.
+    wall = (abs(X[None, :] - 6.0) < 0.5) & (Y[:, None] < 6.5)
     believed = Prediction(
-        FRAME,
-        (~wall).astype(np.float32),
-        wall.astype(np.float32),
-        np.full(shape, 0.99, np.float32),
+        FRAME, np.zeros(shape, np.float32), wall.astype(np.float32), np.float32(0.99) * wall
     )
     risk = RiskMap.from_prediction(known.crop(known.frame.square(2.0, 2.0, 10.0)), None, 0.0)
     ahead = np.array([[2.0, 2.0, 0.8, 1.0]])
@@ -305,8 +366,8 @@ def followed(way, places) -> np.ndarray:
 
 
 def test_a_given_way_is_not_left_for_a_short_cut_through_what_has_not_been_seen():
-    way = np.array([[2.0, 2.0], [9.0, 2.0], [9.0, 5.0], [2.0, 5.0]])
-    assert followed(way, [(2.0, 2.0)])[:, 0].max() > 8.0
+    way = np.array([[2.0, 1.5], [9.0, 1.5], [9.0, 7.5], [2.0, 7.5]])
+    assert followed(way, [(2.0, 1.5)])[:, 0].max() > 8.0
 
 
 def test_a_car_that_was_beside_a_given_way_is_not_called_back():
