@@ -188,8 +188,10 @@ class Guide:
         )
         self._stuck = np.vstack([self._stuck, front])
         cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
-        self._legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, self.car,
-                               self.config.hybrid)  # fmt: skip
+        c = self.config
+        self._legs = find_legs(
+            cost, known, pose, self.goal, c.onward, self._stuck, self.car, c.hybrid
+        )
         self._requested = tick
         self._on_leg, self._pending = False, None
         self.counts["manoeuvre"] += bool(self._legs)
@@ -286,7 +288,8 @@ class Guide:
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":
             return None
-        here, _, square = project(path.points, *pose[:2], self.segment - 5, self.segment + 30)
+        x, y = float(pose[0]), float(pose[1])
+        here, _, square = project(path.points, x, y, self.segment - 5, self.segment + 30)
         left = path.points[here:]
         # Beyond the goal it leads on, but not back.
         missed = np.hypot(*(left - np.array(self.goal)).T).min() > NEAR_GOAL

@@ -8,6 +8,7 @@ heuristic.
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -120,7 +121,7 @@ def find_legs(
 def _legs(poses: NDArray[np.float64], gears: NDArray[np.int64]) -> list[Leg]:
     ends = [0, *(np.flatnonzero(np.diff(gears)) + 1), len(gears)]
     return [Leg(poses[a * CHECKS : b * CHECKS + 1], int(gears[a]))
-            for a, b in zip(ends[:-1], ends[1:], strict=True)]  # fmt: skip
+            for a, b in itertools.pairwise(ends)]  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -156,7 +157,7 @@ def _search(  # type: ignore[no-untyped-def]
         _, node = heapq.heappop(queue)
         x, y, yaw = poses[node, 0], poses[node, 1], poses[node, 2]
         row, col = int((y - origin[1]) / CELL), int((x - origin[0]) / CELL)
-        heading = int(math.floor((yaw / (2.0 * math.pi)) * HEADINGS + 0.5)) % HEADINGS
+        heading = math.floor((yaw / (2.0 * math.pi)) * HEADINGS + 0.5) % HEADINGS
         key = ((np.int64(row) * cols + col) * HEADINGS + heading) * 2 + (
             1 if gears[node] > 0 else 0
         )
@@ -241,7 +242,7 @@ def _search(  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True, inline="always")
 def _remaining(x, y, to_go, side, origin):  # type: ignore[no-untyped-def]
     """The cost to go from a point, infinite off the map."""
-    row, col = int(math.floor((y - origin[1]) / side)), int(math.floor((x - origin[0]) / side))
+    row, col = math.floor((y - origin[1]) / side), math.floor((x - origin[0]) / side)
     if 0 <= row < to_go.shape[0] and 0 <= col < to_go.shape[1]:
         return float(to_go[row, col])
     return np.inf

@@ -125,9 +125,8 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(
-    guess, way, tether, field, resolution, origin, bending, push, comfort, iterations, tightest
-):  # type: ignore[no-untyped-def]
+def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations,  # type: ignore[no-untyped-def]
+          tightest):  # fmt: skip
     """The curve (n, 2) that costs least, its first two points and its last held.
 
     Args:

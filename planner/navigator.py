@@ -39,7 +39,7 @@ BESIDE = 5.0
 AHEAD = 2.5
 """How far the risk map's centre lies ahead of the car [m]."""
 PATIENCE = 4
-"""Ticks that the car rests before a way out is searched for, and from one such search to the next."""
+"""Ticks that the car rests before a way out is searched for, and between such searches."""
 AFRESH = 5
 """Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 

@@ -58,8 +58,9 @@ class Smoother:
         """
         cost = self.cost
         way = self._run_out(way)
-        lines = fastest_lines(way, pose, speed, cost.room, cost.frame.resolution,
-                              cost.frame.origin, cost.unsure, self.goal, self.car, self.config)  # fmt: skip
+        frame = cost.frame
+        lines = fastest_lines(way, pose, speed, cost.room, frame.resolution, frame.origin,
+                              cost.unsure, self.goal, self.car, self.config)  # fmt: skip
         for line in lines:
             if self._is_drivable(line, speed):
                 path = Path.through(np.vstack([line, way[len(line) :]]), source)
