@@ -22,7 +22,8 @@ NOWHERE = np.empty((0, 2))
 
 def legs_of(room, pose, goal, car=BOTH, ahead=math.inf, stuck=NOWHERE, config=CONFIG):
     cost = CostMap.build(room.known, None, CAR.body.half_width, stuck=stuck)
-    return find_legs(cost, room.known, np.array(pose, dtype=float), goal, ahead, stuck, car, config)
+    state = np.array([*pose, 0.0])
+    return find_legs(cost, room.known, state, goal, ahead, stuck, car, config)
 
 
 def arc(pose, gear, kappa, metres):
@@ -181,7 +182,7 @@ def test_the_map_is_not_changed_by_a_search():
     before = known.log_odds.copy()
     cost = CostMap.build(known, None, CAR.body.half_width, stuck=stuck)
     density = cost.density.copy()
-    find_legs(cost, known, np.array(NOSE_IN), IN_THE_HALL, 6.0, stuck, BOTH, CONFIG)
+    find_legs(cost, known, np.array([*NOSE_IN, 0.0]), IN_THE_HALL, 6.0, stuck, BOTH, CONFIG)
     assert np.array_equal(known.log_odds, before)
     assert np.array_equal(cost.density, density)
 
