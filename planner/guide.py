@@ -186,12 +186,17 @@ class Guide:
         front = pose[:2] + self.car.body.half_length * np.array(
             [math.cos(pose[2]), math.sin(pose[2])]
         )
-        self._stuck = np.vstack([self._stuck, front])
         cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
         c = self.config
-        self._legs = find_legs(
-            cost, known, pose, self.goal, c.onward, self._stuck, self.car, c.hybrid
-        )
+        # Not through what is in front, unless there is no other way.
+        stuck = np.vstack([self._stuck, front])
+        for places in (stuck, stuck[:0]):
+            self._legs = find_legs(
+                cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid
+            )
+            if self._legs:
+                break
+        self._stuck = stuck
         self._requested = tick
         self._on_leg, self._pending = False, None
         self.counts["manoeuvre"] += bool(self._legs)

@@ -50,7 +50,7 @@ class HybridConfig:
     reversing: float = 3.0
     shift: float = 1.0
     steering: float = 1.3
-    nodes: int = 150_000
+    nodes: int = 60_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,8 +38,8 @@ BESIDE = 5.0
 """Side of the squares about the points of a given way that the map holds from the start [m]."""
 AHEAD = 2.5
 """How far the risk map's centre lies ahead of the car [m]."""
-PATIENCE = 4
-"""Ticks that the car rests before a way out is searched for, and between such searches."""
+PATIENCE = 6
+"""Ticks within 0.1 m after which a way out is searched for, and between such searches."""
 AFRESH = 5
 """Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 
@@ -155,7 +155,7 @@ class Navigator:
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
         self._gear = 1
-        self._rested = 0
+        self._place, self._rested = (math.inf, math.inf), 0
         self._tick = -1
         self._curvature = 0.0
         # No prediction moves a way that is the task.
@@ -209,9 +209,12 @@ class Navigator:
         risk = RiskMap.from_prediction(self.known.crop(frame), believed, epsilon, c.margin)
         clock.lap("risk")
         steering = prediction if c.steer else None
+        first_path = 0.0
         if self._tick == 0:
             # The car stands, and has no path to drive meanwhile.
-            self.guide.request(self._tick, driven[None], self.known, risk, steering)
+            self._look_ahead(driven, driven[None], risk, steering, faults)
+            clock.lap("path")
+            first_path = self.guide.plan_ms
         self.guide.update(self._tick, driven, risk)
         intended, emergency = self._decide(driven, risk, faults)
         intended = self._at_once(driven, intended)
@@ -224,14 +227,10 @@ class Navigator:
                 faults.append("no_last_resort")
         control = plan.controls[0].copy()
         clock.lap("mpc")
-        clock.total("cycle")
+        clock.total("cycle", first_path)
 
-        try:
-            self._look_ahead(driven, plan, risk, steering)
-        except Exception:
-            # OMPL is others' code. Without a new path the car goes on along the last one.
-            faults.append("path_failed")
-        clock.times["path"] = self.guide.plan_ms
+        self._look_ahead(driven, plan.states, risk, steering, faults)
+        clock.times["path"] = first_path + self.guide.plan_ms
         rows, cols = swept_cells(plan, c.mpc.dt, c.car.body, frame, risk.known.unknown)
         xs, ys = frame.centres()
         limit = what_limits(plan, risk, self.goal, self.mpc.limits, emergency)
@@ -271,17 +270,31 @@ class Navigator:
     def _look_ahead(
         self,
         state: NDArray[np.float64],
-        plan: Plan,
+        ahead: NDArray[np.float64],
         risk: RiskMap,
         steering: Prediction | None,
+        faults: list[str],
     ) -> None:
-        """Ask for a path; where the car rests and would go on resting, for a way out."""
-        moving = max(state[3], plan.states[1, 3]) > 0.02
-        self._rested = 0 if moving else self._rested + 1
-        if self._rested and self._rested % PATIENCE == 0:
-            self.guide.unstick(self._tick, state, self.known, steering)
-        else:
-            self.guide.request(self._tick, plan.states, self.known, risk, steering)
+        """Ask for a path; where the car has not got on for a while, for a way out.
+
+        Args:
+            state: x, y, yaw, v now, (4,).
+            ahead: the states the car is going to be in, from now on, (n, 4).
+            risk: the newest map around the car.
+            steering: a prediction that may move the route, or None.
+            faults: what goes wrong is added to these.
+        """
+        if math.dist(state[:2], self._place) > 0.1:
+            self._place, self._rested = (float(state[0]), float(state[1])), 0
+        self._rested += 1
+        try:
+            if self._rested % PATIENCE == 0:
+                self.guide.unstick(self._tick, state, self.known, steering)
+            else:
+                self.guide.request(self._tick, ahead, self.known, risk, steering)
+        except Exception:
+            # OMPL is others' code. Without a new path the car goes on along the last one.
+            faults.append("path_failed")
 
     def _predict(
         self, asker: Asker, crop: Grid, state: NDArray[np.float64], faults: list[str]
@@ -446,5 +459,6 @@ class _Clock:
         self.times[stage] = 1e3 * (now - self._last)
         self._last = now
 
-    def total(self, stage: str) -> None:
-        self.times[stage] = 1e3 * (self._last - self._start)
+    def total(self, stage: str, without: float) -> None:
+        """All so far, without some time [ms] that is counted elsewhere."""
+        self.times[stage] = 1e3 * (self._last - self._start) - without

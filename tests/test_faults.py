@@ -328,7 +328,6 @@ def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it
     assert state[3] < 0.05
 
 
-@pytest.mark.xfail(reason="what the search for the first path raises is not survived")
 @pytest.mark.parametrize("error", [RuntimeError("a search's"), MemoryError()])
 def test_a_car_whose_first_path_search_fails_stands_and_tries_again(monkeypatch, error):
     task = straight()

@@ -110,7 +110,6 @@ def test_a_car_with_a_reverse_gear_gets_out_of_a_dead_end_to_its_goal(place):
     assert (episode.trace["kept"] == -1).all()
 
 
-@pytest.mark.xfail(reason="around where the car rests the unseen is barred before any search")
 @pytest.mark.parametrize("place", IN_LINE)
 def test_a_car_that_has_seen_nothing_behind_it_gets_out_all_the_same(place):
     episode, unseen = driven(place)
