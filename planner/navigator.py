@@ -38,8 +38,10 @@ BESIDE = 5.0
 """Side of the squares about the points of a given way that the map holds from the start [m]."""
 AHEAD = 2.5
 """How far the risk map's centre lies ahead of the car [m]."""
-PATIENCE = 6
-"""Ticks within 0.1 m after which a way out is searched for, and between such searches."""
+PATIENCE = 4
+"""Ticks at rest after which a way out is searched for, and between such searches."""
+LONG_PATIENCE = 15
+"""Likewise, ticks within 0.1 m: a car may start and brake, over and over."""
 AFRESH = 5
 """Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 
@@ -155,7 +157,7 @@ class Navigator:
         self.faults: Counter[str] = Counter()
         self.plan: Plan | None = None
         self._gear = 1
-        self._place, self._rested = (math.inf, math.inf), 0
+        self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
         self._curvature = 0.0
         # No prediction moves a way that is the task.
@@ -285,10 +287,13 @@ class Navigator:
             faults: what goes wrong is added to these.
         """
         if math.dist(state[:2], self._place) > 0.1:
-            self._place, self._rested = (float(state[0]), float(state[1])), 0
-        self._rested += 1
+            self._place, self._lingered = (float(state[0]), float(state[1])), 0
+        self._lingered += 1
+        moves = max(state[3], ahead[min(1, len(ahead) - 1), 3]) > 0.02
+        self._rested = 0 if moves else self._rested + 1
+        stuck = self._rested and self._rested % PATIENCE == 0
         try:
-            if self._rested % PATIENCE == 0:
+            if stuck or self._lingered % LONG_PATIENCE == 0:
                 self.guide.unstick(self._tick, state, self.known, steering)
             else:
                 self.guide.request(self._tick, ahead, self.known, risk, steering)
