@@ -271,7 +271,7 @@ class Guide:
         kept = self._kept(smoother, pose, speed)
         if fresh is None and kept is None:
             seed = self.seed * 100_003 + tick
-            found = self._searched(cost, known, np.array([*pose, speed]))
+            found = self._searched(cost, known, pose)
             if found is None:
                 found = self._sampled(cost, risk, pose, route, seed)
             if found is not None:
@@ -322,11 +322,11 @@ class Guide:
         return None
 
     def _searched(
-        self, cost: CostMap, known: OccupancyGrid, state: NDArray[np.float64]
+        self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
     ) -> Path | None:
         """A path over arcs forward, and the route from its end."""
         forward = replace(self.car, reverse=0.0)
-        legs = find_legs(cost, known, state, self.goal, self.config.onward, self._stuck, forward,
+        legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, forward,
                          self.config.hybrid)  # fmt: skip
         if not legs:
             return None

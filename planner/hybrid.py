@@ -69,7 +69,7 @@ class Leg:
 def find_legs(
     cost: CostMap,
     known: OccupancyGrid,
-    state: NDArray[np.float64],
+    pose: NDArray[np.float64],
     goal: tuple[float, float],
     ahead: float,
     stuck: NDArray[np.float64],
@@ -82,7 +82,7 @@ def find_legs(
         cost: what a metre of way costs.
         known: what has been seen: forward the body keeps out of what is occupied, in reverse in
             what is free.
-        state: x, y, yaw, v, (4,); a fast car has to brake before it can turn tightly.
+        pose: x, y, yaw, (3,) or more.
         goal: x, y [m].
         ahead: by how much the cost to go is to fall [m]; infinite: to the goal.
         stuck: points (k, 2) [m] at which the car could not go on: around them it keeps out of what
@@ -107,11 +107,10 @@ def find_legs(
     for margin in config.margin:
         body = car.body.inflated(margin)
         poses, gears = _search(
-            np.asarray(state, dtype=np.float64), goal, ahead, to_go, side, cost.density,
+            np.asarray(pose, dtype=np.float64)[:3], goal, ahead, to_go, side, cost.density,
             cost.frame.resolution, cost.frame.origin, cells, known.frame.resolution,
             known.frame.origin, body.half_length, body.half_width, curvature, car.reverse > 0.0,
-            config.reversing, config.shift, config.steering, config.nodes, car.braking,
-            car.planned_cornering,
+            config.reversing, config.shift, config.steering, config.nodes,
         )  # fmt: skip
         if len(gears):
             return _legs(poses, gears)
@@ -127,7 +126,7 @@ def _legs(poses: NDArray[np.float64], gears: NDArray[np.int64]) -> list[Leg]:
 @njit(cache=True, nogil=True)
 def _search(  # type: ignore[no-untyped-def]
     start, goal, ahead, to_go, side, density, coarse, origin, cells, fine, fine_origin, half_length,
-    half_width, curvature, both, reversing, shift, steering, limit, braking, lateral,
+    half_width, curvature, both, reversing, shift, steering, limit,
 ):  # fmt: skip
     """Poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); no arcs where there is no way."""
     none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
@@ -144,8 +143,7 @@ def _search(  # type: ignore[no-untyped-def]
     shares = np.empty(size)
     closed = set()
     closed.add(np.int64(-1))
-    poses[0] = start[:3]
-    driven = np.zeros(size)
+    poses[0] = start
     spent[0], parents[0], gears[0], shares[0] = 0.0, -1, 1, 0.0
     begun = _remaining(start[0], start[1], to_go, side, origin)
     if not begun < np.inf:
@@ -175,10 +173,6 @@ def _search(  # type: ignore[no-untyped-def]
             blocked = occupied if gear > 0 else unfree
             for share in SHARES:
                 kappa = share * curvature
-                # Until it has braked it can turn but little.
-                square = start[3] ** 2 - 2.0 * braking * driven[node]
-                if gear > 0 and abs(kappa) * square > 1.05 * lateral:
-                    continue
                 ex, ey, eyaw = x, y, yaw
                 hit = False
                 for check in range(1, CHECKS + 1):
@@ -211,9 +205,7 @@ def _search(  # type: ignore[no-untyped-def]
                     parents = np.concatenate((parents, np.empty_like(parents)))
                     gears = np.concatenate((gears, np.empty_like(gears)))
                     shares = np.concatenate((shares, np.empty_like(shares)))
-                    driven = np.concatenate((driven, np.empty_like(driven)))
                 poses[count, 0], poses[count, 1], poses[count, 2] = ex, ey, eyaw
-                driven[count] = driven[node] + STEP
                 spent[count] = spent[node] + price
                 parents[count], gears[count], shares[count] = node, gear, share
                 heapq.heappush(queue, (spent[count] + left, count))
@@ -235,7 +227,7 @@ def _search(  # type: ignore[no-untyped-def]
                 gears[node] * STEP * check / CHECKS,
             )  # fmt: skip
         node = before
-    way[0] = start[:3]
+    way[0] = start
     return way, chosen
 
 

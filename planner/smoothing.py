@@ -17,8 +17,6 @@ from predictor import GridFrame
 
 NEAR_GOAL = 0.3
 """A path that comes this near to the goal leads there [m]."""
-TOO_FAST = 1.6
-"""A line that would take more than so many times the lateral acceleration is left to others."""
 SLOWEST = 0.5
 """In a path's price no place is driven through more slowly [m/s]: the car would turn instead."""
 
@@ -62,7 +60,7 @@ class Smoother:
         lines = fastest_lines(way, pose, speed, cost.room, frame.resolution, frame.origin,
                               cost.unsure, self.goal, self.car, self.config)  # fmt: skip
         for line in lines:
-            if self._is_drivable(line, speed):
+            if self._is_drivable(line):
                 path = Path.through(np.vstack([line, way[len(line) :]]), source)
                 return replace(path, drivable=min(len(line), len(path.points)))
         return None
@@ -92,16 +90,11 @@ class Smoother:
         open_ &= self._fit(on + (self.car.body.length / 4 + SPACING) * heading)
         return np.vstack([way, on[: count if open_.all() else int(np.argmin(open_))]])
 
-    def _is_drivable(self, line: NDArray[np.float64], speed: float) -> bool:
-        """Whether a car of a speed can brake and steer along a line, and its body fits."""
-        bent = np.abs(curvatures(line))
+    def _is_drivable(self, line: NDArray[np.float64]) -> bool:
+        """Whether the car can steer along a line, and its body fits."""
+        if np.abs(curvatures(line)).max() > self.car.max_curvature:
+            return False
         steps = np.diff(line, axis=0)
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
-        square = np.clip(speed**2 - 2.0 * self.car.braking * along, 0.0, None)
-        if bent.max() > self.car.max_curvature:
-            return False
-        if (bent * square > TOO_FAST * self.car.lateral_acceleration).any():
-            return False
         steps *= self.car.body.length / 4 / np.hypot(*steps.T)[:, None]
         # The car may start closer to something than it likes; it must be able to leave.
         start = np.hypot(*(line[1:] - line[0]).T) < 0.45
