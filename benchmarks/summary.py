@@ -24,6 +24,8 @@ from benchmarks.statistics import (
 )
 from benchmarks.tables import DASH, figure, interval, markdown
 
+SOURCES = ("route", "hybrid", "ompl", "dijkstra")
+"""Who found the paths that were followed, as `planner.reference.Path.source` names them."""
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
@@ -199,7 +201,11 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
         lambda e: f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}",
     )
     row("faults survived", lambda e: str(sum(e["faults"].values())))
-    row("paths by OMPL", lambda e: _share(e["paths"]))
+    row(
+        "paths: route / arcs / OMPL / undrivable",
+        lambda e: " / ".join(str(e["paths"].get(source, 0)) for source in SOURCES),
+    )
+    row("ways out of rest", lambda e: str(e["paths"].get("manoeuvre", 0)))
     lines = [markdown(rows), ""]
     for name, entry in summary.items():
         if entry["faults"]:
@@ -233,12 +239,3 @@ def _estimate(entry: dict[str, Any], key: str, form: str) -> str:
 
 def _number(value: float | None, form: str) -> str:
     return "" if value is None else format(value, form)
-
-
-def _percent(share: float | None, form: str) -> str:
-    return "" if share is None else f"{format(100 * share, form)} %"
-
-
-def _share(paths: dict[str, int]) -> str:
-    found = paths.get("ompl", 0) + paths.get("dijkstra", 0)
-    return _percent(paths.get("ompl", 0) / found if found else None, ".1f")

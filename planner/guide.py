@@ -96,7 +96,7 @@ class Guide:
         self.gear = 1
         self._pending: tuple[int, Path] | None = None
         self._requested = -(10**9)
-        self._legs: list[Leg] = []
+        self._legs: list[tuple[int, Path]] = []
         self._on_leg = False
         self._stuck = np.empty((0, 2))
 
@@ -151,7 +151,7 @@ class Guide:
             steering: a prediction that may move the route, or None.
         """
         self.plan_ms = 0.0
-        if self._legs or self._is_held():
+        if self._legs or self.gear < 0 or self._is_held():
             return
         urgent = self.path is not self._whole or ahead[:, 3].max() < 0.2
         overdue = tick - self._requested >= self.config.every
@@ -191,11 +191,11 @@ class Guide:
         # Not through what is in front, unless there is no other way.
         stuck = np.vstack([self._stuck, front])
         for places in (stuck, stuck[:0]):
-            self._legs = find_legs(
-                cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid
-            )
-            if self._legs:
+            legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
+            if legs:
                 break
+        self._legs = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
+        self._legs += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
         self._stuck = stuck
         self._requested = tick
         self._on_leg, self._pending = False, None
@@ -207,15 +207,14 @@ class Guide:
         self.counts[path.source] += 1
 
     def _change_leg(self, state: NDArray[np.float64]) -> None:
-        # The last of them is a path as any other.
         if self._on_leg:
-            if math.dist(self._legs[0].poses[-1, :2], state[:2]) > self.config.leg_end:
+            if math.dist(self._legs[0][1].points[-1], state[:2]) > self.config.leg_end:
                 return
             del self._legs[0]
-        leg = self._legs[0]
-        self.gear, self._on_leg = leg.gear, len(self._legs) > 1
-        path = Path.through(leg.poses[:, :2], "hybrid")
-        self._adopt(replace(path, drivable=len(path.points)))
+        self.gear, path = self._legs[0]
+        self._adopt(path)
+        self._on_leg = len(self._legs) > 1
+        # The last of them is a path as any other.
         if not self._on_leg:
             self._legs = []
 
@@ -328,9 +327,11 @@ class Guide:
         forward = replace(self.car, reverse=0.0)
         legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, forward,
                          self.config.hybrid)  # fmt: skip
-        if not legs:
-            return None
-        arcs = Path.through(legs[0].poses[:, :2], "hybrid")
+        return self._onward(cost, legs[0]) if legs else None
+
+    def _onward(self, cost: CostMap, leg: Leg) -> Path:
+        """A path along a leg, and the route from its end."""
+        arcs = Path.through(leg.poses[:, :2], "hybrid")
         end = arcs.points[-1]
         rest = find_route(cost, (float(end[0]), float(end[1])), self.goal)
         points = arcs.points if rest is None else np.vstack([arcs.points, rest[1:]])

@@ -21,7 +21,8 @@ class Path:
 
     Attributes:
         points: (n, 2) [m], `SPACING` apart.
-        source: "ompl" or "dijkstra": who found it; "given": it is the task.
+        source: who found it. "route": a line along Dijkstra's route; "hybrid": arcs; "ompl": OMPL;
+            "dijkstra": the route itself, which the car may not be able to drive; "given": the task.
         drivable: how many of the first points lie on curves that the car can drive.
     """
 
