@@ -497,7 +497,7 @@ def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
 
 def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
     folder = Path(__file__).parents[1] / "docs/results"
-    files = [folder / f"{name}.json" for name in ("corridor-5m", "office-fixed-5m")]
+    files = [folder / f"{name}.json" for name in ("corridor-5m", "corridor-fixed-5m")]
     older = json.loads(files[0].read_text())
     for episode in older["episodes"]:
         for name in ("sct", "t_bound", "t_opt", "detour", "shortest_length", "vehicle"):
