@@ -23,7 +23,7 @@ WALL_PRIOR, WALL_REACH = 15.0, 2.5
 """What a metre of unknown space costs more right beside a cell seen occupied, falling to nothing at
 this distance from it [m]: walls go on, so a way turns off where an opening has been seen."""
 STUCK_REACH = 1.2
-"""How far around a place where the car could not go on it does not expect to get through [m]."""
+"""Around a place where the car got stuck, unseen cells count as walls up to this distance [m]."""
 BELIEVED = 8.0
 """Unseen cells that cost more are believed to be occupied."""
 
@@ -118,7 +118,7 @@ class CostMap:
 
         Args:
             points: (n, 2) [m].
-            slowness: by how much a metre at each costs more than at top speed, (n,).
+            slowness: top speed over the speed at each point, (n,).
         """
         cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
         inside = ((cells >= 0) & (cells < np.array(self.frame.shape[::-1]))).all(axis=1)

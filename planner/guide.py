@@ -38,8 +38,8 @@ class GuideConfig:
         join: how far ahead a given way is joined [m].
         beside: so near to a given way the car has come along it [m].
         turning_room: how far before a path meets an obstacle it ends until there is another [m].
-        leg_end: a leg is done when the car rests this near to its end [m].
-        onward: how far nearer to the goal arcs lead that are searched for [m].
+        leg_end: a leg is complete when the car rests within this distance of its end [m].
+        onward: by how much the search over arcs has to reduce the cost to go [m].
         search: settings of OMPL's search.
         hybrid: settings of the search over arcs.
         line: settings of the line along the path.
@@ -62,9 +62,10 @@ class GuideConfig:
 class Guide:
     """Requests paths, adopts each a fixed number of ticks later, and says where the car is.
 
-    What the car follows is a smooth line along the cheapest way of three: the one at hand, the
-    route that Dijkstra's algorithm finds, and, where no line along that can be driven, OMPL's or
-    one over arcs. A car that rests is led out by a search over arcs, in both gears if it has two.
+    The car follows a smooth line, along the current way or along the route that Dijkstra's
+    algorithm finds, whichever is cheaper. If neither line can be driven, a hybrid A* search over
+    arcs looks for a way, and then OMPL. If the car rests, the search over arcs looks for a way out,
+    in both gears if the car has two.
     Planning time is measured apart from the control cycle's.
 
     Args:

@@ -160,7 +160,7 @@ class Navigator:
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
         self._curvature = 0.0
-        # No prediction moves a way that is the task.
+        # On a given route a prediction shapes the line, and does not change the route.
         heard = config.risk > 0 or config.steer
         self._asker = Asker(predictor) if predictor is not None and heard else None
         known.cover(known.frame.square(*goal, config.window))
@@ -219,7 +219,7 @@ class Navigator:
             first_path = self.guide.plan_ms
         self.guide.update(self._tick, driven, risk)
         intended, emergency = self._decide(driven, risk, faults)
-        intended = self._at_once(driven, intended)
+        intended = self._at_once(driven, intended, risk)
         plan = intended
         if emergency:
             faults.append("emergency")
@@ -277,14 +277,14 @@ class Navigator:
         steering: Prediction | None,
         faults: list[str],
     ) -> None:
-        """Ask for a path; where the car has not got on for a while, for a way out.
+        """Request a path, or a way out if the car has not moved on for a while.
 
         Args:
             state: x, y, yaw, v now, (4,).
-            ahead: the states the car is going to be in, from now on, (n, 4).
+            ahead: planned states, from now on, (n, 4).
             risk: the newest map around the car.
-            steering: a prediction that may move the route, or None.
-            faults: what goes wrong is added to these.
+            steering: a prediction that may change the route, or None.
+            faults: list to which failures are appended.
         """
         if math.dist(state[:2], self._place) > 0.1:
             self._place, self._lingered = (float(state[0]), float(state[1])), 0
@@ -369,15 +369,18 @@ class Navigator:
         moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
 
-    def _at_once(self, state: NDArray[np.float64], plan: Plan) -> Plan:
-        """A plan without the steps for which it waits first: a solver may put off for ever."""
+    def _at_once(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
+        """Drop the steps at the start of a plan during which a standing car would wait.
+
+        A solver may return a plan that moves only later, again at every tick.
+        """
         moves = np.flatnonzero(plan.states[1:, 3] > 1e-3)
         if state[3] > 0.0 or not len(moves) or moves[0] == 0:
             return plan
-        # The same motion, sooner: it meets what it met.
         first = int(moves[0])
         rest = stop_controls(first, self.mpc.limits.braking, float(plan.controls[-1, 1]))
-        return self.mpc.roll(state, np.vstack([plan.controls[first:], rest]))
+        sooner = self.mpc.roll(state, np.vstack([plan.controls[first:], rest]))
+        return sooner if self.checker.is_safe(sooner, risk) else plan
 
     def _stopping_sooner(
         self,
@@ -465,5 +468,5 @@ class _Clock:
         self._last = now
 
     def total(self, stage: str, without: float) -> None:
-        """All so far, without some time [ms] that is counted elsewhere."""
+        """Record the time since the start, less a time [ms] that is recorded elsewhere."""
         self.times[stage] = 1e3 * (self._last - self._start) - without

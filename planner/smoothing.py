@@ -16,9 +16,9 @@ from planner.risk import RiskMap
 from predictor import GridFrame
 
 NEAR_GOAL = 0.3
-"""A path that comes this near to the goal leads there [m]."""
+"""A path that passes within this distance of the goal leads there [m]."""
 SLOWEST = 0.5
-"""In a path's price no place is driven through more slowly [m/s]: the car would turn instead."""
+"""Lower bound of the speed in a path's price [m/s]."""
 
 
 class Smoother:
@@ -66,7 +66,14 @@ class Smoother:
         return None
 
     def price(self, path: Path, speed: float) -> float:
-        """What a path costs a car of a speed [m/s]: its time at top speed's pace, by place [m]."""
+        """Return the price of a path: driving time, weighted by the cost of each place.
+
+        The time is in metres at top speed.
+
+        Args:
+            path: to be priced.
+            speed: at its start [m/s].
+        """
         car, points = self.car, path.points
         head = points[: max(2, min(path.drivable or 120, len(points)))]
         v = speeds(head, max(speed, SLOWEST), car.v_max, car.acceleration, car.braking,
@@ -76,7 +83,10 @@ class Smoother:
         return self.cost.along(points, slowness)
 
     def _run_out(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A way to the goal, and straight on while nothing is there: none need brake for a goal."""
+        """Extend a way that ends at the goal straight on, as far as nothing is in the way.
+
+        The goal may be passed at any speed, so the car need not brake for it.
+        """
         if len(way) < 6 or math.dist(way[-1], self.goal) > 0.2:
             return way
         heading = way[-1] - way[-6]
@@ -101,7 +111,7 @@ class Smoother:
         return all((start | self._fit(line[1:] + side * steps)).all() for side in (-1, 1))
 
     def _fit(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Where one of the two circles that cover the body meets nothing seen, (n,)."""
+        """Whether a circle that covers half of the body fits at each point, (n,)."""
         around = math.hypot(self.car.body.length / 4, self.car.body.half_width) + 0.02
         out = np.ones(len(points), dtype=bool)
         inside, rows, cols = _cells(points, self.cost.frame)
