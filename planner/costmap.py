@@ -15,7 +15,7 @@ from planner.distance import distance_field
 from predictor import GridFrame, OccupancyGrid, Prediction
 from predictor.grid import paste
 
-UNKNOWN_COST = 2.0
+UNKNOWN_COST = 1.4
 """A metre of unknown space costs as much as this many metres of free space."""
 OCCUPIED_COST = 20.0
 """Likewise a metre of space that is believed to be occupied."""

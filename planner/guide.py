@@ -267,15 +267,15 @@ class Guide:
             return None
         pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
         smoother = Smoother(cost, risk, self.goal, self.car, self.config.line)
-        fresh = smoother.along(Path.through(route, "route").points, pose, speed, "route")
-        kept = self._kept(smoother, pose, speed)
+        fresh = smoother.along(Path.through(route, "route").points, pose, "route")
+        kept = self._kept(smoother, pose)
         if fresh is None and kept is None:
             seed = self.seed * 100_003 + tick
             found = self._searched(cost, known, pose)
             if found is None:
                 found = self._sampled(cost, risk, pose, route, seed)
             if found is not None:
-                return smoother.along(found.points, pose, speed, found.source) or found
+                return smoother.along(found.points, pose, found.source) or found
             # The car cannot drive a polyline's corners. It is better off at the end of the path
             # that it has, which leaves it room to turn, as long as it has not come to rest there.
             self.counts["not_found"] += 1
@@ -288,7 +288,7 @@ class Guide:
         # A car that keeps changing its mind orbits.
         return fresh if prices[0] < self.config.better * prices[1] else kept
 
-    def _kept(self, smoother: Smoother, pose: NDArray[np.float64], speed: float) -> Path | None:
+    def _kept(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
         """The path at hand, smoothed anew from a pose; None where it no longer serves."""
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":
@@ -300,7 +300,7 @@ class Guide:
         missed = np.hypot(*(left - np.array(self.goal)).T).min() > NEAR_GOAL
         if square > 0.4**2 or len(left) < 8 or missed:
             return None
-        return smoother.along(left, pose, speed, path.source)
+        return smoother.along(left, pose, path.source)
 
     def _sampled(
         self,

@@ -5,20 +5,19 @@ A way found on a grid or by sampling has kinks. The line is the curve near it th
     ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - way|² ds,
 
 by Gauss-Newton steps on evenly spaced points (an elastic band: Quinlan and Khatib 1993). The car's
-pose pins its first two points and the way's end its last. Of several ratios of bending to tension
-the one is kept that the car drives in the least time.
+pose pins its first two points and the way's end its last.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.dynamics import CarLimits
 from planner.reference import SPACING
 
 
@@ -28,52 +27,51 @@ class LineConfig:
 
     Attributes:
         reach: how far ahead the line is smoothed [m].
-        bending: ratios of bending to tension that are tried [m²].
+        bending: ratio of bending to tension [m²].
         push: weight of a squared metre of clearance lacking, over that of tension [1/m²].
-        comfort: clearance of the line's points below which they are pushed away [m].
+        comfort: clearances below which the line's points are pushed away [m]; the second is for
+            places where the car cannot drive the line of the first.
         tether: weight of a squared metre off the way, where the way is unseen [1/m²].
         hold: weight of a squared metre off the goal [1/m²].
         iterations: of Gauss-Newton.
     """
 
     reach: float = 20.0
-    bending: tuple[float, ...] = (0.5, 2.0, 6.0, 15.0)
+    bending: float = 1.0
     push: float = 60.0
-    comfort: float = 0.45
+    comfort: tuple[float, ...] = (0.75, 0.45)
     tether: float = 0.5
     hold: float = 500.0
     iterations: int = 15
 
 
-def fastest_lines(
+def lines_along(
     way: NDArray[np.float64],
     pose: NDArray[np.float64],
-    speed: float,
     clearance: NDArray[np.float32],
     resolution: float,
     origin: tuple[float, float],
     unsure: NDArray[np.bool_],
     goal: tuple[float, float],
-    car: CarLimits,
+    tightest: float,
     config: LineConfig,
-) -> list[NDArray[np.float64]]:
-    """Lines (n, 2) [m] along a way, the fastest first; none along a way of less than half a metre.
+) -> Iterator[NDArray[np.float64]]:
+    """Yield the lines (n, 2) [m] along a way, one for each comfort; none if it is below 0.5 m.
 
     Args:
         way: (n, 2) [m], `SPACING` apart, from near the pose.
         pose: x, y, yaw where the line begins, (3,).
-        speed: there [m/s].
         clearance: distance to the nearest obstacle [m], (rows, columns).
         resolution: side of its cells [m].
         origin: x, y of its lower-left corner [m].
         unsure: cells in which the line is tethered to the way, (rows, columns).
         goal: x, y [m]; a line whose way passes it does so too.
-        car: what it can do.
+        tightest: curvature that the line should not exceed [1/m].
         config: settings.
     """
     way = way[: round(config.reach / SPACING) + 1].copy()
     if len(way) < 6:
-        return []
+        return
     cells = np.floor((way - np.array(origin)) / resolution).astype(int)
     inside = ((cells >= 0) & (cells < np.array(unsure.shape[::-1]))).all(axis=1)
     tether = np.full(len(way), config.tether)
@@ -82,13 +80,9 @@ def fastest_lines(
     if math.dist(way[passed], goal) < 0.4:
         way[passed], tether[passed] = goal, config.hold
     guess = _begun(way, pose)
-    lines = [
-        relax(guess, way, tether, clearance, resolution, origin, bending, config.push,
-              config.comfort, config.iterations, 0.95 * car.max_curvature)
-        for bending in config.bending
-    ]  # fmt: skip
-    limits = car.v_max, car.acceleration, car.braking, car.planned_cornering
-    return sorted(lines, key=lambda line: float(drive_time(line, speed, *limits)))
+    for comfort in config.comfort:
+        yield relax(guess, way, tether, clearance, resolution, origin, config.bending,
+                    config.push, comfort, config.iterations, tightest)  # fmt: skip
 
 
 def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -269,14 +263,3 @@ def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-un
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
         squares[i + 1] = min(squares[i + 1], squares[i] + 2.0 * accel * step)
     return np.sqrt(squares)
-
-
-@njit(cache=True, nogil=True)
-def drive_time(points, start, v_max, accel, braking, lateral):  # type: ignore[no-untyped-def]
-    """Time that the fastest drive along a line takes [s]; arguments as `speeds`."""
-    v = speeds(points, start, v_max, accel, braking, lateral)
-    total = 0.0
-    for i in range(points.shape[0] - 1):
-        step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
-        total += 2.0 * step / max(v[i] + v[i + 1], 0.2)
-    return total

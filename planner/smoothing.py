@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from planner.costmap import CostMap
 from planner.dynamics import CarLimits
-from planner.line import LineConfig, curvatures, fastest_lines, speeds
+from planner.line import LineConfig, curvatures, lines_along, speeds
 from planner.reference import SPACING, Path
 from planner.risk import RiskMap
 from predictor import GridFrame
@@ -44,21 +44,19 @@ class Smoother:
         self.car, self.config = car, config
 
     def along(
-        self, way: NDArray[np.float64], pose: NDArray[np.float64], speed: float, source: str
+        self, way: NDArray[np.float64], pose: NDArray[np.float64], source: str
     ) -> Path | None:
-        """The path of the fastest line along a way (n, 2) that can be driven, or None.
+        """Return the path of the first line along a way (n, 2) that can be driven, or None.
 
         Args:
             way: (n, 2) [m], `SPACING` apart; beyond the line's reach it stays as it is.
             pose: x, y, yaw where the path begins, (3,).
-            speed: there [m/s].
             source: who found the way.
         """
-        cost = self.cost
+        cost, frame = self.cost, self.cost.frame
         way = self._run_out(way)
-        frame = cost.frame
-        lines = fastest_lines(way, pose, speed, cost.room, frame.resolution, frame.origin,
-                              cost.unsure, self.goal, self.car, self.config)  # fmt: skip
+        lines = lines_along(way, pose, cost.room, frame.resolution, frame.origin, cost.unsure,
+                            self.goal, 0.95 * self.car.max_curvature, self.config)  # fmt: skip
         for line in lines:
             if self._is_drivable(line):
                 path = Path.through(np.vstack([line, way[len(line) :]]), source)
