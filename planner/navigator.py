@@ -42,6 +42,8 @@ PATIENCE = 4
 """Ticks at rest after which a way out is searched for, and between such searches."""
 LONG_PATIENCE = 15
 """Likewise, ticks within 0.1 m: a car may start and brake, over and over."""
+AT_GOAL = 0.4
+"""A plan that comes so near to the goal reaches it [m]."""
 AFRESH = 5
 """Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 
@@ -352,7 +354,8 @@ class Navigator:
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
             return self.resort.brake(state, kept, risk), True
-        best = candidates[0]
+        # At the goal the drive is over: no cost of what would follow may make the car pass it by.
+        best = min(candidates, key=self._arrival)
         if self._goes_on(best, risk):
             return best, False
         # A car that cannot reverse had better not stop with its nose against a wall.
@@ -368,6 +371,11 @@ class Navigator:
         # Standing still for ever is no better than standing there.
         moving = (p for p in others if p.states[:, 3].max() > 0.1)
         return next((p for p in moving if self._goes_on(p, risk)), best), False
+
+    def _arrival(self, plan: Plan) -> float:
+        """The first stage at which a plan is at the goal; infinite where it does not get there."""
+        off = np.hypot(*(plan.states[:, :2] - np.array(self.goal)).T)
+        return float(np.argmax(off < AT_GOAL)) if off.min() < AT_GOAL else math.inf
 
     def _at_once(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Drop the steps at the start of a plan during which a standing car would wait.
