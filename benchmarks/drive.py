@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.arms import ARMS, predictor_for
+from benchmarks.arms import ARMS, Arm, predictor_for
 from benchmarks.settings import VEHICLES, Settings, UsageError
 from benchmarks.shortest import NoWayError, shortest_way, time_bound, way_length
 from benchmarks.store import commit
 from benchmarks.workers import WorkersError
 from planner.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
-from predictor import OccupancyGrid, load_predictor
+from predictor import OccupancyGrid, Predictor, load_predictor
 from predictor.provenance import fingerprint_of, has_learned
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
@@ -148,6 +148,49 @@ def attempt(
         return str(error)
 
 
+def car_of(settings: Settings) -> CarConfig:
+    """The car that drives."""
+    return CarConfig(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
+
+
+def navigator_for(
+    settings: Settings, arm: Arm, task: Task, predictor: Predictor | None, deadline: float
+) -> Navigator:
+    """The navigator of an arm at the start of a task.
+
+    Args:
+        settings: of the run.
+        arm: what may be relied upon.
+        task: where from, where to.
+        predictor: the arm's.
+        deadline: for its answers [s].
+    """
+    car = car_of(settings)
+    resolution = task.world.grid.frame.resolution
+    config = NavigatorConfig(
+        window=settings.window,
+        expansion=settings.expansion,
+        risk=settings.risk if arm.risk is None else arm.risk,
+        steer=arm.steer,
+        oracle=arm.predictor == "oracle",
+        deadline=deadline,
+        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
+        car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
+                      car.turning_radius, car.body, car.reverse),
+    )  # fmt: skip
+    return Navigator(
+        config,
+        predictor,
+        np.array(task.start),
+        task.goal,
+        OccupancyGrid.from_grid(task.world.grid, settings.window)
+        if arm.whole_map
+        else task.blank(settings.window),
+        task.waypoints if settings.route == "fixed" else None,
+        task.seed,
+    )
+
+
 def drive(
     settings: Settings, index: int, arm_name: str
 ) -> tuple[dict[str, Any], dict[str, NDArray]]:
@@ -161,31 +204,10 @@ def drive(
     """
     task = task_of(settings, index)
     arm = ARMS[arm_name]
-    car = CarConfig(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
-    resolution = task.world.grid.frame.resolution
-    config = NavigatorConfig(
-        window=settings.window,
-        expansion=settings.expansion,
-        risk=settings.risk if arm.risk is None else arm.risk,
-        steer=arm.steer,
-        # Whatever the machine is busy with, a drive must come out the same.
-        deadline=600.0,
-        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
-        car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
-                      car.turning_radius, car.body, car.reverse),
-    )  # fmt: skip
+    car = car_of(settings)
     predictor = predictor_for(arm, load_predictor(settings.predictor), task.world)
-    navigator = Navigator(
-        config,
-        predictor,
-        np.array(task.start),
-        task.goal,
-        OccupancyGrid.from_grid(task.world.grid, settings.window)
-        if arm.whole_map
-        else task.blank(settings.window),
-        task.waypoints if settings.route == "fixed" else None,
-        task.seed,
-    )
+    # Whatever the machine is busy with, a drive must come out the same.
+    navigator = navigator_for(settings, arm, task, predictor, deadline=600.0)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Of the task's seed, so that an episode is the same whichever it is of a run.
     rng = np.random.default_rng([task.seed, 2])

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.drive_file import read_drives
 from benchmarks.settings import UsageError
 from benchmarks.tables import markdown
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
-GROWS = ("episodes",)
-"""Settings that a file may be continued with more of."""
+COMMAND = "benchmarks.optimum"
+"""Writes the files."""
 
 
 def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
@@ -58,72 +58,14 @@ def read_optima(path: Path) -> dict[str, Any]:
     Raises:
         UsageError: if it cannot be read, or is something else.
     """
+    found = read_drives(path, COMMAND)
     try:
-        found = json.loads(path.read_text())
-        if found["command"] != "benchmarks.optimum":
-            raise UsageError(f"{path} is no file of benchmarks.optimum")
         # What others rely on is there.
-        [(d["index"], d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
+        [(d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
         float(found["settings"]["v_max"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        if isinstance(error, UsageError):
-            raise
-        why = (
-            error.strerror if isinstance(error, OSError) else "it is no file of benchmarks.optimum"
-        )
-        raise UsageError(f"{path} cannot be read: {why}") from None
-    return dict(found)
-
-
-class Optima:
-    """A file of optima that grows, drive by drive; it is always whole.
-
-    Args:
-        path: of the file; made if need be.
-        settings: of the run, plain values.
-
-    Raises:
-        UsageError: if the file is of other settings or cannot be written.
-    """
-
-    def __init__(self, path: Path, settings: dict[str, Any]) -> None:
-        self.path = path
-        self.drives: dict[int, dict[str, Any]] = {}
-        self._settings = settings
-        if path.exists():
-            found = read_optima(path)
-            theirs = found["settings"]
-            other = sorted(
-                name for name in settings.keys() | theirs.keys()
-                if name not in GROWS and settings.get(name) != theirs.get(name)
-            )  # fmt: skip
-            if other:
-                raise UsageError(f"--out: {path} was made with another {', '.join(other)}")
-            self.drives = {drive["index"]: drive for drive in found["drives"]}
-            grown = {name: max(settings[name], theirs[name]) for name in GROWS}
-            self._settings = settings | grown
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"--out: {path.parent} cannot be made: {error.strerror}") from None
-
-    def add(self, drive: dict[str, Any]) -> None:
-        """Keep a drive, and write the file anew.
-
-        Raises:
-            UsageError: if it cannot be written.
-        """
-        from predictor.whole import write_whole
-
-        self.drives[drive["index"]] = drive
-        head = {"command": "benchmarks.optimum", "settings": self._settings}
-        # A line a drive, so that a change of one is a change of a line.
-        lines = [_json(self.drives[index]) for index in sorted(self.drives)]
-        text = f'{_json(head)[:-1]},"drives":[\n' + ",\n".join(lines) + "\n]}\n"
-        try:
-            write_whole(self.path, text.encode())
-        except OSError as error:
-            raise UsageError(f"--out: {self.path} cannot be written: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise UsageError(f"{path} is no file of {COMMAND}") from None
+    return found
 
 
 def table(found: dict[str, Any]) -> str:
@@ -139,7 +81,3 @@ def table(found: dict[str, Any]) -> str:
         [str(len(drives)), str(len(known)), f"{best:.2f}", f"{bound:.2f}", f"{length:.1f}"],
     ]
     return markdown(rows)
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False)

@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.optima import Optima, table
+from benchmarks.drive_file import DriveFile
+from benchmarks.optima import COMMAND, table
 from benchmarks.settings import FAMILIES, OneLineParser, Settings, UsageError
 
 if TYPE_CHECKING:
@@ -191,7 +192,8 @@ def _run(settings: Settings, out: Path, jobs: int) -> int:
         raise UsageError(str(error)) from None
     car = dataclasses.asdict(CarConfig(v_max=settings.v_max))
     wanted = {"world": list(settings.world), "episodes": settings.episodes, "seed": settings.seed}
-    store = Optima(out, wanted | car | {"goal_radius": EpisodeConfig().goal_radius})
+    wanted |= car | {"goal_radius": EpisodeConfig().goal_radius}
+    store = DriveFile(out, COMMAND, wanted, grows="episodes")
     todo = [index for index in range(settings.episodes) if index not in store.drives]
     notes = []
     with tqdm(total=settings.episodes, initial=settings.episodes - len(todo), unit="drive") as bar:

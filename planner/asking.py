@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from typing import Any
+from copy import deepcopy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,28 +49,35 @@ class Asker:
         """
         if self._thread is not None and self._thread.is_alive():
             raise LateError
-        answers: queue.SimpleQueue[tuple[Any, BaseException | None]] = queue.SimpleQueue()
+        # Copies: a plug-in may write into what it is handed, also later, from a thread of its own.
+        copies = deepcopy(known), pose.copy()
+        answers: queue.SimpleQueue[Prediction | RaisedError | BadPredictionError]
+        answers = queue.SimpleQueue()
 
         def work() -> None:
             try:
-                answers.put((self.predictor.predict(known, pose), None))
+                answer = self.predictor.predict(*copies)
             except BaseException as error:
-                answers.put((None, error))
+                raised = RaisedError()
+                raised.__cause__ = error
+                answers.put(raised)
+                return
+            try:
+                # Here too: to read a field of the answer may run the plug-in's code.
+                answers.put(checked(answer, known))
+            except BadPredictionError as error:
+                answers.put(error)
+            except BaseException as odd:
+                answers.put(BadPredictionError(f"to read it raised {type(odd).__name__}"))
 
         self._thread = threading.Thread(target=work, name="predictor", daemon=True)
         self._thread.start()
         try:
-            answer, error = answers.get(timeout=patience)
+            found = answers.get(timeout=patience)
         except queue.Empty:
             raise LateError from None
         # It has nothing left to do, but on a busy machine it may still seem to when asked next.
         self._thread.join()
-        if error is not None:
-            raise RaisedError from error
-        try:
-            return checked(answer, known)
-        except BadPredictionError:
-            raise
-        except Exception as odd:
-            # An answer can be wrong in ways that no check foresees.
-            raise BadPredictionError(str(odd)) from odd
+        if isinstance(found, Exception):
+            raise found
+        return found

@@ -59,6 +59,8 @@ class NavigatorConfig:
         steer: whether a prediction also moves the route.
         margin: what the safe set is eroded by [m]; 0 for a noise-free LIDAR.
         start_margin: around the body at the start that counts as seen free [m].
+        oracle: whether the predictor is told the truth, so that what it is certain of counts as
+            seen. Of a comparison's arm alone: a car that trusts a plug-in so may collide.
         deadline: a prediction later than this is not used [s]. Far above what one takes: in
             simulation the clock stands still meanwhile, and a tick must not depend on luck.
         car: what the car can do.
@@ -72,6 +74,7 @@ class NavigatorConfig:
     steer: bool = False
     margin: float = 0.0
     start_margin: float = 0.5
+    oracle: bool = False
     deadline: float = 2.0
     car: CarLimits = field(default_factory=CarLimits)
     mpc: MPCConfig = field(default_factory=MPCConfig)
@@ -210,7 +213,8 @@ class Navigator:
         # It reverses through what was seen free alone.
         epsilon = c.risk if self._gear > 0 else 0.0
         believed = prediction if epsilon > 0 else None
-        risk = RiskMap.from_prediction(self.known.crop(frame), believed, epsilon, c.margin)
+        seen = self.known.crop(frame)
+        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle)
         clock.lap("risk")
         steering = prediction if c.steer else None
         first_path = 0.0

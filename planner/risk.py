@@ -22,8 +22,8 @@ class RiskMap:
         trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
             free, 0 where seen occupied, (rows, columns).
         safe: cells that a plan may rely upon, (rows, columns).
-        certain: cells of the safe set that a last resort may rely upon: seen free, or believed free
-            beyond all doubt; at ε = 0 and ε = 1 it is `safe` itself, (rows, columns).
+        certain: cells of the safe set that a last resort may rely upon: those seen free, and those
+            that an oracle says are free; at ε = 0 and ε = 1 it is `safe` itself, (rows, columns).
         barred: cells seen occupied, or believed, with whatever confidence, to be rather not free:
             a plan had better not end with its nose against them, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside it, (rows,
@@ -40,19 +40,26 @@ class RiskMap:
 
     @classmethod
     def from_prediction(
-        cls, known: Grid, prediction: Prediction | None, epsilon: float, margin: float = 0.0
+        cls,
+        known: Grid,
+        prediction: Prediction | None,
+        epsilon: float,
+        margin: float = 0.0,
+        oracle: bool = False,
     ) -> RiskMap:
         """The risk map at a risk ε.
 
         ε = 0: only what has been seen free is safe. ε = 1: all that has not been seen occupied.
         Between them a cell not seen is safe where confidence · p_free >= 1 - ε, so that the
-        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown.
+        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown. No claim of a
+        predictor, whatever its confidence, makes a cell certain.
 
         Args:
             known: what has been seen, on the frame that the map shall have.
             prediction: what is believed, on a frame of the same lattice; None: nothing is.
             epsilon: the risk ε in [0, 1].
             margin: what the safe set is eroded by [m]: 3σ + 1 cell for a LIDAR of noise σ.
+            oracle: whether the prediction is the truth: then a trust of 1 counts as seen.
 
         Raises:
             ValueError: if ε lies outside [0, 1].
@@ -83,9 +90,9 @@ class RiskMap:
                 cells &= distance_field(~cells) * known.frame.resolution > margin
             return cells
 
-        # At ε = 0 no belief counts, not even one beyond all doubt.
+        # A risk of -1 asks for a trust of 2, which no belief has.
         safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
-        certain = relied(0.0) if 0.0 < epsilon < 1.0 else safe
+        certain = relied(0.0 if oracle else -1.0) if 0.0 < epsilon < 1.0 else safe
         clearance = _clearance(safe, known.frame.resolution)
         return cls(known.frame, known, trust, safe, certain, barred, clearance)
 

@@ -76,7 +76,8 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     shape = known.frame.shape
     fields = {}
     for name in ("p_free", "p_occupied", "confidence"):
-        values = np.asarray(getattr(prediction, name))
+        # A copy: a plug-in may go on writing into its own arrays.
+        values = np.array(getattr(prediction, name))
         if values.shape != shape or values.dtype.kind not in "fiub":
             raise BadPredictionError(
                 f"{name} is {values.dtype} {values.shape}, it must be real numbers {shape}"
@@ -95,7 +96,7 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
     hypotheses = prediction.hypotheses
     if hypotheses is not None:
-        hypotheses = np.asarray(hypotheses)
+        hypotheses = np.array(hypotheses)
         if hypotheses.shape[1:] != shape or not ((hypotheses >= 0) & (hypotheses <= 1)).all():
             raise BadPredictionError(f"hypotheses must be (K, {shape[0]}, {shape[1]}) in [0, 1]")
     seen = {"p_free": known.free, "p_occupied": known.occupied, "confidence": ~known.unknown}
@@ -118,7 +119,7 @@ def asked(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> Predi
     """
     try:
         answer = predictor.predict(known, pose)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # A stranger's code may raise whatever it likes.
         line = " ".join(f"{type(error).__name__}: {error}".split())
         raise BadPredictionError(

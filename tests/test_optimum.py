@@ -11,8 +11,9 @@ import pytest
 
 from benchmarks import optimum as command
 from benchmarks.drive import task_of
+from benchmarks.drive_file import DriveFile
 from benchmarks.minimum_time import MARGINS, signed_distance
-from benchmarks.optima import Optima, optimum_of, read_optima, task_key
+from benchmarks.optima import COMMAND, optimum_of, read_optima, task_key
 from benchmarks.optimum import main, quickest
 from benchmarks.settings import Settings, UsageError
 from benchmarks.shortest import shortest_way, time_bound, way_length
@@ -195,15 +196,15 @@ def test_times_are_found_by_task_whatever_the_rounding(tmp_path, counted):
 
 
 @pytest.mark.parametrize(
-    ("text", "why"),
-    [("{", "cannot be read"), ("{}", "cannot be read"), ("[]", "cannot be read"),
-     ('{"command": "x"}', "is no file of"),
-     ('{"command": "benchmarks.optimum", "settings": {}, "drives": [{}]}', "cannot be read")],
+    "text",
+    ["{", "{}", "[]", "[" * 100_000, '{"command": "x"}',
+     '{"command": "benchmarks.optimum", "settings": {}, "drives": [{}]}'],
+    ids=["{", "{}", "[]", "deep", "other", "empty"],
 )  # fmt: skip
-def test_a_file_of_something_else_is_named_in_one_line(tmp_path, capsys, text, why):
+def test_a_file_of_something_else_is_named_in_one_line(tmp_path, capsys, text):
     out = tmp_path / "optimum.json"
     out.write_text(text)
-    with pytest.raises(UsageError, match=why):
+    with pytest.raises(UsageError, match="is no file of"):
         optimum_of(out)
     assert main(["--out", str(out)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
@@ -237,7 +238,7 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, counted, capsys):
 
 
 def test_a_file_holds_a_drive_a_line(tmp_path):
-    store = Optima(tmp_path / "o.json", {"v_max": 4.0, "episodes": 2})
+    store = DriveFile(tmp_path / "o.json", COMMAND, {"v_max": 4.0, "episodes": 2}, grows="episodes")
     store.add(result(1))
     store.add(result(0))
     lines = (tmp_path / "o.json").read_text().splitlines()

@@ -1,0 +1,248 @@
+"""Predictors that mean harm: they lie, write where they should not, come late, raise, and worse.
+
+None of them may make a car collide at a risk below 1, nor end a drive.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor import Grid, Prediction
+
+DEADLINE = 0.05
+"""The deadline that the late ones miss [s]."""
+
+Answer = Callable[[Grid, NDArray[np.float64], int], Any]
+"""Known map, pose and number of the call, to an answer."""
+
+
+@dataclasses.dataclass
+class Hostile:
+    """A predictor that answers as a function says.
+
+    Attributes:
+        answer: the function.
+        calls: how often it was asked.
+    """
+
+    answer: Answer
+    calls: int = 0
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Any:
+        """Whatever the function returns or raises."""
+        self.calls += 1
+        return self.answer(known, pose, self.calls)
+
+
+def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float32) -> Prediction:
+    """A prediction that cells are free with a probability, and else occupied."""
+    p_free = np.broadcast_to(np.asarray(free, dtype), known.frame.shape).copy()
+    return Prediction(
+        known.frame, p_free, (1 - p_free.astype(dtype)).astype(dtype),
+        np.full(known.frame.shape, confidence, dtype),
+    )  # fmt: skip
+
+
+def free(confidence: float, dtype: Any = np.float32) -> Answer:
+    """All that was not seen is free, with a confidence."""
+    return lambda known, pose, call: claim(known, 1, confidence, dtype)
+
+
+def walls(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """All that was not seen is occupied."""
+    return claim(known, 0.0)
+
+
+def flipping(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Free and occupied by turns."""
+    return claim(known, call % 2)
+
+
+def noise(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Anything, anew at each call."""
+    return claim(known, np.random.default_rng(call).random(known.frame.shape))
+
+
+def ahead(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Free ahead of the car and occupied behind it, so that it hurries on."""
+    x, y = known.frame.centres()
+    before = np.cos(pose[2]) * (x - pose[0]) + np.sin(pose[2]) * (y[:, None] - pose[1]) > 0
+    return claim(known, before)
+
+
+def clears_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Write into the known map that all of it is free, and claim little."""
+    known.cells.setflags(write=True)
+    known.cells[:] = 0
+    return claim(known, 1.0, 0.5)
+
+
+def fills_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Write into the known map that all of it is occupied."""
+    known.cells.setflags(write=True)
+    known.cells[:] = 100
+    return claim(known, 1.0, 0.5)
+
+
+def moves_the_car(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Write into the pose."""
+    pose += 3.0
+    return claim(known, 1.0)
+
+
+def moves_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Write into the frame, although it is frozen."""
+    answer = dataclasses.replace(claim(known, 1.0), frame=dataclasses.replace(known.frame))
+    object.__setattr__(known.frame, "origin", (0.0, 0.0))
+    object.__setattr__(known.frame, "resolution", 1.0)
+    return answer
+
+
+def writes_later(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Claim little, and turn it to certainty from a thread after the answer was checked."""
+    answer = claim(known, 1.0, 0.0)
+    known.cells.setflags(write=True)
+
+    def go_on() -> None:
+        for _ in range(20):
+            time.sleep(0.002)
+            known.cells[:] = 0
+            pose[:] = 0.0
+            answer.p_free[:] = 1.0
+            answer.confidence[:] = 7.0
+
+    threading.Thread(target=go_on, daemon=True).start()
+    return answer
+
+
+def late(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Every third answer after the deadline."""
+    if call % 3 == 0:
+        time.sleep(3 * DEADLINE)
+    return claim(known, 1.0)
+
+
+def never(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """No third answer at all."""
+    if call > 2:
+        threading.Event().wait()
+    return claim(known, 1.0)
+
+
+def raising(error: type[BaseException], after: int = 0) -> Answer:
+    """Raise after some good answers."""
+
+    def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+        if call > after:
+            raise error
+        return claim(known, 1.0)
+
+    return answer
+
+
+class _UnprintableError(Exception):
+    def __str__(self) -> str:
+        raise RuntimeError("not even this")
+
+
+class _Lazy(Prediction):
+    """A prediction whose fields raise when they are read."""
+
+    def __getattribute__(self, name: str) -> Any:
+        raise SystemExit(name)
+
+
+class _Array(np.ndarray):
+    """An array that says that all is well."""
+
+    def __array_ufunc__(self, *args: Any, **kwargs: Any) -> Any:
+        return np.True_
+
+    def min(self, *args: Any, **kwargs: Any) -> Any:
+        return 0.0
+
+    max = min
+
+
+def broken(**fields: Any) -> Answer:
+    """A prediction of which some fields are replaced; functions are given the good field."""
+
+    def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+        good = claim(known, 1.0)
+        new = {k: v(getattr(good, k)) if callable(v) else v for k, v in fields.items()}
+        return dataclasses.replace(good, **new)
+
+    return answer
+
+
+def _returning(value: Any) -> Answer:
+    return lambda known, pose, call: value
+
+
+def _patched(cells: NDArray) -> NDArray:
+    """NaN in half of the cells."""
+    return np.where(np.arange(cells.size).reshape(cells.shape) % 2, np.nan, cells)
+
+
+LIARS: dict[str, Answer] = {
+    f"free, confidence {confidence!r}": free(confidence)
+    for confidence in (0.5, 0.9, 0.99, 0.999, 0.999999, 1 - 1e-7, 1.0)
+} | {
+    "free, confidence 1 - 1e-9 (double)": free(1 - 1e-9, np.float64),
+    "free, confidence 0.9999 (half)": free(0.9999, np.float16),
+    "free, confidence True (bool)": free(True, np.bool_),
+    "occupied": walls,
+    "free, then occupied": flipping,
+    "noise": noise,
+    "free ahead": ahead,
+    "NaN in half of the cells": broken(confidence=_patched),
+    "hidden in an array of its own": broken(
+        confidence=lambda c: (c * np.float32(0.99)).view(_Array)
+    ),
+}
+"""They keep to the contract."""
+WRITERS: dict[str, Answer] = {
+    "clears the map": clears_the_map,
+    "fills the map": fills_the_map,
+    "moves the car": moves_the_car,
+    "moves the map": moves_the_map,
+    "writes later": writes_later,
+}
+"""They write into what they are handed."""
+FAULTY: dict[str, Answer] = {
+    "late": late,
+    "never": never,
+    **{
+        f"raises {error.__name__}": raising(error, 3)
+        for error in (RuntimeError, MemoryError, RecursionError, StopIteration, GeneratorExit,
+                      KeyboardInterrupt, SystemExit, BaseException, TimeoutError)
+    },
+    "raises what cannot be shown": raising(_UnprintableError),
+    "None": _returning(None),
+    "text": _returning("free everywhere"),
+    "a dictionary": _returning({"p_free": 1.0}),
+    "fields that raise": lambda known, pose, call: object.__new__(_Lazy),
+    "infinite": broken(confidence=lambda c: c * np.inf),
+    "above one": broken(confidence=lambda c: c + np.float32(1.0)),
+    "negative": broken(p_free=lambda p: p - np.float32(2.0)),
+    "sum above one": broken(p_occupied=lambda p: p + np.float32(1.0)),
+    "complex": broken(confidence=lambda c: c.astype(np.complex64)),
+    "objects": broken(confidence=lambda c: c.astype(object)),
+    "too small": broken(p_free=lambda p: p[:-1]),
+    "no dimension": broken(p_free=1.0),
+    "no field": broken(p_free=None),
+    "another place": broken(
+        frame=lambda frame: dataclasses.replace(frame, origin=(frame.origin[0] + 0.02, 0.0))
+    ),
+    "no frame": broken(frame=None),
+}  # fmt: skip
+"""They break the contract: each must be counted as a fault."""
+KINDS = LIARS | WRITERS | FAULTY
+"""All of them by name."""
