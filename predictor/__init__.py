@@ -6,13 +6,13 @@ on one of your own.
 
 import predictor.kernels  # noqa: F401  First: it says where the others keep their kernels.
 from predictor.body import Body
+from predictor.checking import check_predictor
 from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from predictor.none import NoPrediction
 from predictor.prediction import (
     BadPredictionError,
     Prediction,
     Predictor,
-    check_predictor,
     checked,
 )
 from predictor.registry import PredictorError, available, load_predictor

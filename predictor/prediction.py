@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.errors import one_line
+from predictor.grid import Grid, GridFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,26 +108,33 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     return Prediction(known.frame, **fields, hypotheses=hypotheses, nan_cells=nan_cells)
 
 
-def asked(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+def asked(
+    predictor: Predictor,
+    known: Grid,
+    pose: NDArray[np.float64],
+    copies: tuple[Grid, NDArray[np.float64]] | None = None,
+) -> Prediction:
     """A predictor's checked answer; whatever else it raises is a `BadPredictionError` too.
 
     Args:
         predictor: asked.
         known: what has been seen.
         pose: x, y, yaw of the robot, (3,) [m, m, rad].
+        copies: of the two, for the predictor, which may write into them; made if None.
 
     Raises:
         BadPredictionError: if it raises, or breaks the contract.
     """
+    given = (deepcopy(known), pose.copy()) if copies is None else copies
     try:
-        answer = predictor.predict(known, pose)
+        return checked(predictor.predict(*given), known)
+    except BadPredictionError:
+        raise
     except (Exception, SystemExit) as error:
-        # A stranger's code may raise whatever it likes.
-        line = " ".join(f"{type(error).__name__}: {error}".split())
+        # A stranger's code may raise whatever it likes, also when its answer is read.
         raise BadPredictionError(
-            f"predict() of {type(predictor).__name__} raised {line}"
+            f"predict() of {type(predictor).__name__} raised {one_line(error)}"
         ) from error
-    return checked(answer, known)
 
 
 def _lies_within(values: NDArray, low: float, high: float) -> bool:
@@ -134,40 +143,3 @@ def _lies_within(values: NDArray, low: float, high: float) -> bool:
     if np.isnan(ends).any():
         return not ((values < low) | (values > high)).any()
     return bool(low <= ends[0] and ends[1] <= high)
-
-
-def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> None:
-    """Run a predictor through what the planner will ask of it; for authors of plug-ins.
-
-    Asks for a prediction of an empty, a wholly unknown and a cluttered map, at two sizes and
-    several poses, and twice each.
-
-    Raises:
-        BadPredictionError: with what was wrong and what would be right.
-    """
-    if not callable(getattr(predictor, "predict", None)):
-        raise BadPredictionError(
-            f"{type(predictor).__name__} has no method predict(known, pose) -> Prediction"
-        )
-    rng = np.random.default_rng(seed)
-    for length in (side, 0.55 * side):
-        n = round(length / 0.05)
-        clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
-        for cells in (
-            np.full((n, n), FREE, np.int8),
-            np.full((n, n), UNKNOWN, np.int8),
-            clutter,
-        ):
-            origin = (float(rng.integers(-9, 9)), float(rng.integers(-9, 9)))
-            known = Grid(GridFrame(0.05, origin, (n, n)), cells)
-            kept = cells.copy()
-            pose = np.array([*known.frame.centre(n / 2, n / 2), rng.uniform(-np.pi, np.pi)])
-            first = checked(predictor.predict(known, pose), known)
-            again = checked(predictor.predict(known, pose), known)
-            if not np.array_equal(cells, kept):
-                raise BadPredictionError("predict() changed the map that it was given")
-            if any(
-                not np.array_equal(getattr(first, name), getattr(again, name))
-                for name in ("p_free", "p_occupied", "confidence")
-            ):
-                raise BadPredictionError("predict() gave two answers to one question")

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from predictor.errors import one_line
 from predictor.prediction import Predictor
 
 GROUP = "foresee.predictors"
@@ -57,8 +58,8 @@ def load_predictor(spec: str) -> Predictor:
         )
     try:
         predictor = factory()
-    except Exception as error:
-        raise PredictorError(f"predictor {spec!r} could not be made: {_line(error)}") from error
+    except (Exception, SystemExit) as error:
+        raise PredictorError(f"predictor {spec!r} could not be made: {one_line(error)}") from error
     predict = getattr(predictor, "predict", None)
     if not callable(predict):
         raise PredictorError(f"predictor {spec!r} has no method predict(known, pose) -> Prediction")
@@ -84,8 +85,10 @@ def _named(name: str) -> Any:
         )
     try:
         return offered[name].load()
-    except Exception as error:
-        raise PredictorError(f"predictor {name!r} could not be loaded: {_line(error)}") from error
+    except (Exception, SystemExit) as error:
+        raise PredictorError(
+            f"predictor {name!r} could not be loaded: {one_line(error)}"
+        ) from error
 
 
 def _of_weights(path: Path) -> Predictor:
@@ -135,9 +138,9 @@ def _module(path: str, spec: str) -> ModuleType:
             raise PredictorError(
                 f"predictor {spec!r}: no module {error.name}, neither installed nor in {here}"
             ) from error
-        raise PredictorError(f"predictor {spec!r}: importing {path}: {_line(error)}") from error
-    except Exception as error:
-        raise PredictorError(f"predictor {spec!r}: importing {path}: {_line(error)}") from error
+        raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
+    except (Exception, SystemExit) as error:
+        raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
 
 
 def _takes_two(predict: Any) -> bool:
@@ -148,8 +151,3 @@ def _takes_two(predict: Any) -> bool:
     except ValueError:  # Compiled code may have no signature to read.
         return True
     return True
-
-
-def _line(error: Exception) -> str:
-    """An exception on one line."""
-    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -25,6 +25,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from predictor.errors import one_line
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining, described
 from predictor.training.checkpoint import TrainError, is_trained
@@ -127,7 +128,7 @@ class Run:
                 return
             except Exception as error:
                 traceback.print_exc()
-                line = " ".join(f"{type(error).__name__}: {error}".split())
+                line = one_line(error)
                 self._failure.write_text(line.removeprefix("TrainError: "))
 
     def start(self) -> SpawnProcess:

@@ -1,6 +1,7 @@
 """The contract of a predictor, over every one that is registered, and what `checked` refuses."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from predictor import (
     Prediction,
     Predictor,
     available,
+    check,
     check_predictor,
     checked,
     load_predictor,
@@ -138,3 +140,63 @@ class Dithers:
 def test_check_predictor_says_what_is_wrong(predictor, message):
     with pytest.raises(BadPredictionError, match=message):
         check_predictor(predictor)
+
+
+class Claims:
+    """All that was not seen is free, with a confidence; NaN in the first cells of each row."""
+
+    def __init__(self, confidence=1.0, nan=0, seconds=0.0):
+        self.confidence, self.nan, self.seconds = confidence, nan, seconds
+
+    def predict(self, known, pose):
+        time.sleep(self.seconds)
+        ones = np.ones(known.frame.shape)
+        confidence = self.confidence * ones
+        confidence[:, : self.nan] = np.nan
+        return Prediction(known.frame, ones, 0 * ones, confidence)
+
+
+class Remembers:
+    """Its first four answers are others than all that follow."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def predict(self, known, pose):
+        self.calls += 1
+        return Claims(0.5 if self.calls <= 4 else 0.25).predict(known, pose)
+
+
+def test_check_predictor_warns_of_what_a_drive_would_suffer_from():
+    assert check_predictor(Claims(0.9)) == ()
+    for predictor, said in [(Claims(1.0), "certainty about"), (Claims(0.5, nan=3), "NaN in"),
+                            (Claims(0.5, seconds=0.11), "an answer took"),
+                            (Remembers(), "what was asked before")]:  # fmt: skip
+        [warning] = check_predictor(predictor)
+        assert said in warning
+
+
+def test_nan_in_every_cell_breaks_the_contract():
+    with pytest.raises(BadPredictionError, match="NaN in every cell"):
+        check_predictor(Claims(0.5, nan=1000))
+
+
+def test_what_raises_breaks_the_contract_whatever_it_raises():
+    class Exits:
+        def predict(self, known, pose):
+            raise SystemExit(0)
+
+    with pytest.raises(BadPredictionError, match="raised SystemExit"):
+        check_predictor(Exits())
+
+
+def test_the_command_prints_warnings_and_says_with_its_status_what_is_broken(capsys):
+    assert check.main(["none"]) == 0
+    assert capsys.readouterr().out == "none: keeps to the contract, 0 warnings\n"
+    assert check.main(["test_prediction:Claims"]) == 0
+    assert "warning: certainty about" in capsys.readouterr().out
+    assert check.main(["test_prediction:Overwrites"]) == 1
+    assert "error: predict() changed the map" in capsys.readouterr().out
+    for exits in ("sys:exit", "no_such_module:Predictor"):
+        assert check.main([exits]) == 2
+        assert capsys.readouterr().err.count("\n") == 1

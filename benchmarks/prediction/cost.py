@@ -15,6 +15,7 @@ from benchmarks.prediction.entrants import is_printed
 from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import Square
 from predictor.compact import Compact
+from predictor.errors import one_line
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.networks.compact_net import CompactNet
@@ -53,7 +54,7 @@ def cost_of(contestant: Contestant, squares: list[Square]) -> dict[str, Any] | N
             taken.append(1e3 * (time.perf_counter() - begin))
             checked(prediction, known)
         except Exception as error:
-            line = " ".join(f"{type(error).__name__}: {error}".split())
+            line = one_line(error)
             line = line.removeprefix(f"{BadPredictionError.__name__}: ")
             raise ScoringError(f"{contestant.name}: {line}") from error
     timed = np.array(taken[BEFORE:])

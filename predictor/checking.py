@@ -1,0 +1,116 @@
+"""The check that authors run on a predictor of their own."""
+
+from __future__ import annotations
+
+import time
+from copy import deepcopy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.prediction import BadPredictionError, Prediction, Predictor, asked
+
+TICK = 0.1
+"""The time that the planner has for a decision [s]."""
+CERTAIN = 1.0 - 1e-6
+"""A trust from which on a cell counts as claimed for certain."""
+FIELDS = ("p_free", "p_occupied", "confidence")
+
+
+def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> tuple[str, ...]:
+    """Ask a predictor what the planner will ask of it; for authors of plug-ins.
+
+    It is shown an empty, a wholly unknown and a cluttered map, at two sizes and several poses, each
+    twice in a row, and all of them again in the opposite order.
+
+    Args:
+        predictor: to be checked.
+        side: of the larger maps [m].
+        seed: of the maps.
+
+    Returns:
+        Warnings: what keeps to the contract and yet makes drives slower or hard to repeat, each on
+        one line with the remedy. None: there is nothing to mend.
+
+    Raises:
+        BadPredictionError: with what breaks the contract and what would be right.
+    """
+    if not callable(getattr(predictor, "predict", None)):
+        raise BadPredictionError(
+            f"{type(predictor).__name__} has no method predict(known, pose) -> Prediction"
+        )
+    questions = list(_questions(side, seed))
+    warnings: dict[str, str] = {}
+    answers, times = [], []
+    for known, pose in questions:
+        answer, _ = _ask(predictor, known, pose)
+        again, seconds = _ask(predictor, known, pose)
+        times.append(seconds)
+        if not _same(answer, again):
+            raise BadPredictionError("predict() gave two answers to one question")
+        if answer.nan_cells:
+            if answer.nan_cells == known.unknown.sum():
+                raise BadPredictionError("predict() gave NaN in every cell that was not seen")
+            warnings["nan"] = (
+                f"NaN in {answer.nan_cells} of {known.unknown.sum()} cells not seen: they count as "
+                "unknown, return a confidence of 0 in their place"
+            )
+        trust = answer.confidence * np.maximum(answer.p_free, answer.p_occupied)
+        certain = int((known.unknown & (trust >= CERTAIN)).sum())
+        if certain:
+            warnings["certain"] = (
+                f"certainty about {certain} cells that were not seen: the car may rely on them, "
+                "and brakes hard where it is wrong; return a calibrated confidence below 1"
+            )
+        answers.append(answer)
+    # Not the first: it may have compiled, or loaded a file.
+    slowest = max(times[1:])
+    if slowest > TICK:
+        warnings["late"] = (
+            f"an answer took {slowest:.2f} s, a tick is {TICK:g} s: the car decides without one "
+            "that is late; make it faster, or the square smaller (expansion)"
+        )
+    for (known, pose), answer in reversed(list(zip(questions, answers, strict=True))):
+        if not _same(answer, _ask(predictor, known, pose)[0]):
+            warnings["memory"] = (
+                "the answer depends on what was asked before: a drive may then depend on the "
+                "building driven before it; keep no state, or forget it in a new building"
+            )
+    return tuple(warnings.values())
+
+
+def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]:
+    """Known maps, and a pose in each."""
+    rng = np.random.default_rng(seed)
+    questions = []
+    for length in (side, 0.55 * side):
+        n = round(length / 0.05)
+        clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
+        for cells in (
+            np.full((n, n), FREE, np.int8),
+            np.full((n, n), UNKNOWN, np.int8),
+            clutter,
+        ):
+            origin = (float(rng.integers(-9, 9)), float(rng.integers(-9, 9)))
+            known = Grid(GridFrame(0.05, origin, (n, n)), cells)
+            pose = np.array([*known.frame.centre(n / 2, n / 2), rng.uniform(-np.pi, np.pi)])
+            questions.append((known, pose))
+    return questions
+
+
+def _ask(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> tuple[Prediction, float]:
+    """A checked answer, and how long it took [s]."""
+    given, there = copies = deepcopy(known), pose.copy()
+    started = time.perf_counter()
+    answer = asked(predictor, known, pose, copies)
+    seconds = time.perf_counter() - started
+    if not np.array_equal(given.cells, known.cells) or given.frame != known.frame:
+        raise BadPredictionError("predict() changed the map that it was given: copy it first")
+    if not np.array_equal(there, pose):
+        raise BadPredictionError("predict() changed the pose that it was given: copy it first")
+    return answer, seconds
+
+
+def _same(one: Prediction, other: Prediction) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in FIELDS)
