@@ -56,6 +56,8 @@ def _run(settings: Settings, place: Place) -> int:
     optima = None if place.optimum is None else optimum_of(place.optimum, settings.v_max)
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:
+        for note in store.notes:
+            print(f"mind: {note}", file=sys.stderr)
         interrupted = _drive_all(store, settings, weights, place)
         results = store.pack(optima)
     print(f"\n{title(results['settings'])}\n")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
 from predictor import Grid, GridFrame
+from predictor.errors import LineError
 
 RESULTS, TRACES = "results.json", "traces.npz"
 """The files of a run."""
@@ -30,7 +31,7 @@ NEEDED: dict[str, type | tuple[type, ...]] = {
 """What an episode in the results must hold to be drawn."""
 
 
-class RunError(ValueError):
+class RunError(LineError):
     """A folder does not hold a run that can be read; the message is one line."""
 
 
@@ -157,7 +158,7 @@ class Run:
             results = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError as error:
             raise RunError(f"{directory} holds no run: there is no {RESULTS}") from error
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise RunError(f"{path} is broken: {_line(error)}") from error
         if not isinstance(results, dict):
             raise RunError(f"{path} is broken: it must hold an object")
@@ -165,11 +166,8 @@ class Run:
             if not isinstance(results.get(key), kind):
                 raise RunError(f"{path} is broken: {key!r} is missing or of the wrong kind")
         for number, episode in enumerate(results["episodes"]):
-            for key, needed in NEEDED.items():
-                if not isinstance(episode, dict) or not isinstance(episode.get(key), needed):
-                    raise RunError(
-                        f"{path} is broken: episode entry {number} has no proper {key!r}"
-                    )
+            if not is_episode(episode):
+                raise RunError(f"{path} is broken: episode entry {number} lacks a proper field")
         if not results["episodes"]:
             raise RunError(f"{path} holds no episodes")
         return cls(
@@ -269,6 +267,13 @@ class Run:
         cells = self.archive.array(f"w{index}/cells")
         resolution, x, y = self.archive.array(f"w{index}/frame").tolist()
         return Grid(GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1])), cells)
+
+
+def is_episode(found: Any) -> bool:
+    """Whether what was read is the result of a drive."""
+    return isinstance(found, dict) and all(
+        isinstance(found.get(key), needed) for key, needed in NEEDED.items()
+    )
 
 
 def verdict(episode: dict[str, Any]) -> str:

@@ -7,6 +7,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from predictor.errors import LineError
+
 FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
 """`sim.families.FAMILIES`, whose import takes longer than a --help may."""
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
@@ -14,7 +16,7 @@ VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 ARM_NAMES = ("known", "known+route", "predicted", "optimistic", "oracle", "full")
 
 
-class UsageError(ValueError):
+class UsageError(LineError):
     """An argument that cannot be used; the message is one line."""
 
 

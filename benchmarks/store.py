@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import fcntl
 import io
+import itertools
 import json
 import os
 import platform
 import shutil
 import subprocess
 import zipfile
+import zlib
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.metadata import version
@@ -22,10 +24,11 @@ from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
 from benchmarks.optima import Key, task_key
-from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, RunError
+from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, RunError, is_episode
 from benchmarks.settings import Settings, UsageError
 from benchmarks.statistics import Result
 from benchmarks.summary import gap, summarise
+from predictor.errors import one_line
 from predictor.whole import write_whole
 
 GROWS = ("episodes", "arms")
@@ -53,6 +56,7 @@ class Store:
     ) -> None:
         self.out, self.settings, self.parts = out, settings, out / "parts"
         self.skipped: dict[int, str] = {}
+        self.notes: list[str] = []
         self.lost: list[tuple[int, str]] = []
         self._marked = mine = _plain(settings) | {"weights": weights}
         adopted = None if baselines is None else self._checked(baselines)
@@ -192,27 +196,100 @@ class Store:
         os.replace(temporary, target)
 
     def _packed(self) -> list[dict[str, Any]]:
-        if not (self.out / RESULTS).exists():
+        """The drives that are packed, with results and traces; what is damaged is set aside."""
+        path, traces = self.out / RESULTS, self.out / TRACES
+        if not path.exists() and not traces.exists():
             return []
         try:
-            results = json.loads((self.out / RESULTS).read_text())
-            self.skipped = {int(k): v for k, v in results["skipped"].items()}
-            return [*results["episodes"], *results["unused"]]
-        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
-            raise UsageError(f"--out: {self.out / RESULTS} cannot be read: {error}") from None
+            results = json.loads(path.read_text())
+            skipped = {int(k): str(v) for k, v in results["skipped"].items()}
+            drives = [*results["episodes"], *results["unused"]]
+            if any(not is_episode(drive) for drive in drives):
+                raise ValueError("its drives are not of this version")
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+            # Nobody can tell of what drives the traces are.
+            for damaged in (path, traces):
+                if damaged.exists():
+                    self._set_aside(damaged, one_line(error))
+            return []
+        self.skipped = skipped
+        good = self._good_traces()
+        kept = [drive for drive in drives if f"e{drive['index']}/{drive['arm']}/states" in good]
+        if len(kept) < len(drives):
+            self.notes.append(f"{len(drives) - len(kept)} of {len(drives)} drives have lost their "
+                              "traces and are driven again")  # fmt: skip
+        return kept
+
+    def _good_traces(self) -> set[str]:
+        """The names of the packed arrays whose drive and building are whole.
+
+        A file with damaged ones is set aside, and one with what is good takes its place.
+        """
+        traces = self.out / TRACES
+        if not traces.exists():
+            return set()
+        try:
+            with zipfile.ZipFile(traces) as packed:
+                names = {name.removesuffix(".npy"): name for name in packed.namelist()}
+                bad = {
+                    name.rpartition("/")[0]
+                    for name, stored in names.items()
+                    if not _reads(packed, stored)
+                }
+                if not bad:
+                    return set(names)
+                worlds = {group.removeprefix("w") for group in bad if group.startswith("w")}
+                good = {
+                    name: packed.read(stored) for name, stored in names.items()
+                    if name.rpartition("/")[0] not in bad
+                    and name[1:].partition("/")[0] not in worlds
+                }  # fmt: skip
+        except (OSError, zipfile.BadZipFile) as error:
+            self._set_aside(traces, one_line(error))
+            return set()
+        self._set_aside(traces, f"{len(names) - len(good)} of its {len(names)} arrays do not read")
+        temporary = traces.with_suffix(".tmp")
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as anew:
+            for name, data in good.items():
+                anew.writestr(names[name], data)
+        os.replace(temporary, traces)
+        return set(good)
 
     def _loose(self, packed: set[tuple[int, str]]) -> list[dict[str, Any]]:
         found = []
         for path in sorted(self.parts.glob("*.npz")):
             try:
+                with zipfile.ZipFile(path) as file:
+                    bad = file.testzip()
+                if bad is not None:
+                    raise ValueError(f"{bad} does not read")
                 with np.load(path, allow_pickle=False) as part:
                     result = json.loads(bytes(part["__result__"]))
-            except (ValueError, KeyError, OSError, zipfile.BadZipFile):
-                path.unlink()
+                if not is_episode(result):
+                    raise ValueError("its drive is not of this version")
+            except (ValueError, KeyError, OSError, EOFError, RecursionError, zlib.error,
+                    zipfile.BadZipFile, NotImplementedError) as error:  # fmt: skip
+                self._set_aside(path, one_line(error))
                 continue
             if (result["index"], result["arm"]) not in packed:
                 found.append(result)
         return found
+
+    def _set_aside(self, path: Path, why: str) -> None:
+        """Keep a damaged file under another name."""
+        names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in itertools.count())
+        target = next(name for name in names if not name.exists())
+        path.rename(target)
+        self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
+
+
+def _reads(packed: zipfile.ZipFile, name: str) -> bool:
+    """Whether an entry can be read and is what was written."""
+    try:
+        packed.read(name)
+    except (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        return False
+    return True
 
 
 def machine() -> dict[str, Any]:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from tqdm import tqdm
 
+from predictor.errors import LineError
+
 Frames = Callable[[int], NDArray[np.uint8]]
 """Frame number → its picture, (height, width, 3)."""
 
@@ -20,7 +22,7 @@ LAST = 2000
 """How long a GIF rests on its last frame [ms]."""
 
 
-class VideoError(ValueError):
+class VideoError(LineError):
     """A video cannot be written; the message is one line."""
 
 

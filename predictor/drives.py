@@ -19,6 +19,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from predictor.errors import LineError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -45,7 +47,7 @@ SPREAD = 10_000_000
 """From the seed of one of them to the next: no split has as many."""
 
 
-class DrivesError(ValueError):
+class DrivesError(LineError):
     """Samples cannot be made; the message is one line."""
 
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from predictor.errors import LineError
 from predictor.whole import write_whole
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from predictor.scoring.scores import Scores
 
 
-class EvaluateError(ValueError):
+class EvaluateError(LineError):
     """An evaluation cannot be done; the message is one line."""
 
 

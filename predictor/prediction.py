@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.errors import one_line
+from predictor.errors import LineError, one_line
 from predictor.grid import Grid, GridFrame
 
 
@@ -56,7 +56,7 @@ class Predictor(Protocol):
         ...
 
 
-class BadPredictionError(ValueError):
+class BadPredictionError(LineError):
     """A predictor returned something that breaks its contract."""
 
 

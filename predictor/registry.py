@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from predictor.errors import one_line
+from predictor.errors import LineError, one_line
 from predictor.prediction import Predictor
 
 GROUP = "foresee.predictors"
@@ -23,7 +23,7 @@ FUSED = "fused:"
 """Before a study's folder and an architecture: its networks in one."""
 
 
-class PredictorError(ValueError):
+class PredictorError(LineError):
     """There is no such predictor, or it cannot be loaded; one line says why."""
 
 

@@ -13,10 +13,11 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from predictor.errors import LineError
 from predictor.whole import write_whole
 
 
-class WeightsError(ValueError):
+class WeightsError(LineError):
     """A file does not hold weights of this network; the message is one line."""
 
 

@@ -20,17 +20,23 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image
 
+from predictor import plain_yaml
+from predictor.errors import LineError
 from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 MODES = ("trinary", "scale", "raw")
 MAX_CELLS = 64_000_000
 """Larger images are refused: at 0.05 m this is a square of 400 m."""
-MAX_YAML = 1_000_000
+MAX_YAML = 20_000
 """Larger YAML files are refused [bytes]."""
+MAX_METRES = 1e6
+"""Origins farther away and coarser resolutions are refused [m]."""
+FORMATS = ("PNG", "PPM", "BMP", "JPEG", "TIFF", "GIF")
+"""Of images. Pillow starts other programs for some of the others, such as EPS."""
 
 
-class MapError(ValueError):
+class MapError(LineError):
     """A map that cannot be read or written; the message is one line that says why."""
 
 
@@ -131,17 +137,10 @@ def read_yaml(path: Path) -> MapFile:
         MapError: if it is missing, broken or makes no sense.
     """
     try:
-        with path.open("rb") as file:
-            text = file.read(MAX_YAML + 1)
-        if len(text) > MAX_YAML:
-            raise MapError(f"{path}: over {MAX_YAML} bytes, this is not a map's YAML file")
-        said = yaml.safe_load(text)
-    except OSError as error:
+        said = plain_yaml.read_yaml(path, MAX_YAML)
+    except (OSError, ValueError) as error:
+        # A ValueError is of a path that no file can have.
         raise MapError(f"{path}: cannot be read: {_line(error)}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        if isinstance(error, MapError):
-            raise
-        raise MapError(f"{path}: not valid YAML: {_line(error)}") from error
     if not isinstance(said, dict):
         raise MapError(f"{path}: not a map_server file, it holds no keys")
     needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
@@ -163,8 +162,10 @@ def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
     if yaw != 0:
         raise MapError(f"{path}: origin has a yaw of {yaw} rad, which is unsupported: turn the map")
     resolution = _number(path, "resolution", said["resolution"])
-    if not resolution > 0:
-        raise MapError(f"{path}: resolution is {resolution} m, it must be positive")
+    if not 1e-4 <= resolution <= MAX_METRES:
+        raise MapError(f"{path}: resolution is {resolution} m, it must lie between 1e-4 and 1e6 m")
+    if max(abs(x), abs(y)) > MAX_METRES:
+        raise MapError(f"{path}: origin is {x}, {y} m, it must lie within {MAX_METRES:g} m")
     occupied = _number(path, "occupied_thresh", said["occupied_thresh"])
     free = _number(path, "free_thresh", said["free_thresh"])
     if not 0 <= free < occupied <= 1:
@@ -223,17 +224,19 @@ def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
 
 def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
     """Pixels (height, width, channels), uint8 or uint16."""
-    if not path.is_file():
-        raise MapError(f"{path}: the image that the map names is not there")
     try:
+        if not path.is_file():
+            raise MapError(f"{path}: the image that the map names is not there")
         with warnings.catch_warnings():
             # Sizes are checked here, by a stricter rule.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+            with Image.open(path, formats=FORMATS) as image:
                 width, height = image.size
                 if width * height > MAX_CELLS:
                     raise ValueError(f"{width} x {height} pixels, the limit is {MAX_CELLS}")
                 return _channels(image)
+    except MapError:
+        raise
     except Exception as error:
         # Decoders raise whatever they like on broken files, from OSError to struct.error.
         raise MapError(f"{path}: not a usable image: {_line(error)}") from error

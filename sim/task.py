@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from predictor.errors import LineError
 from predictor.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from sim.car import CarConfig, wrap
 from sim.lattice import HEADINGS, body_circles, explore
@@ -69,7 +70,7 @@ class Task:
         return OccupancyGrid(GridFrame(frame.resolution, at, (int(rows), int(cols))), window)
 
 
-class NoTaskError(ValueError):
+class NoTaskError(LineError):
     """A world has no start and goal of the kind that was asked for."""
 
 

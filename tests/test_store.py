@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -119,6 +120,7 @@ def test_a_folder_is_of_one_run_at_a_time(tmp_path):
 
 HOLD = """
 import sys
+import zipfile
 from pathlib import Path
 from benchmarks.settings import Settings
 from benchmarks.store import Store
@@ -144,3 +146,94 @@ def test_results_of_several_states_of_the_code_are_told():
     assert "these drives come from 2 states" in several_states(["a", "b", "a"], "drives")
     assert "2 states" in several_states(["a", None], "scores")
     assert several_states(["a", "a"], "drives") == several_states([], "drives") == ""
+
+
+def run_of(folder, episodes=4, pieces=2):
+    """A packed run of one arm, its drives and results."""
+    for piece in range(pieces):
+        with Store(folder, Settings(episodes=episodes, arms=("known",)), None) as run:
+            for index in range(piece, episodes, pieces):
+                run.add(*driven(index, "known"))
+            results = run.pack()
+    return results
+
+
+def again(folder, episodes=4):
+    """Open a run, drive what is missing, and pack: what was missing, the notes, the results."""
+    with Store(folder, Settings(episodes=episodes, arms=("known",)), None) as run:
+        missing = sorted({(i, "known") for i in range(episodes)} - run.done())
+        for index, arm in missing:
+            run.add(*driven(index, arm))
+        return [index for index, _ in missing], list(run.notes), run.pack()
+
+
+def assert_whole(folder, results, before):
+    assert results["episodes"] == before["episodes"]
+    with np.load(folder / "traces.npz") as traces:
+        for index in range(len(before["episodes"])):
+            assert traces[f"e{index}/known/states"].tolist() == [index, len("known")]
+
+
+@pytest.mark.parametrize("damage", ["truncated", "empty", "missing"])
+def test_traces_that_are_lost_are_set_aside_and_their_drives_driven_again(tmp_path, damage):
+    before = run_of(tmp_path)
+    traces = tmp_path / "traces.npz"
+    data = traces.read_bytes()
+    if damage == "missing":
+        traces.unlink()
+    else:
+        traces.write_bytes(data[: len(data) // 2] if damage == "truncated" else b"")
+    damaged = None if damage == "missing" else traces.read_bytes()
+    missing, notes, results = again(tmp_path)
+    assert missing == [0, 1, 2, 3]
+    assert any("driven again" in note for note in notes)
+    assert_whole(tmp_path, results, before)
+    if damaged is not None:
+        assert (tmp_path / "traces.npz.damaged").read_bytes() == damaged
+
+
+def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path):
+    before = run_of(tmp_path)
+    traces = tmp_path / "traces.npz"
+    with zipfile.ZipFile(traces) as packed:
+        entry = packed.getinfo("e2/known/states.npy")
+    data = bytearray(traces.read_bytes())
+    data[entry.header_offset + 30 + len(entry.filename) + entry.compress_size // 2] ^= 0xFF
+    traces.write_bytes(bytes(data))
+    missing, notes, results = again(tmp_path)
+    assert missing == [2]
+    assert any("do not read" in note for note in notes)
+    assert_whole(tmp_path, results, before)
+    assert (tmp_path / "traces.npz.damaged").read_bytes() == bytes(data)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"episodes": [{}], "unused": [], "skipped": {}}',
+                                  "[" * 100_000])  # fmt: skip
+def test_results_that_are_damaged_or_of_another_version_are_set_aside(tmp_path, text):
+    before = run_of(tmp_path)
+    (tmp_path / "results.json").write_text(text)
+    missing, notes, results = again(tmp_path)
+    assert missing == [0, 1, 2, 3]
+    assert any("results.json is damaged" in note for note in notes)
+    assert_whole(tmp_path, results, before)
+    assert (tmp_path / "results.json.damaged").read_text() == text
+
+
+def test_a_loose_drive_with_a_flipped_byte_is_set_aside_and_driven_again(tmp_path):
+    with Store(tmp_path, Settings(episodes=2, arms=("known",)), None) as run:
+        for index in range(2):
+            run.add(*driven(index, "known"))
+    part = tmp_path / "parts" / "1-known.npz"
+    whole = part.read_bytes()
+    for place in range(40, len(whole), 97):
+        data = bytearray(whole)
+        data[place] ^= 0xFF
+        part.write_bytes(bytes(data))
+        with Store(tmp_path, Settings(episodes=2, arms=("known",)), None) as run:
+            # A byte that no checksum covers, such as one of a date, does no harm.
+            assert run.done() == {(0, "known")} if run.notes else {(0, "known"), (1, "known")}
+    part.write_bytes(whole[:-20])
+    missing, notes, results = again(tmp_path, episodes=2)
+    assert missing == [1]
+    assert len(notes) == 1
+    assert_whole(tmp_path, results, {"episodes": [driven(i, "known")[0] for i in range(2)]})

@@ -14,6 +14,7 @@ from benchmarks.prediction.entrants import Answer, entrant
 from benchmarks.prediction.similarity import Similarity, similarity
 from benchmarks.prediction.square import Square
 from predictor.data.frames import Frames
+from predictor.errors import LineError
 from predictor.prediction import BadPredictionError
 from predictor.scoring.scores import Scores
 
@@ -23,7 +24,7 @@ Kept = dict[str, NDArray]
 """What is kept of a stretch: each of `OF_A_FRAME`, and the sums of `Scores`."""
 
 
-class ScoringError(ValueError):
+class ScoringError(LineError):
     """A predictor cannot be scored; the message is one line."""
 
 

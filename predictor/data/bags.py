@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.data.transforms import Transforms
+from predictor.plain_yaml import read_yaml
 from predictor.scan import Scan
 
 SCAN = "sensor_msgs/msg/LaserScan"
@@ -30,6 +31,8 @@ POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceS
 STATIC = "/tf_static"
 POSED = "(pose topic)"
 """What the frame is called here that a pose topic gives poses in."""
+MAX_METADATA = 1_000_000
+"""Of a ROS 2 bag; a larger one is refused [bytes]."""
 LEVEL = math.cos(math.radians(10.0))
 """Cosine of how far a laser may lean and still count as level."""
 
@@ -72,7 +75,11 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
         raise LogError("bags are read by rosbags: pip install 'foresee[bags]'") from None
     if not path.exists():
         raise LogError(f"{path}: no such file")
+    described = path / "metadata.yaml"
     try:
+        if described.is_file():
+            # rosbags would expand whatever it says.
+            read_yaml(described, MAX_METADATA)
         # Old bags of ROS 2 do not say how their messages are laid out.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_FOXY)) as reader:
             return _Bag(path, reader, config or BagConfig()).log()

@@ -37,6 +37,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.errors import LineError
 from predictor.grid import FREE, OCCUPIED, UNKNOWN
 
 FORMAT = 1
@@ -63,7 +64,7 @@ DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.erro
 """What reading a damaged archive raises."""
 
 
-class FramesError(ValueError):
+class FramesError(LineError):
     """A folder does not hold frames that can be read, or not those asked for; one line."""
 
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.errors import LineError
 from predictor.scan import Scan
 
 FARTHEST = 1e7
 """From the origin of a map [m]: what lies beyond is no place."""
 
 
-class LogError(ValueError):
+class LogError(LineError):
     """A log cannot be read; the message is one line."""
 
 

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.errors import LineError
 from predictor.grid import FREE, OCCUPIED, Grid
 from predictor.whole import write_whole
 
@@ -37,7 +38,7 @@ SIDE = 280
 """Of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
 
 
-class SamplesError(ValueError):
+class SamplesError(LineError):
     """A folder or file does not hold samples that can be read; the message is one line."""
 
 

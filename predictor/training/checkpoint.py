@@ -6,13 +6,14 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from predictor.errors import LineError
 from predictor.whole import write_whole
 
 if TYPE_CHECKING:
     import torch
 
 
-class TrainError(ValueError):
+class TrainError(LineError):
     """A training cannot be done or taken up; the message is one line."""
 
 
