@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.settings import UsageError
+from predictor.plain_json import loads
 
 
 def read_drives(path: Path, command: str) -> dict[str, Any]:
@@ -20,7 +21,7 @@ def read_drives(path: Path, command: str) -> dict[str, Any]:
         UsageError: if it cannot be read, or is something else.
     """
     try:
-        found = json.loads(path.read_text())
+        found = loads(path.read_text())
         if found["command"] == command:
             # A drive without a number, or settings that are none, are somebody else's.
             [int(drive["index"]) for drive in found["drives"]]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.store import machine
+from predictor.plain_json import loads
 from predictor.whole import write_whole
 
 PACKAGES = ("benchmarks", "planner", "predictor", "sim")
@@ -52,7 +53,7 @@ class Parts:
     def find(self, part: Part) -> Any:
         """What was measured, or None."""
         try:
-            kept = json.loads(self._path(part).read_text())
+            kept = loads(self._path(part).read_text())
             return kept["measured"] if kept["of"] == _of(part) else None
         except (OSError, ValueError, KeyError, TypeError):
             return None

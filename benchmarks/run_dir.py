@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.arms import ARMS
 from predictor import Grid, GridFrame
 from predictor.errors import LineError
+from predictor.plain_json import loads
 
 RESULTS, TRACES = "results.json", "traces.npz"
 """The files of a run."""
@@ -155,7 +155,7 @@ class Run:
         if not directory.is_dir():
             raise RunError(f"{directory} is not a folder")
         try:
-            results = json.loads(path.read_text(encoding="utf-8"))
+            results = loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError as error:
             raise RunError(f"{directory} holds no run: there is no {RESULTS}") from error
         except (OSError, ValueError, RecursionError) as error:

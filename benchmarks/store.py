@@ -29,6 +29,7 @@ from benchmarks.settings import Settings, UsageError
 from benchmarks.statistics import Result
 from benchmarks.summary import gap, summarise
 from predictor.errors import one_line
+from predictor.plain_json import loads
 from predictor.whole import write_whole
 
 GROWS = ("episodes", "arms")
@@ -71,7 +72,7 @@ class Store:
         marker = out / "settings.json"
         if marker.exists():
             try:
-                theirs = UNNAMED | dict(json.loads(marker.read_text()))
+                theirs = UNNAMED | dict(loads(marker.read_text()))
             except (ValueError, TypeError, OSError) as error:
                 raise UsageError(f"--out: {marker} cannot be read: {error}") from None
             other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
@@ -201,7 +202,7 @@ class Store:
         if not path.exists() and not traces.exists():
             return []
         try:
-            results = json.loads(path.read_text())
+            results = loads(path.read_text())
             skipped = {int(k): str(v) for k, v in results["skipped"].items()}
             drives = [*results["episodes"], *results["unused"]]
             if any(not is_episode(drive) for drive in drives):
@@ -264,7 +265,7 @@ class Store:
                 if bad is not None:
                     raise ValueError(f"{bad} does not read")
                 with np.load(path, allow_pickle=False) as part:
-                    result = json.loads(bytes(part["__result__"]))
+                    result = loads(bytes(part["__result__"]))
                 if not is_episode(result):
                     raise ValueError("its drive is not of this version")
             except (ValueError, KeyError, OSError, EOFError, RecursionError, zlib.error,

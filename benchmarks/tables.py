@@ -5,10 +5,11 @@ python -m benchmarks.tables docs/results/*.json
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
+
+from predictor.plain_json import loads
 
 DASH = "–"
 """In place of an interval that is not given: there are too few worlds."""
@@ -175,7 +176,7 @@ def main(argv: list[str] | None = None) -> int:
     parts: list[str] = []
     for path in parser.parse_args(argv).files:
         try:
-            results = json.loads(path.read_text())
+            results = loads(path.read_text())
             if "episodes" in results:
                 results = summarised(results)
             parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")

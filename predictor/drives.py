@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from predictor.errors import LineError
+from predictor.plain_json import loads
 
 if TYPE_CHECKING:
     import numpy as np
@@ -277,7 +278,7 @@ def _claim(config: DrivesConfig) -> None:
     recipe |= how
     path, mine = config.out / RECIPE, json.loads(json.dumps(recipe))
     try:
-        theirs = dict(json.loads(path.read_text())) if path.exists() else mine
+        theirs = dict(loads(path.read_text())) if path.exists() else mine
     except (ValueError, TypeError):
         raise DrivesError(f"{path} cannot be read; delete it if you know that the samples beside "
                           "it were made by this command") from None  # fmt: skip

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from predictor.errors import LineError
+from predictor.plain_json import loads
 from predictor.whole import write_whole
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ class Evaluation:
         self.commit = commit()
         marker = out / "settings.json"
         try:
-            theirs = json.loads(marker.read_text()) if marker.exists() else mine
+            theirs = loads(marker.read_text()) if marker.exists() else mine
         except ValueError as error:
             raise EvaluateError(f"{marker} cannot be read: {error}") from None
         if theirs != mine:
@@ -166,7 +167,7 @@ class Evaluation:
 
         try:
             with np.load(self._part(item), allow_pickle=False) as part:
-                facts = json.loads(bytes(part["facts"]))
+                facts = loads(bytes(part["facts"]))
                 arrays = {name: part[name] for name in part.files if name != "facts"}
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
             return None

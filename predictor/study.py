@@ -11,7 +11,6 @@ passed over, what was begun goes on, and what fails is shown and stops no other.
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 import multiprocessing
 import os
@@ -28,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 from predictor.errors import one_line
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining, described
+from predictor.plain_json import loads
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.image_arguments import add_arguments, configured
 from predictor.whole import write_whole
@@ -152,7 +152,7 @@ class Run:
         from predictor.training.image_training import told
 
         try:
-            return told(json.loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
+            return told(loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
         except (OSError, ValueError, IndexError):
             return ""
 

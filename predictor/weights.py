@@ -14,6 +14,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from predictor.errors import LineError
+from predictor.plain_json import loads
 from predictor.whole import write_whole
 
 
@@ -104,7 +105,7 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
         )
     facts = _facts(path, header)
     try:
-        config = known.CONFIG.of(json.loads(header["config"]))
+        config = known.CONFIG.of(loads(header["config"]))
         # Without memory of its own, until it is known that the file fills it.
         with torch.device("meta"):
             net = known(config)
@@ -141,6 +142,6 @@ def _read(path: Path, numbers: bool) -> tuple[dict[str, str], dict[str, Tensor]]
 
 def _facts(path: Path, header: dict[str, str]) -> dict[str, Any]:
     try:
-        return dict(json.loads(header["facts"])) | {"fingerprint": header["fingerprint"]}
+        return dict(loads(header["facts"])) | {"fingerprint": header["fingerprint"]}
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path} has a broken header: {error}") from error

@@ -228,7 +228,7 @@ def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
         if not path.is_file():
             raise MapError(f"{path}: the image that the map names is not there")
         with warnings.catch_warnings():
-            # Sizes are checked here, by a stricter rule.
+            # Sizes are checked here, by a rule about as strict.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path, formats=FORMATS) as image:
                 width, height = image.size

@@ -22,6 +22,7 @@ from benchmarks.prediction.transients import transients
 from benchmarks.statistics import grouped_mean
 from benchmarks.store import machine
 from predictor.networks import ARCHITECTURES
+from predictor.plain_json import loads
 from predictor.registry import load_predictor
 from predictor.scoring.scores import EDGES, RINGS, Scores
 from predictor.whole import write_whole
@@ -109,7 +110,7 @@ def _once(path: Path, measure: Callable[[], Any]) -> Any:
     """What was measured and kept at a path, or else is now."""
     path = path.with_suffix(".json")
     try:
-        return json.loads(path.read_text())
+        return loads(path.read_text())
     except (OSError, ValueError):
         measured = measure()
         write_whole(path, json.dumps(measured).encode())

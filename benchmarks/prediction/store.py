@@ -18,6 +18,7 @@ import numpy as np
 
 from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.scoring import Kept, Stretch
+from predictor.plain_json import loads
 from predictor.whole import clear, write_whole
 
 VERSION = 3
@@ -67,6 +68,6 @@ def read_arrays(path: Path) -> tuple[Kept, dict[str, Any]] | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files if name != "facts"}
-            return arrays, dict(json.loads(bytes(file["facts"])))
+            return arrays, dict(loads(bytes(file["facts"])))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
         return None

@@ -22,6 +22,7 @@ from benchmarks.prediction.scoring import drive_of
 from benchmarks.prediction.square import Square
 from predictor.data.frames import RESOLUTION
 from predictor.grid import OCCUPIED, Grid
+from predictor.plain_json import loads
 from predictor.whole import write_whole
 
 RADIUS, CLEAR = 0.15, 0.6
@@ -126,7 +127,7 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
         path = evaluation.store.path("transients", frames, expansion, one.identity)
         path = path.with_suffix(".json")
         try:
-            shares = json.loads(path.read_text())
+            shares = loads(path.read_text())
         except (OSError, ValueError):
             count, put_in = Count(), place == "simulated"
             speaker = entrant(one, evaluation.rates[expansion])

@@ -17,7 +17,6 @@ and where it does not, the log is that of a SICK, which sees 180°.
 from __future__ import annotations
 
 import gzip
-import json
 import math
 import zlib
 from collections import Counter
@@ -29,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.laser_log import LaserLog, LogError, cleaned
+from predictor.plain_json import loads
 from predictor.scan import Scan
 
 NO_RETURN = 80.0
@@ -66,7 +66,7 @@ class Sidecar:
         if not beside.is_file():
             return cls()
         try:
-            facts = json.loads(beside.read_text(encoding="utf-8"))
+            facts = loads(beside.read_text(encoding="utf-8"))
             first, step, no_return = (
                 None if facts.get(key) is None else float(facts[key])
                 for key in ("angle_min_deg", "angle_inc_deg", "no_return_at_or_above_m")

@@ -26,7 +26,6 @@ centred on the car and parallel to the axes, as in the paper. What nobody record
 from __future__ import annotations
 
 import hashlib
-import json
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -39,6 +38,7 @@ from numpy.typing import NDArray
 
 from predictor.errors import LineError
 from predictor.grid import FREE, OCCUPIED, UNKNOWN
+from predictor.plain_json import loads
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -234,7 +234,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise FramesError(f"{folder} holds no data set, for there is no {MANIFEST}: "
                           "python -m predictor.dataset makes one")  # fmt: skip
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise FramesError(f"{path} cannot be read: {error}") from error
     if not isinstance(manifest, dict) or "format" not in manifest:

@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.errors import LineError
+from predictor.errors import LineError, one_line
 from predictor.grid import FREE, OCCUPIED, Grid
+from predictor.plain_json import loads
 from predictor.whole import write_whole
 
 FORMAT = 2
@@ -121,18 +122,14 @@ class Samples:
         codes, starts, about = [], [], []
         for drive, path in enumerate(paths):
             try:
-                with np.load(path, allow_pickle=False) as file:
-                    facts = json.loads(bytes(file["about"]))
-                    block, ends = file["codes"], file["ends"]
-            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+                block, ends, facts = _drive(path)
+            except (OSError, ValueError, KeyError, TypeError, EOFError, zlib.error,
+                    NotImplementedError, zipfile.BadZipFile) as error:  # fmt: skip
+                if isinstance(error, SamplesError):
+                    raise
                 raise SamplesError(
-                    f"{path} is damaged ({error}); delete it and make it again"
+                    f"{path} is damaged ({one_line(error)}); delete it and make it again"
                 ) from error
-            if facts.get("format") != FORMAT or facts.get("side") != SIDE:
-                raise SamplesError(
-                    f"{path} is of format {facts.get('format')}, not {FORMAT}: make new samples in "
-                    "another folder"
-                )
             codes.append(block)
             about.append(facts)
             begin = np.concatenate([[0], ends])[: len(ends)].astype(np.int64)
@@ -152,8 +149,13 @@ class Samples:
         """
         drive, begin, end = self.starts[index]
         try:
-            cells = zlib.decompress(self.codes[drive][begin:end].tobytes())
-            return np.frombuffer(cells, dtype=np.uint8).reshape(SIDE, SIDE)
+            # No more than is wanted: a few bytes may unpack to gigabytes.
+            unpacked = zlib.decompressobj()
+            cells = unpacked.decompress(self.codes[drive][begin:end].tobytes(), SIDE * SIDE + 1)
+            codes = np.frombuffer(cells, dtype=np.uint8).reshape(SIDE, SIDE)
+            if codes.max() > 8 or not unpacked.eof:
+                raise ValueError("it holds other than codes")
+            return codes
         except (zlib.error, ValueError) as error:
             seed = self.about[drive]["seed"]
             raise SamplesError(
@@ -172,6 +174,32 @@ class Samples:
         for block in self.codes:
             digest.update(block.tobytes())
         return digest.hexdigest()
+
+
+def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, Any]]:
+    """The codes, where each sample ends in them, and what is known of a drive.
+
+    Raises:
+        SamplesError: if it is of another format.
+        OSError, ValueError, KeyError, …: if it is damaged.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        facts, block, ends = loads(bytes(file["about"])), file["codes"], file["ends"]
+    if not isinstance(facts, dict):
+        raise ValueError("it does not say what it is of")
+    if facts.get("format") != FORMAT or facts.get("side") != SIDE:
+        raise SamplesError(
+            f"{path} is of format {facts.get('format')}, not {FORMAT}: make new samples in another "
+            "folder"
+        )
+    if block.dtype != np.uint8 or block.ndim != 1:
+        raise ValueError(f"codes are {block.dtype} {block.shape}, they must be bytes")
+    if ends.dtype.kind not in "iu" or ends.ndim != 1:
+        raise ValueError(f"ends are {ends.dtype} {ends.shape}, they must be whole numbers")
+    if len(ends) and (ends[-1] > len(block) or ends[0] <= 0 or (np.diff(ends) <= 0).any()):
+        raise ValueError("its samples end where they cannot")
+    {str(facts[key]) for key in ("world", "original", "seed")}
+    return block, ends.astype(np.int64), facts
 
 
 def check_apart(splits: dict[str, Samples]) -> None:
