@@ -118,7 +118,7 @@ def driven(
         WorkersError: if a process dies.
     """
     done: list[Driven] = []
-    with ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (settings,)) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (settings, os.getpid())) as pool:
         waiting = [pool.submit(_one, settings, item) for item in items]
         try:
             for ended, future in enumerate(as_completed(waiting)):
@@ -134,10 +134,10 @@ def driven(
     return done
 
 
-def _begin(settings: Settings) -> None:
+def _begin(settings: Settings, parent: int) -> None:
     from benchmarks.drive import drive
 
-    follow_parent()
+    follow_parent(parent)
     for arm in settings.arms:
         drive(settings, 0, arm)
 

@@ -10,6 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 # Before a worker imports numpy: threads of its libraries would fight over the cores.
@@ -107,7 +108,7 @@ def _in_pool(
 
     # Two at least: joblib would do a single thing in this process, and die of it.
     pool = Parallel(max(2, min(jobs, len(left))), "loky", return_as="generator_unordered",
-                    batch_size=1, initializer=follow_parent)  # fmt: skip
+                    batch_size=1, initializer=partial(follow_parent, os.getpid()))  # fmt: skip
     try:
         for number, result in pool(calls()):
             yield left.pop(number), result
@@ -176,10 +177,13 @@ def _numbered(work: Callable[[Item], Result], number: int, item: Item) -> tuple[
     return number, work(item)
 
 
-def follow_parent() -> None:
-    """Leave Ctrl-C to the parent, and end when the parent does, even if it was killed."""
+def follow_parent(parent: int) -> None:
+    """Leave Ctrl-C to the parent, and end when the parent does, even if it was killed.
+
+    Args:
+        parent: process number of the parent, told by itself: it may be gone by now.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = os.getppid()
 
     def watch() -> None:
         while os.getppid() == parent:

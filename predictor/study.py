@@ -112,12 +112,16 @@ class Run:
             described(self.config, self.training, self.data.digests),
         )
 
-    def train(self) -> None:
-        """Train, in a process of its own, which leaves a line if it fails."""
+    def train(self, parent: int) -> None:
+        """Train, in a process of its own, which leaves a line if it fails.
+
+        Args:
+            parent: process number of the one that begins it.
+        """
         from benchmarks.workers import follow_parent
         from predictor.training.image_training import Stopped, train_images
 
-        follow_parent()
+        follow_parent(parent)
         stopping = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: stopping.set())
         with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
@@ -136,7 +140,8 @@ class Run:
         self.out.mkdir(parents=True, exist_ok=True)
         self._failure.unlink(missing_ok=True)
         # Not forked: that would copy threads and locks of libraries as they happen to be.
-        process = multiprocessing.get_context("spawn").Process(target=self.train)
+        context = multiprocessing.get_context("spawn")
+        process = context.Process(target=self.train, args=(os.getpid(),))
         process.start()
         return process
 

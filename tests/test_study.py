@@ -70,7 +70,7 @@ def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
 class Endless(Run):
     """A training that comes to no end."""
 
-    def train(self):
+    def train(self, parent):
         import time
 
         time.sleep(600)
@@ -92,7 +92,7 @@ def test_when_time_is_up_it_stops_and_goes_on_another_time(data, tmp_path):
 class Dying(Run):
     """A training whose process is killed."""
 
-    def train(self):
+    def train(self, parent):
         import os
 
         os.kill(os.getpid(), 9)

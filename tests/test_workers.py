@@ -3,8 +3,12 @@
 import importlib
 import os
 import signal
+import subprocess
+import sys
 import time
+import uuid
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -136,3 +140,48 @@ def test_workers_that_share_a_process_are_refused(distributed, tmp_path):
         pytest.raises(WorkersError, match="--nthreads 1"),
     ):  # fmt: skip
         list(finished(square, [1], 1, made.scheduler_address))
+
+
+WORKS = """
+import sys, time
+sys.path.insert(0, sys.argv[1])
+from benchmarks.workers import finished
+for _ in finished(time.sleep, [0.2] * 200, 2):
+    print("done", flush=True)
+"""
+
+
+def marked(mark):
+    """The processes that have a mark in their environment."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if mark.encode() in path.read_bytes():
+                found.append(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="processes are found in /proc")
+@pytest.mark.parametrize("after", [0.4, 0.8, 1.6, None])
+def test_no_worker_outlives_a_parent_that_is_killed(after):
+    mark = f"FORESEE_TEST={uuid.uuid4()}"
+    name, _, value = mark.partition("=")
+    root = str(Path(workers.__file__).resolve().parents[1])
+    parent = subprocess.Popen([sys.executable, "-c", WORKS, root], stdout=subprocess.PIPE,
+                              env=os.environ | {name: value})  # fmt: skip
+    if after is None:
+        assert parent.stdout.readline() == b"done\n"
+    else:
+        time.sleep(after)
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    until = time.monotonic() + 30.0
+    while marked(mark) and time.monotonic() < until:
+        time.sleep(0.2)
+    left = marked(mark)
+    for process in left:
+        os.kill(process, signal.SIGKILL)
+    assert not left
