@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from benchmarks.settings import Place, Settings, UsageError, parse
+from predictor.errors import one_line
 
 if TYPE_CHECKING:
     from benchmarks.store import Store
@@ -19,14 +20,19 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0 when it ran, whatever the outcome; 1 if drives are missing, for processes died of them; 2
-        for bad arguments or input; 130 if interrupted.
+        0 when it ran, whatever the outcome; 1 if drives are missing, for processes died of them or
+        the disk is full; 2 for bad arguments or input; 130 if interrupted.
     """
     try:
         return _run(*parse(argv))
     except UsageError as error:
         print(f"benchmarks.corridor: {error}", file=sys.stderr)
         return 2
+    except OSError as error:
+        # Such as a full disk. Drives are on disk one by one.
+        print(f"benchmarks.corridor: {one_line(error)}; what was done is kept, the same command "
+              "goes on", file=sys.stderr)  # fmt: skip
+        return 1
     except KeyboardInterrupt:
         # Of what is not a drive, or a second one. Drives are on disk, packed or not.
         print("benchmarks.corridor: interrupted; the same command goes on", file=sys.stderr)

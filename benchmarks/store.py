@@ -181,10 +181,20 @@ class Store:
     def _pack_traces(self, loose: list[Path]) -> None:
         target = self.out / TRACES
         temporary = target.with_suffix(".tmp")
-        if target.exists():
-            shutil.copyfile(target, temporary)
-        else:
+        try:
             temporary.unlink(missing_ok=True)
+            if target.exists():
+                shutil.copyfile(target, temporary)
+            self._append(temporary, loose)
+        except BaseException:
+            # On a full disk the half of it would be in the way.
+            temporary.unlink(missing_ok=True)
+            raise
+        os.replace(temporary, target)
+
+    @staticmethod
+    def _append(temporary: Path, loose: list[Path]) -> None:
+        """Add the arrays of loose drives to an archive that has not got them."""
         # What was packed before is copied as it is: to deflate it anew would take hours.
         with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED, compresslevel=4) as packed:
             names = set(packed.namelist())
@@ -194,7 +204,6 @@ class Store:
                         if name not in names and not name.startswith("__"):
                             names.add(name)
                             packed.writestr(name, part.read(name))
-        os.replace(temporary, target)
 
     def _packed(self) -> list[dict[str, Any]]:
         """The drives that are packed, with results and traces; what is damaged is set aside."""

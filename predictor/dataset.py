@@ -8,7 +8,6 @@ docs/datasets.md says what is in them; `predictor.data.frames.Frames` reads them
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from dataclasses import fields
@@ -20,18 +19,18 @@ if TYPE_CHECKING:
     from predictor.data.bags import BagConfig
     from predictor.data.simulated import SimulatedConfig
 
-LEAST = {
-    "train": 4,
-    "test": 2,
-    "more": 0,
-    "validation": 0,
-    "length": 1,
-    "clutter": 0,
-    "noise": 0,
-    "people": 0,
-    "jobs": 1,
+RANGES = {
+    "train": (4, 10**8),
+    "test": (2, 10**8),
+    "more": (0, 10**5),
+    "validation": (0, 10**5),
+    "length": (1, 10**6),
+    "clutter": (0, 10),
+    "noise": (0, 1),
+    "people": (0, 10),
+    "jobs": (1, 10**4),
 }
-"""What the command line's numbers must be at least: a frame a drive."""
+"""Between what the command line's numbers must lie: at least a frame a drive."""
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
 
 
@@ -108,9 +107,13 @@ def main(argv: list[str] | None = None) -> int:
     from predictor.data.simulated import DriveError
 
     args = _parsed(argv)
-    for name, low in LEAST.items():
-        if not low <= getattr(args, name) < math.inf:
-            print(f"predictor.dataset: --{name} must be finite and at least {low}", file=sys.stderr)
+    for name, (low, high) in RANGES.items():
+        if not low <= getattr(args, name) <= high:
+            print(f"predictor.dataset: --{name} must lie between {low} and {high}", file=sys.stderr)
+            return 2
+    for path in args.log or ():
+        if not path.name:
+            print(f"predictor.dataset: --log: {str(path)!r} is no log", file=sys.stderr)
             return 2
     try:
         print(_run(args))

@@ -48,6 +48,10 @@ SPREAD = 10_000_000
 """From the seed of one of them to the next: no split has as many."""
 
 
+MOST = 1_000_000
+"""More drives, or processes, than this are a slip of the pen."""
+
+
 class DrivesError(LineError):
     """Samples cannot be made; the message is one line."""
 
@@ -319,8 +323,8 @@ def main(argv: list[str] | None = None) -> int:
         "%(default)s)")  # fmt: skip
     args = parser.parse_args(argv)
     for name in ("train", "validation", "jobs"):
-        if getattr(args, name) < 1:
-            print(f"predictor.drives: --{name} must be at least 1", file=sys.stderr)
+        if not 1 <= getattr(args, name) <= MOST:
+            print(f"predictor.drives: --{name} must lie between 1 and {MOST}", file=sys.stderr)
             return 2
     try:
         config = DrivesConfig(args.out, args.train, args.validation, logs=args.logs,

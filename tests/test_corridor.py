@@ -1,5 +1,6 @@
 """The main job's command line: what it writes, that it goes on, and how it refuses."""
 
+import errno
 import json
 import os
 import re
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import tables
+from benchmarks import store, tables
 from benchmarks.corridor import main
 from benchmarks.drive import attempt, drive, score
 from benchmarks.settings import Settings
@@ -127,6 +128,29 @@ def test_a_drive_that_does_not_arrive_scores_nothing():
     assert scores["reached"]["sct"] == pytest.approx(scores["stuck"]["t_bound"] / 20.0)
     assert scores["stuck"]["detour"] == pytest.approx(1.2)
     assert set(score("reached", 20.0, 60.0, None, car).values()) == {None}
+
+
+def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
+    short_map, tmp_path, monkeypatch, capsys
+):
+    command = ("--world", short_map, "--episodes", 2, "--jobs", 1, "--predictor", "none", "--arms",
+               "known", "--out", tmp_path / "run")  # fmt: skip
+    plain, written = store.write_whole, []
+
+    def full(path, data):
+        if written.count(".npz") == 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written.append(path.suffix)
+        plain(path, data)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(store, "write_whole", full)
+        assert run(*command) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "No space left on device; what was done is kept" in said
+    assert [path.name for path in (tmp_path / "run" / "parts").glob("*.npz")] == ["0-known.npz"]
+    assert run(*command) == 0
+    assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
 
 
 def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path, capsys):

@@ -181,7 +181,9 @@ def test_a_building_in_two_splits_is_refused():
 
 @pytest.mark.parametrize(
     "wrong", [["--train", "3"], ["--test", "1"], ["--more", "-1"], ["--jobs", "0"],
-              ["--length", "0"], ["--log", "nowhere.log"]]
+              ["--length", "0"], ["--log", "nowhere.log"], ["--log", ""],
+              ["--more", "1000000000000"], ["--clutter", "1e300"], ["--people", "1e300"],
+              ["--noise", "nan"]]
 )  # fmt: skip
 def test_arguments_that_make_no_sense_are_refused(wrong, tmp_path, capsys):
     assert main([*wrong, "--out", str(tmp_path / "out")]) == 2
