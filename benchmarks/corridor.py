@@ -10,7 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from benchmarks.settings import Place, Settings, UsageError, parse
-from predictor.errors import one_line
 
 if TYPE_CHECKING:
     from benchmarks.store import Store
@@ -29,6 +28,8 @@ def main(argv: list[str] | None = None) -> int:
         print(f"benchmarks.corridor: {error}", file=sys.stderr)
         return 2
     except OSError as error:
+        from predictor.errors import one_line
+
         # Such as a full disk. Drives are on disk one by one.
         print(f"benchmarks.corridor: {one_line(error)}; what was done is kept, the same command "
               "goes on", file=sys.stderr)  # fmt: skip

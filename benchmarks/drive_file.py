@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.settings import UsageError
-from predictor.plain_json import loads
 
 
 def read_drives(path: Path, command: str) -> dict[str, Any]:
@@ -20,6 +19,8 @@ def read_drives(path: Path, command: str) -> dict[str, Any]:
     Raises:
         UsageError: if it cannot be read, or is something else.
     """
+    from predictor.plain_json import loads
+
     try:
         found = loads(path.read_text())
         if found["command"] == command:

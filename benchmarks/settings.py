@@ -7,8 +7,6 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from predictor.errors import LineError
-
 FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
 """`sim.families.FAMILIES`, whose import takes longer than a --help may."""
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
@@ -16,8 +14,14 @@ VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 ARM_NAMES = ("known", "known+route", "predicted", "optimistic", "oracle", "full")
 
 
-class UsageError(LineError):
+class UsageError(ValueError):
     """An argument that cannot be used; the message is one line."""
+
+    def __init__(self, said: str) -> None:
+        # Here: --help must not wait for the package.
+        from predictor.errors import shown
+
+        super().__init__(shown(said))
 
 
 @dataclass(frozen=True)

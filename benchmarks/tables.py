@@ -9,8 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from predictor.plain_json import loads
-
 DASH = "–"
 """In place of an interval that is not given: there are too few worlds."""
 
@@ -62,40 +60,39 @@ def summarised(run: dict[str, Any]) -> dict[str, Any]:
 
 
 def overview(runs: dict[str, dict[str, Any]]) -> str:
-    """One line for each comparison: what prediction bought there, and at which price.
+    """Return a table of one line for each comparison: what prediction brought, and its price.
 
-    A figure that older results do not hold is left blank.
+    A dash stands for an arm that did not drive, and for a figure that older results lack.
 
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`.
     """
-    arms = ("known", "predicted", "oracle")
-    rows = [["`known` / `predicted` / `oracle`", "car", "episodes", "SCT",
+    arms = ("known", "predicted", "oracle", "full")
+    rows = [[" / ".join(f"`{arm}`" for arm in arms), "car", "episodes", "SCT",
              "time ratio `predicted` to `known`", "gap closed in SCT", "gap closed in time",
-             "detour", "speed [m/s]", "reached", "collided"]]  # fmt: skip
+             "detour", "speed [m/s]", "reached", "stuck", "collided"]]  # fmt: skip
     for name, run in runs.items():
-        of = [run["summary"][arm] for arm in arms]
+        summary = run["summary"]
 
-        def three(key: str, form: str, of: list[dict[str, Any]] = of) -> str:
-            values = [entry[key] for entry in of]
-            return "" if None in values else " / ".join(format(value, form) for value in values)
+        def each(key: str, form: str, of: dict[str, Any] = summary) -> str:
+            values = [of[arm][key] if arm in of else None for arm in arms]
+            return " / ".join(DASH if value is None else format(value, form) for value in values)
 
-        ratio, shares = of[1]["time_ratio"], run["gap"]
+        known, ratio, shares = summary["known"], summary["predicted"]["time_ratio"], run["gap"]
         closed = ["" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
                   for key in ("sct", "time")]  # fmt: skip
-        if shares["sct"] is None and of[0]["sct_interval"] is not None:
+        if "oracle" in summary and shares["sct"] is None and known["sct_interval"] is not None:
             closed[0] = "no gap"
         rows.append([
             name,
-            of[0]["vehicle"],
-            str(of[0]["episodes"]),
-            three("sct", ".3f"),
+            known["vehicle"],
+            str(known["episodes"]),
+            each("sct", ".3f"),
             "" if ratio is None else interval(ratio, ".2f"),
             *closed,
-            three("detour", ".2f"),
-            three("mean_speed", ".2f"),
-            three("reached", "d"),
-            three("collided", "d"),
+            each("detour", ".2f"),
+            each("mean_speed", ".2f"),
+            *(each(key, "d") for key in ("reached", "stuck", "collided")),
         ])  # fmt: skip
     return markdown(rows)
 
@@ -170,17 +167,21 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
         "benchmarks.corridor, .optimum, .stages, .prediction, or predictor.evaluate")  # fmt: skip
+    parser.add_argument("--overview", action="store_true", help="print one line a comparison alone")
+    args = parser.parse_args(argv)
+    from predictor.plain_json import loads
+
     runs: dict[str, dict[str, Any]] = {}
     relied: dict[str, dict[str, Any]] = {}
     scored: dict[str, dict[str, Any]] = {}
     parts: list[str] = []
-    for path in parser.parse_args(argv).files:
+    for path in args.files:
         try:
             results = loads(path.read_text())
             if "episodes" in results:
                 results = summarised(results)
             parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")
-            if {"known", "predicted", "oracle"} <= results.get("summary", {}).keys():
+            if {"known", "predicted"} <= results.get("summary", {}).keys():
                 runs[path.stem] = results
             if "predicted" in results.get("summary", {}):
                 relied[path.stem] = results
@@ -189,6 +190,9 @@ def main(argv: list[str] | None = None) -> int:
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             print(f"benchmarks.tables: {path} is no results file: {error!r}", file=sys.stderr)
             return 2
+    if args.overview:
+        print(overview(runs))
+        return 0
     if scored:
         parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
     if len(relied) > 1:
