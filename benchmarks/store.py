@@ -70,7 +70,9 @@ class Store:
         except OSError as error:
             raise UsageError(f"--out {out}: {error.strerror}") from None
         marker = out / "settings.json"
-        if marker.exists():
+        # Without it a file that cannot be read may be anybody's.
+        self._ours = marker.exists()
+        if self._ours:
             try:
                 theirs = UNNAMED | dict(loads(marker.read_text()))
             except (ValueError, TypeError, OSError) as error:
@@ -79,9 +81,9 @@ class Store:
             if other:
                 what = ", ".join(f"{k} {theirs.get(k)}" for k in other)
                 raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
+        packed = self._packed()
         write_whole(marker, json.dumps(mine, indent=1).encode())
         self.commit = commit()
-        packed = self._packed()
         self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
         if adopted is not None:
             self._adopt(adopted)
@@ -217,6 +219,8 @@ class Store:
             if any(not is_episode(drive) for drive in drives):
                 raise ValueError("its drives are not of this version")
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+            if not self._ours:
+                raise UsageError(f"--out: {path} cannot be read: {one_line(error)}") from None
             # Nobody can tell of what drives the traces are.
             for damaged in (path, traces):
                 if damaged.exists():

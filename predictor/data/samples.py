@@ -157,7 +157,7 @@ class Samples:
                 raise ValueError("it holds other than codes")
             return codes
         except (zlib.error, ValueError) as error:
-            seed = self.about[drive]["seed"]
+            seed = self.about[drive].get("seed")
             raise SamplesError(
                 f"sample {index}, of the drive of seed {seed}, is damaged: {error}"
             ) from error
@@ -198,7 +198,7 @@ def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, 
         raise ValueError(f"ends are {ends.dtype} {ends.shape}, they must be whole numbers")
     if len(ends) and (ends[-1] > len(block) or ends[0] <= 0 or (np.diff(ends) <= 0).any()):
         raise ValueError("its samples end where they cannot")
-    {str(facts[key]) for key in ("world", "original", "seed")}
+    {str(facts[key]) for key in ("world", "original")}
     return block, ends.astype(np.int64), facts
 
 
