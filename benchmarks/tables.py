@@ -37,6 +37,10 @@ def tables_of(results: dict[str, Any]) -> str:
         from benchmarks.optima import table as optima
 
         return optima(results)
+    if results.get("command") == "benchmarks.attack":
+        from benchmarks.attack import table as attack
+
+        return attack(results)
     if "simulated" in results:
         from benchmarks.prediction.tables import tables_of as of_prediction
 
@@ -166,7 +170,7 @@ def main(argv: list[str] | None = None) -> int:
         description="Print the tables of results.json files as Markdown.",
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
-        "benchmarks.corridor, .optimum, .stages, .prediction, or predictor.evaluate")  # fmt: skip
+        "benchmarks.corridor, .optimum, .attack, .stages, .prediction, or predictor.evaluate")  # fmt: skip
     parser.add_argument("--overview", action="store_true", help="print one line a comparison alone")
     args = parser.parse_args(argv)
     from predictor.plain_json import loads
