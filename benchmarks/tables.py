@@ -169,8 +169,9 @@ def main(argv: list[str] | None = None) -> int:
         prog="benchmarks.tables",
         description="Print the tables of results.json files as Markdown.",
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results.json, of "
-        "benchmarks.corridor, .optimum, .attack, .stages, .prediction; predictor.evaluate")  # fmt: skip
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results, of "
+        "benchmarks.corridor, .optimum, .attack, .stages, .prediction, "
+        "or predictor.evaluate")  # fmt: skip
     parser.add_argument("--overview", action="store_true", help="print one line a comparison alone")
     args = parser.parse_args(argv)
     from predictor.plain_json import loads
