@@ -45,7 +45,7 @@ def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float
     """A prediction that cells are free with a probability, and else occupied."""
     p_free = np.broadcast_to(np.asarray(free, dtype), known.frame.shape).copy()
     return Prediction(
-        known.frame, p_free, (1 - p_free.astype(dtype)).astype(dtype),
+        known.frame, p_free, (1 - p_free).astype(dtype),
         np.full(known.frame.shape, confidence, dtype),
     )  # fmt: skip
 

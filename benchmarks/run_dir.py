@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
 from predictor import Grid, GridFrame
-from predictor.errors import LineError
+from predictor.errors import LineError, one_line
 from predictor.plain_json import loads
 
 RESULTS, TRACES = "results.json", "traces.npz"
@@ -110,7 +110,7 @@ class Archive:
         try:
             return np.asarray(self._file[name])
         except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise RunError(f"{self.path} is broken at {name!r}: {_line(error)}") from error
+            raise RunError(f"{self.path} is broken at {name!r}: {one_line(error)}") from error
 
     @cached_property
     def _file(self) -> NpzFile:
@@ -119,7 +119,7 @@ class Archive:
         except FileNotFoundError as error:
             raise RunError(f"{self.path} does not exist") from error
         except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise RunError(f"{self.path} is broken: {_line(error)}") from error
+            raise RunError(f"{self.path} is broken: {one_line(error)}") from error
         if not isinstance(file, NpzFile):
             raise RunError(f"{self.path} is broken: not an archive of arrays")
         return file
@@ -159,7 +159,7 @@ class Run:
         except FileNotFoundError as error:
             raise RunError(f"{directory} holds no run: there is no {RESULTS}") from error
         except (OSError, ValueError, RecursionError) as error:
-            raise RunError(f"{path} is broken: {_line(error)}") from error
+            raise RunError(f"{path} is broken: {one_line(error)}") from error
         if not isinstance(results, dict):
             raise RunError(f"{path} is broken: it must hold an object")
         for key, kind in (("settings", dict), ("summary", dict), ("episodes", list)):
@@ -280,7 +280,3 @@ def verdict(episode: dict[str, Any]) -> str:
     """A drive's time and, where it is known, its SCT."""
     sct = episode.get("sct")
     return f"{episode['time']:.1f} s" + ("" if sct is None else f" · SCT {sct:.2f}")
-
-
-def _line(error: Exception) -> str:
-    return (str(error) or type(error).__name__).splitlines()[0]

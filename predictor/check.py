@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 
 from predictor.checking import check_predictor
@@ -12,7 +11,10 @@ from predictor.registry import PredictorError, load_predictor
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if the predictor breaks the contract, 2 if it cannot be loaded."""
-    parser = argparse.ArgumentParser(
+    # Here, as in the other commands: the parser belongs to the benchmarks.
+    from benchmarks.settings import OneLineParser
+
+    parser = OneLineParser(
         prog="predictor.check",
         description="Check that a predictor keeps to the contract with the planner, and name what "
         "would make drives slower or hard to repeat.",

@@ -41,9 +41,9 @@ def read_yaml(path: Path, most: int) -> Any:
         text = data.decode("utf-8-sig")
         _refuse(text)
         return yaml.load(text, Loader=LOADER)
+    except YamlError:
+        raise
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        if isinstance(error, YamlError):
-            raise
         raise YamlError(f"not valid YAML: {error}") from error
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from predictor import plain_yaml
-from predictor.errors import LineError
+from predictor.errors import LineError, one_line
 from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
@@ -127,7 +127,7 @@ def save_world(world: World, path: str | Path, mode: str = "trinary") -> None:
         _write(image, encoded.getvalue())
         _write(path, text.encode())
     except OSError as error:
-        raise MapError(f"{path}: cannot be written: {_line(error)}") from error
+        raise MapError(f"{path}: cannot be written: {one_line(error)}") from error
 
 
 def read_yaml(path: Path) -> MapFile:
@@ -140,7 +140,7 @@ def read_yaml(path: Path) -> MapFile:
         said = plain_yaml.read_yaml(path, MAX_YAML)
     except (OSError, ValueError) as error:
         # A ValueError is of a path that no file can have.
-        raise MapError(f"{path}: cannot be read: {_line(error)}") from error
+        raise MapError(f"{path}: cannot be read: {one_line(error)}") from error
     if not isinstance(said, dict):
         raise MapError(f"{path}: not a map_server file, it holds no keys")
     needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
@@ -239,7 +239,7 @@ def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
         raise
     except Exception as error:
         # Decoders raise whatever they like on broken files, from OSError to struct.error.
-        raise MapError(f"{path}: not a usable image: {_line(error)}") from error
+        raise MapError(f"{path}: not a usable image: {one_line(error)}") from error
 
 
 def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
@@ -265,13 +265,6 @@ def _number(path: Path, key: str, value: object) -> float:
     except (ValueError, OverflowError) as error:
         raise MapError(f"{path}: {key} holds {short(value)}, it must be a finite number") from error
     return number
-
-
-def _line(error: Exception) -> str:
-    """What an exception says, on one line."""
-    return " ".join(
-        (getattr(error, "strerror", None) or str(error) or type(error).__name__).split()
-    )
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -123,10 +123,10 @@ class Samples:
         for drive, path in enumerate(paths):
             try:
                 block, ends, facts = _drive(path)
+            except SamplesError:
+                raise
             except (OSError, ValueError, KeyError, TypeError, EOFError, zlib.error,
                     NotImplementedError, zipfile.BadZipFile) as error:  # fmt: skip
-                if isinstance(error, SamplesError):
-                    raise
                 raise SamplesError(
                     f"{path} is damaged ({one_line(error)}); delete it and make it again"
                 ) from error
@@ -198,7 +198,8 @@ def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, 
         raise ValueError(f"ends are {ends.dtype} {ends.shape}, they must be whole numbers")
     if len(ends) and (ends[-1] > len(block) or ends[0] <= 0 or (np.diff(ends) <= 0).any()):
         raise ValueError("its samples end where they cannot")
-    {str(facts[key]) for key in ("world", "original")}
+    if "world" not in facts or "original" not in facts:
+        raise ValueError("it does not name its building")
     return block, ends.astype(np.int64), facts
 
 
