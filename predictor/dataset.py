@@ -163,8 +163,8 @@ def _parsed(argv: list[str] | None) -> Any:
         "square metre of floor, such as 0.02 (default: %(default)g, the paper's)")  # fmt: skip
     physical = parser.add_argument_group("physical")
     add = physical.add_argument
-    add("--log", nargs="+", type=Path, metavar="FILE", help="logs with corrected poses: CARMEN "
-        "(.log, .log.gz), ROS 1 (.bag), ROS 2 (the bag's folder)")  # fmt: skip
+    add("--log", nargs="+", type=Path, metavar="PATH", help="logs with corrected poses, or folders "
+        "of them: CARMEN (.log, .log.gz), ROS 1 (.bag), ROS 2 (the bag's folder)")  # fmt: skip
     add("--scans", metavar="TOPIC", help="of a bag's LaserScans (default: the only one)")
     add("--poses", metavar="TOPIC", help="of a bag's poses: /tf, PoseStamped, "
         "PoseWithCovarianceStamped or Odometry (default: /tf where it knows the map, else the only "
@@ -177,11 +177,12 @@ def _parsed(argv: list[str] | None) -> Any:
 def _run(args: Any) -> Path:
     from predictor.data.bags import BagConfig
     from predictor.data.simulated import SimulatedConfig
+    from predictor.data.survey import logs_in
 
     if args.log:
         folder: Path = args.out or PHYSICAL
         topics = BagConfig(args.scans, args.poses, args.map_frame)
-        make_physical(folder, args.log, topics, args.jobs)
+        make_physical(folder, logs_in(args.log), topics, args.jobs)
         return folder
     folder = args.out or SIMULATED
     config = SimulatedConfig(

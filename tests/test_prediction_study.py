@@ -386,6 +386,22 @@ def test_a_network_that_copies_filters_nothing_and_one_that_whitens_all_keeps_no
     assert counts["grey"].shares(True)["walls_kept"] == 0.0
 
 
+def test_logs_are_scored_without_a_simulated_set(sets, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    command = ["--out", "out", "--predictors", "none", "extend", "--expansions", "1.1", "--apart",
+               "0", "--jobs", "1"]  # fmt: skip
+    assert main(command) == 2
+    assert "data/simulated" in capsys.readouterr().err
+    assert main([*command, "--logs", str(sets / "physical")]) == 0
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["simulated"] == {}
+    assert list(results["physical"]) == ["hall", "yard"]
+    assert results["settings"]["rates"]["1.10"] == [0.5, 0.5]
+    figures = {path.name for path in (tmp_path / "out").glob("*.png")}
+    assert {"ssim.png", "physical.png", "worst.png", "maps-physical.png"} <= figures
+    assert not {"simulated.png", "transients.png"} & figures
+
+
 def test_stretches_are_straight_where_the_heading_stays():
     yaw = np.concatenate([np.full(20, 3.1), np.full(20, -3.1), np.linspace(-3.1, 0, 20)])
     assert straight(yaw, 40, 0.2).tolist() == [0, 1]

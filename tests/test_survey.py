@@ -9,7 +9,15 @@ import pytest
 from predictor.data.frames import Frames, cells_of
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.samples import world_hash
-from predictor.data.survey import clipped, frame_around, record, site_of, sources_of, surveyed
+from predictor.data.survey import (
+    clipped,
+    frame_around,
+    logs_in,
+    record,
+    site_of,
+    sources_of,
+    surveyed,
+)
 from predictor.grid import GridFrame
 from predictor.scan import Scan
 from sim import Lidar, LidarConfig, generate
@@ -230,3 +238,17 @@ def test_two_logs_of_one_name_or_missing_ones_are_refused(tmp_path):
     with pytest.raises(LogError, match="each site once"):
         sources_of(paths)
     assert site_of(paths[0]) == "a"
+
+
+def test_a_folder_stands_for_its_logs_alone(tmp_path):
+    for name in ("b.log.gz", "a.clf", "README.txt", "a.json", "drive.bag"):
+        (tmp_path / name).write_text("x")
+    (tmp_path / "ros2").mkdir()
+    (tmp_path / "ros2" / "metadata.yaml").write_text("x")
+    names = ["a.clf", "b.log.gz", "drive.bag", "ros2"]
+    assert [path.name for path in logs_in([tmp_path])] == names
+    one = tmp_path / "ros2"
+    assert logs_in([one, tmp_path / "README.txt"]) == [one, tmp_path / "README.txt"]
+    (one / "metadata.yaml").unlink()
+    with pytest.raises(LogError, match="ros2 holds no log"):
+        logs_in([one])

@@ -16,8 +16,8 @@ from predictor.networks.image_config import EXPANSIONS
 if TYPE_CHECKING:
     from benchmarks.prediction.evaluation import Config
 
-PHYSICAL = Path("data/physical")
-"""The set of logs that is taken if there is one and none is named."""
+SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
+"""The sets that are taken if they are there and none are named."""
 PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
 """Asked unless others are named."""
 DESCRIPTION = """\
@@ -63,11 +63,11 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add("--out", type=Path, default=Path("results/prediction"), metavar="DIR",
         help="results.json, tables.md and the figures go here (default: %(default)s)")  # fmt: skip
-    add("--data", type=Path, default=Path("data/simulated"), metavar="DIR",
-        help="simulated set of predictor.dataset: its splits test and more are scored (default: "
-        "%(default)s)")  # fmt: skip
+    add("--data", type=Path, metavar="DIR", help="simulated set of predictor.dataset: its splits "
+        f"test and more are scored (default: {SIMULATED}, which may be missing where there are "
+        "logs)")  # fmt: skip
     add("--logs", type=Path, nargs="+", metavar="PATH", help="a set that predictor.dataset --log "
-        "has made, or logs themselves, of which a set is made in DIR/physical (default: "
+        "has made, or logs or folders of logs, of which a set is made in OUT/physical (default: "
         f"{PHYSICAL}, if it is there)")  # fmt: skip
     add("--predictors", nargs="+", default=list(PREDICTORS), metavar="P", help="none, extend, "
         "compact, compact-logs, compact-paper, module:Class, weights FILE.safetensors, a folder of "
@@ -115,9 +115,8 @@ def _run(args: argparse.Namespace) -> str:
     results = report(evaluation)
     write_whole(args.out / "tables.md", tables_of(results).encode())
     sheets = pictures(evaluation)
-    sets = [frames for frames in (evaluation.simulated, evaluation.physical) if frames is not None]
     names = list(dict.fromkeys(one.name for one in evaluation.config.contestants))
-    paths = draw(args.out, results, sheets, sets, leader(names))
+    paths = draw(args.out, results, sheets, evaluation.sets, leader(names))
     paths.append(write_hallway(sheets["hallway"], args.out))
     paths = [args.out / "results.json", args.out / "tables.md", *paths]
     mixed = several_states(results["commits"], "scores")
@@ -127,16 +126,21 @@ def _run(args: argparse.Namespace) -> str:
 def _config(args: argparse.Namespace) -> Config:
     from benchmarks.prediction.contestants import contestants
     from benchmarks.prediction.evaluation import Config
+    from predictor.data.frames import MANIFEST
 
     expansions = tuple(sorted({round(float(x), 2) for x in args.expansions}))
     who = tuple(contestants(args.predictors, expansions))
-    return Config(args.data, _logs(args), expansions, args.apart, who)
+    logs, data = _logs(args), args.data
+    if data is None and (logs is None or (SIMULATED / MANIFEST).is_file()):
+        data = SIMULATED
+    return Config(data, logs, expansions, args.apart, who)
 
 
 def _logs(args: argparse.Namespace) -> Path | None:
     """The folder of the physical set, which is made if logs are named."""
     from predictor.data.bags import BagConfig
     from predictor.data.frames import MANIFEST
+    from predictor.data.survey import logs_in
     from predictor.dataset import make_physical
 
     logs: list[Any] | None = args.logs
@@ -145,7 +149,7 @@ def _logs(args: argparse.Namespace) -> Path | None:
     if len(logs) == 1 and (logs[0] / MANIFEST).is_file():
         return Path(logs[0])
     folder = Path(args.out) / "physical"
-    make_physical(folder, logs, BagConfig(), args.jobs)
+    make_physical(folder, logs_in(logs), BagConfig(), args.jobs)
     return folder
 
 

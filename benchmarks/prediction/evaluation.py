@@ -20,6 +20,8 @@ SPLITS = ("test", "more")
 """Of a simulated set, that are scored."""
 TOGETHER = 100
 """Frames that are scored in one go."""
+UNTOLD = (0.5, 0.5)
+"""What the baselines say of cells not seen where no validation drives say what is usual."""
 BLOCK = 10.0
 """Of a real drive, that is resampled as one [m]: the side of the widest square, so that squares in
 blocks that are no neighbours have no cell in common, unless the drive comes back."""
@@ -30,14 +32,14 @@ class Config:
     """What is evaluated.
 
     Attributes:
-        data: folder of the simulated set.
+        data: folder of the simulated set; None: there is none.
         logs: folder of the physical set; None: there is none.
         expansions: of the squares.
         apart: a square is looked at when the car has driven this far since the last [m].
         contestants: who is asked.
     """
 
-    data: Path
+    data: Path | None
     logs: Path | None
     expansions: tuple[float, ...]
     apart: float
@@ -85,15 +87,17 @@ class Evaluation:
 
     def __init__(self, config: Config, out: Path) -> None:
         self.config, self.out = config, out
-        self.simulated = _of_kind(config.data, "simulated")
-        self.physical = None if config.logs is None else _of_kind(config.logs, "physical")
-        self.drives = [drive for frames in filter(None, (self.simulated, self.physical))
+        folders = {"simulated": config.data, "physical": config.logs}
+        self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
+        """Kind → its frames, of those that there are."""
+        self.drives = [drive for frames in self.sets.values()
                        for drive in _drives(frames, config.apart)]  # fmt: skip
         self.store = Store(out / "parts")
-        validation = Frames.load(config.data, "validation")
-        self.rates = {expansion: rates_of(validation, expansion)
-                      for expansion in config.expansions}  # fmt: skip
+        self.rates = dict.fromkeys(config.expansions, UNTOLD)
         """Of each expansion the shares of free and occupied cells on the validation drives."""
+        if config.data is not None:
+            validation = Frames.load(config.data, "validation")
+            self.rates = {x: rates_of(validation, x) for x in config.expansions}
 
     @property
     def places(self) -> list[str]:
@@ -161,10 +165,13 @@ class Evaluation:
             yield piece
 
     def examples(self, expansion: float, count: int = 20) -> list[Square]:
-        """Squares spread evenly over the test drives, to measure costs on."""
-        test = Frames.load(self.config.data, "test")
-        chosen = np.unique(np.linspace(0, len(test) - 1, count).astype(int))
-        return [Square.of(test, int(index), expansion) for index in chosen]
+        """Squares spread evenly over the test drives, or else the logs, to measure costs on."""
+        frames = self.sets.get("physical")
+        if self.config.data is not None:
+            frames = Frames.load(self.config.data, "test")
+        assert frames is not None
+        chosen = np.unique(np.linspace(0, len(frames) - 1, count).astype(int))
+        return [Square.of(frames, int(index), expansion) for index in chosen]
 
 
 def key_of(expansion: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,13 @@ from benchmarks.figures import save_figures
 from benchmarks.palette import INK, new_figure, predictor_colour
 from benchmarks.prediction.maps import drawn_maps
 from benchmarks.prediction.pictures import GIVEN, NOTHING, Row, Sheets, shown
+from benchmarks.prediction.tables import places_of
 from predictor.data.frames import CROP, Frames
 
 TITLES = {
     "simulated": "A median square of {leader} on the simulated test drives",
     "physical": "A median square of {leader} on the real drives",
-    "random": "Random squares of the test drives",
+    "random": "Random squares",
     "worst": "The worst squares of {leader}, one a drive",
     "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
@@ -38,7 +39,7 @@ NEAR, FAR = 1.3, 2.0
 
 
 def draw(
-    out: Path, results: dict[str, Any], sheets: Sheets, sets: list[Frames], leader: str
+    out: Path, results: dict[str, Any], sheets: Sheets, sets: Mapping[str, Frames], leader: str
 ) -> list[Path]:
     """Draw all figures; the video is apart.
 
@@ -46,11 +47,11 @@ def draw(
         out: folder.
         results: of `report`.
         sheets: of `pictures`.
-        sets: whose maps are drawn: the simulated, then the physical one.
+        sets: kind → frames, whose maps are drawn.
         leader: whose typical and worst squares are shown.
     """
-    places = {"simulated": results["simulated"], **results["physical"]}
-    names = {*NOTHING, *shown(_names(results["simulated"]))}
+    places = places_of(results)
+    names = {*NOTHING, *shown(_names(next(iter(places.values()))))}
     places = {
         place: {x: {name: row for name, row in rows.items() if name in names}
                 for x, rows in entry.items()}
@@ -65,10 +66,8 @@ def draw(
         if name in sheets:
             title = TITLES[name].format(leader=leader)
             figures.append((f"{name}.png", partial(sheet, sheets[name], title)))
-    for frames in sets:
-        kind = frames.about[0]["split"]
-        name = "physical" if kind == "physical" else "simulated"
-        figures.append((f"maps-{name}.png", partial(drawn_maps, frames)))
+    for kind, frames in sets.items():
+        figures.append((f"maps-{kind}.png", partial(drawn_maps, frames)))
     return save_figures(figures, out)
 
 
@@ -175,7 +174,7 @@ def by_distance(places: dict[str, Any]) -> Figure:
 
 def reliability(places: dict[str, Any]) -> Figure:
     """Share of cells that were free, or occupied, of those said to be with each probability."""
-    entry = places["simulated"]
+    entry = next(iter(places.values()))
     expansions = sorted({_nearest(list(entry), wanted) for wanted in (NEAR, FAR)})
     shown = [(expansion, name) for expansion in expansions for name in ("free", "occupied")]
     figure = new_figure(1.75 * len(places) + 1.9, 1.8 * len(shown) + 0.4, maps=True)

@@ -162,11 +162,13 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[tuple[Asked, str]]]:
             out[name] = [((drive, index, x), f"{x:.2f}×") for x in narrow]
     near, far = min(expansions, key=lambda x: abs(x - 1.3)), max(expansions)
     rng = np.random.default_rng(0)
-    every = [(drive, int(index)) for drive in test for index in drive.chosen]
+    every = [(drive, int(index)) for drive in test or real for index in drive.chosen]
     drawn = sorted(rng.choice(len(every), min(SHOWN, len(every)), replace=False))
     out["random"] = [((*every[i], near), _told(*every[i])) for i in drawn]
-    scored = [drive for drive in evaluation.drives if drive.place == "simulated"]
-    out["transients"] = [((*every[i], near), _told(*every[i])) for i in drawn[:3]]
+    scored = [drive for drive in evaluation.drives if drive.place == "simulated"] or real
+    if test:
+        # Real drives have met their own.
+        out["transients"] = [((*every[i], near), _told(*every[i])) for i in drawn[:3]]
     out["worst"] = [((*one, far), _told(*one)) for one in _worst(evaluation, scored, far)]
     drive, stretch = _hallway(scored)
     middle = min(expansions, key=lambda x: abs(x - 1.5))

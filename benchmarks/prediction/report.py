@@ -63,7 +63,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "paper": SSIM,
         "printed": printed_costs(evaluation),
         "transients": transients(evaluation),
-        "simulated": places.pop("simulated"),
+        "simulated": places.pop("simulated", {}),
         "physical": places,
     }  # fmt: skip
     results = _plain(results)

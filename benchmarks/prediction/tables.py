@@ -46,7 +46,7 @@ def summary(results: dict[str, Any]) -> str:
     return "\n".join(
         (
             ABOVE.format(block=results["settings"]["block"]),
-            _verdicts(_places(results)),
+            _verdicts(places_of(results)),
             SITES.format(count=len(results["physical"]), expansions=" / ".join(_asked(results))),
             _sites(results["physical"], _asked(results)),
             "\n## The networks\n",
@@ -60,7 +60,7 @@ def summary(results: dict[str, Any]) -> str:
 def tables_of(results: dict[str, Any]) -> str:
     """All tables of a results.json of `benchmarks.prediction`."""
     parts = [summary(results)]
-    for place, entry in _places(results).items():
+    for place, entry in places_of(results).items():
         kind = "simulated" if place == "simulated" else "physical"
         parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
         parts.append(f"\n### In short\n\n{_in_short(entry, results['paper'][kind])}")
@@ -95,8 +95,10 @@ def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str
     return markdown(rows)
 
 
-def _places(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
-    return {"simulated": results["simulated"], **results["physical"]}
+def places_of(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
+    """Place → expansion → predictor → measures: "simulated" if it was scored, then the sites."""
+    simulated = {"simulated": results["simulated"]} if results["simulated"] else {}
+    return simulated | results["physical"]
 
 
 def _size(entry: dict[str, Rows]) -> str:
@@ -110,7 +112,7 @@ def _names(entry: dict[str, Rows]) -> list[str]:
 
 
 def _asked(results: dict[str, Any]) -> list[str]:
-    return list(dict.fromkeys(e for entry in _places(results).values() for e in entry))
+    return list(dict.fromkeys(e for entry in places_of(results).values() for e in entry))
 
 
 def _best(measured: Rows) -> str | None:

@@ -35,6 +35,8 @@ NO_RETURN = 80.0
 """A SICK's answer where nothing came back [m]."""
 HALF_DEGREE = 300
 """From this many beams on they are half a degree apart, not a degree."""
+ENDINGS = (".log", ".clf", ".carmen")
+"""Of a log's file, before .gz; in a folder of logs all such files are logs."""
 COMMON = (180, 181, 360, 361)
 """Beams of a SICK's scan."""
 
@@ -94,7 +96,7 @@ class Sidecar:
 def name_of(path: Path) -> str:
     """A log's name without its endings."""
     name = path.name.removesuffix(".gz")
-    for ending in (".log", ".clf", ".carmen", ".txt"):
+    for ending in (*ENDINGS, ".txt"):
         name = name.removesuffix(ending)
     return name
 

@@ -21,7 +21,7 @@ from scipy.ndimage import binary_dilation
 
 from predictor.beams import trace_beams
 from predictor.data.bags import BagConfig, is_bag, read_bag
-from predictor.data.carmen import name_of, read_carmen, sidecar_of
+from predictor.data.carmen import ENDINGS, name_of, read_carmen, sidecar_of
 from predictor.data.frame_set import write_trajectory
 from predictor.data.frames import NOTHING, RESOLUTION, cells_of, checksum
 from predictor.data.laser_log import LaserLog, LogError
@@ -41,6 +41,25 @@ LARGEST = 1000.0
 def site_of(path: Path) -> str:
     """What a log is called: its file's name without endings."""
     return name_of(path) if path.is_file() and not is_bag(path) else path.stem
+
+
+def logs_in(paths: list[Path]) -> list[Path]:
+    """Logs, of logs and folders of logs: in a folder all bags, and files `ENDINGS` or .gz of these.
+
+    Raises:
+        LogError: if a folder holds no log.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not path.is_dir() or is_bag(path):
+            found.append(path)
+            continue
+        logs = [one for one in sorted(path.iterdir())
+                if is_bag(one) or one.name.removesuffix(".gz").endswith(ENDINGS)]  # fmt: skip
+        if not logs:
+            raise LogError(f"{path} holds no log: no bag, and no file {', '.join(ENDINGS)}")
+        found += logs
+    return found
 
 
 def settings_of(bag: BagConfig) -> dict[str, Any]:
