@@ -95,8 +95,7 @@ class Animation:
         self._truth = run.truth(self.index)
         self._first_seen = trace["first_seen"]
         self._plans = trace["plans"]
-        self._ends = np.cumsum(trace["relied_count"])
-        self._relied = trace["relied_cells"]
+        self._relied = trace.relied
         self._v_max = run.setting("v_max", 4.0)
         self._window = run.setting("window", 5.0)
         total = len(self._plans)
@@ -196,8 +195,7 @@ class _Near:
 
     def _mark_relied(self, image: NDArray[np.float64], part: GridFrame, tick: int) -> None:
         show = self._show
-        start = int(show._ends[tick - 1]) if tick > 0 else 0
-        cells = show._relied[start : int(show._ends[tick])].astype(int)
+        cells = show._relied[tick].astype(int)
         row, col = show._truth.frame.offset(part)
         cells = cells - np.array([row, col])
         inside = ((cells >= 0) & (cells < np.array(part.shape))).all(axis=1)

@@ -31,6 +31,7 @@ from benchmarks.palette import (
     speed_line,
 )
 from benchmarks.run_dir import Run
+from benchmarks.trace import frame_of
 from predictor import Body, Grid, GridFrame
 from predictor.grid import paste
 
@@ -105,19 +106,20 @@ def _choose(run: Run, index: int | None, arm: str | None) -> tuple[str, int]:
     arm = run.pick_arm(index, arm)
     if index is None:
         driven = [i for i in run.indices if run.episode(i, arm) is not None]
-        index = max(driven, key=lambda i: int(run.trace(i, arm)["relied_count"].max(initial=0)))
+        index = max(driven, key=lambda i: max(map(len, run.trace(i, arm).relied), default=0))
     return arm, index
 
 
 def _load(run: Run, index: int, arm: str) -> _Moment:
     trace, truth = run.trace(index, arm), run.truth(index)
     known = trace["moment_known"]
-    frame = _frame(trace["moment_frame"], known)
+    frame = frame_of(run.archive.path, trace["moment_frame"], known)
     prediction, other = None, frame
     if "moment_p_free" in trace:
         names = ("p_free", "p_occupied", "confidence")
         prediction = {name: trace[f"moment_{name}"] / 255.0 for name in names}
-        other = _frame(trace["moment_prediction_frame"], prediction["p_free"])
+        numbers = trace["moment_prediction_frame"]
+        other = frame_of(run.archive.path, numbers, prediction["p_free"])
     return _Moment(
         arm,
         int(trace["moment_tick"]),
@@ -129,11 +131,6 @@ def _load(run: Run, index: int, arm: str) -> _Moment:
         other,
         truth,
     )
-
-
-def _frame(numbers: NDArray, cells: NDArray) -> GridFrame:
-    resolution, x, y = numbers.tolist()
-    return GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1]))
 
 
 def _view(now: _Moment) -> tuple[float, float, float, float]:

@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     options = parser.parse_args(arguments)
     # Only now, so that help and bad arguments need not wait for it.
-    from benchmarks.run_dir import RunError
+    from benchmarks.trace import RunError
     from benchmarks.video import VideoError
 
     try:

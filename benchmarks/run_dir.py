@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.lib.npyio import NpzFile
-from numpy.typing import NDArray
-
 from benchmarks.arms import ARMS
-from predictor import Grid, GridFrame
-from predictor.errors import LineError, one_line
+from benchmarks.trace import FARTHEST, Archive, RunError, Trace, frame_of
+from predictor import Grid
+from predictor.errors import one_line
 from predictor.plain_json import loads
 
 RESULTS, TRACES = "results.json", "traces.npz"
@@ -29,100 +24,6 @@ NEEDED: dict[str, type | tuple[type, ...]] = {
     "time": (int, float), "path_length": (int, float), "mean_speed": (int, float),
 }  # fmt: skip
 """What an episode in the results must hold to be drawn."""
-
-
-class RunError(LineError):
-    """A folder does not hold a run that can be read; the message is one line."""
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """The arrays of one drive, each read when it is asked for; see `sim.episode.run_episode`.
-
-    Attributes:
-        file: where they are.
-        index: the episode's number.
-        arm: who drove.
-    """
-
-    file: Archive
-    index: int
-    arm: str
-
-    def __getitem__(self, name: str) -> NDArray:
-        return self.file.array(f"e{self.index}/{self.arm}/{name}")
-
-    def __contains__(self, name: str) -> bool:
-        return f"e{self.index}/{self.arm}/{name}" in self.file.names
-
-    @cached_property
-    def states(self) -> NDArray[np.float64]:
-        """x, y, yaw, v at the ends of the ticks, (T+1, 4)."""
-        return self["states"].astype(np.float64)
-
-    @cached_property
-    def distance(self) -> NDArray[np.float64]:
-        """Driven so far at each state [m], (T+1,)."""
-        steps = np.hypot(*np.diff(self.states[:, :2], axis=0).T)
-        return np.concatenate([[0.0], np.cumsum(steps)])
-
-    @cached_property
-    def gears(self) -> NDArray[np.int8]:
-        """The gear of each tick's plan, 1 or -1, (T,); 1 throughout in older traces."""
-        return self["gears"] if "gears" in self else np.ones(len(self.states) - 1, np.int8)
-
-    @cached_property
-    def cusps(self) -> NDArray[np.int64]:
-        """Numbers of the states at which the car stands and then drives off the other way, (k,)."""
-        moving = np.flatnonzero(self.states[:, 3])
-        return moving[1:][np.diff(np.sign(self.states[moving, 3])) != 0] - 1
-
-    @cached_property
-    def limits(self) -> list[str]:
-        """What limited the speed, by name, tick by tick, (T,)."""
-        names = [str(name) for name in self["limit_names"]]
-        return [names[i] for i in self["limits"]]
-
-
-@dataclass(frozen=True, eq=False)
-class Archive:
-    """A compressed file of named arrays.
-
-    Attributes:
-        path: where it lies.
-    """
-
-    path: Path
-
-    @cached_property
-    def names(self) -> frozenset[str]:
-        """Of all arrays."""
-        return frozenset(self._file.files)
-
-    def array(self, name: str) -> NDArray:
-        """One array.
-
-        Raises:
-            RunError: if it is missing or broken.
-        """
-        if name not in self.names:
-            raise RunError(f"{self.path} holds no {name!r}")
-        try:
-            return np.asarray(self._file[name])
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-            raise RunError(f"{self.path} is broken at {name!r}: {one_line(error)}") from error
-
-    @cached_property
-    def _file(self) -> NpzFile:
-        try:
-            file = np.load(self.path)
-        except FileNotFoundError as error:
-            raise RunError(f"{self.path} does not exist") from error
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise RunError(f"{self.path} is broken: {one_line(error)}") from error
-        if not isinstance(file, NpzFile):
-            raise RunError(f"{self.path} is broken: not an archive of arrays")
-        return file
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,16 +165,26 @@ class Run:
         Raises:
             RunError: if it is missing or broken.
         """
-        cells = self.archive.array(f"w{index}/cells")
-        resolution, x, y = self.archive.array(f"w{index}/frame").tolist()
-        return Grid(GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1])), cells)
+        cells = self.archive.map(index)
+        return Grid(
+            frame_of(self.archive.path, self.archive.array(f"w{index}/frame"), cells), cells
+        )
 
 
 def is_episode(found: Any) -> bool:
     """Whether what was read is the result of a drive."""
-    return isinstance(found, dict) and all(
-        isinstance(found.get(key), needed) for key, needed in NEEDED.items()
-    )
+    if not isinstance(found, dict):
+        return False
+    if not all(isinstance(found.get(key), needed) for key, needed in NEEDED.items()):
+        return False
+    numbers = [found[key] for key in ("time", "path_length", "mean_speed")]
+    # Older results lack SCT.
+    numbers += [found.get("sct", 0.0), *found["start"], *found["goal"]]
+    return all(map(_is_finite, numbers)) and len(found["start"]) == 3 and len(found["goal"]) == 2
+
+
+def _is_finite(found: Any) -> bool:
+    return isinstance(found, int | float) and abs(found) <= FARTHEST
 
 
 def verdict(episode: dict[str, Any]) -> str:

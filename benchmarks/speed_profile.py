@@ -18,7 +18,8 @@ from benchmarks.palette import (
     limit_colour,
     new_figure,
 )
-from benchmarks.run_dir import Run, RunError, Trace, verdict
+from benchmarks.run_dir import Run, verdict
+from benchmarks.trace import RunError, Trace
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 """Line styles that tell runs apart."""

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 
 from benchmarks.arms import ARMS
 from benchmarks.optima import Key, task_key
-from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, RunError, is_episode
+from benchmarks.run_dir import RESULTS, TRACES, UNNAMED, Run, is_episode
 from benchmarks.settings import Settings, UsageError
 from benchmarks.statistics import Result
 from benchmarks.summary import gap, summarise
+from benchmarks.trace import RunError
 from predictor.errors import one_line
 from predictor.plain_json import loads
 from predictor.whole import write_whole

@@ -22,7 +22,8 @@ from benchmarks.palette import (
     scale_bar,
     speed_line,
 )
-from benchmarks.run_dir import Run, Trace, verdict
+from benchmarks.run_dir import Run, verdict
+from benchmarks.trace import Trace
 from predictor import Grid
 
 MARGIN = 2.5

@@ -10,8 +10,9 @@ from benchmarks.arms import ARMS
 from benchmarks.figures import draw_all
 from benchmarks.moment import moment
 from benchmarks.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
-from benchmarks.run_dir import Run, RunError
+from benchmarks.run_dir import Run
 from benchmarks.speed_profile import speed_profile
+from benchmarks.trace import RunError
 from benchmarks.trajectories import trajectories
 from planner.limits import Limit
 from sim.car import CarConfig, DubinsCar
@@ -252,6 +253,39 @@ def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys, spoil):
     assert captured.out == ""
     assert len(captured.err.strip().splitlines()) == 1
     assert str(run) in captured.err
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("e0/predicted/states", np.zeros((TICKS + 1, 3))),
+        ("e0/predicted/states", np.full((TICKS + 1, 4), np.nan)),
+        ("e0/predicted/states", np.zeros((0, 4))),
+        ("e0/predicted/plans", np.zeros((TICKS, 6))),
+        ("e0/predicted/limits", np.full(TICKS, 200, np.uint8)),
+        ("e0/predicted/relied_count", np.full(TICKS, 3, np.int32)),
+        ("e0/predicted/first_seen", np.zeros((3, 3), np.int16)),
+        ("e0/predicted/moment_frame", np.array([0.0, 0.0, 0.0])),
+        ("e0/predicted/moment_frame", np.zeros(2)),
+        ("e0/predicted/moment_safe", np.zeros((3, 3), bool)),
+        ("e0/predicted/moment_plan", np.full((7, 4), np.inf)),
+        ("e0/predicted/moment_path", np.zeros(4)),
+        ("e0/predicted/moment_confidence", np.zeros((2, 2), np.uint8)),
+        ("w0/cells", np.zeros(7, np.int8)),
+        ("w0/frame", np.array([np.nan, 0.0, 0.0])),
+    ],
+)
+def test_arrays_of_the_wrong_kind_are_named(tmp_path, capsys, name, value):
+    run = write_run(tmp_path / "run", episodes=1)
+    with np.load(run / "traces.npz") as file:
+        arrays = {key: file[key] for key in file.files}
+    assert name in arrays
+    np.savez_compressed(run / "traces.npz", **(arrays | {name: value}))
+    assert plot.main([str(run), "--animate", "--format", "gif"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert len(said.splitlines()) == 1
+    assert "broken" in said
+    assert name in said or "frame" in name
 
 
 @pytest.mark.parametrize("extra", [["--episode", "7"], ["--arm", "oracle"], ["--episode", "x"],

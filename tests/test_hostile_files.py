@@ -13,8 +13,9 @@ from PIL import Image
 from safetensors.torch import save
 
 from benchmarks.drive_file import read_drives
-from benchmarks.run_dir import Run, RunError
+from benchmarks.run_dir import Run
 from benchmarks.settings import UsageError
+from benchmarks.trace import RunError
 from predictor.compact import of_logs
 from predictor.data.carmen import read_carmen
 from predictor.data.laser_log import LogError

@@ -18,8 +18,8 @@ def driven(index, arm):
     """A drive that nobody drove: its result and trace."""
     result = {
         "arm": arm, "vehicle": "dubins", "index": index, "world": f"w{index % 5}", "seed": index,
-        "start": [], "goal": [], "outcome": "reached", "time": 10.0, "t_opt": None,
-        "path_length": 20.0 + index % 7,
+        "start": [1.0, 2.0, 0.0], "goal": [9.0, 2.0], "outcome": "reached", "time": 10.0,
+        "t_opt": None, "path_length": 20.0 + index % 7,
         "mean_speed": 2.0, "max_speed": 3.0, "min_clearance": 0.5, "stops": 0,
         "impact_speed": None, "promises": 1, "promises_broken": 0, "faults": {},
         "paths": {}, "cycle_ms": [1.0, 2.0],
