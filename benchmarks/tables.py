@@ -41,6 +41,10 @@ def tables_of(results: dict[str, Any]) -> str:
         from benchmarks.attack import table as attack
 
         return attack(results)
+    if results.get("command") == "benchmarks.stuck":
+        from benchmarks.stuck import table as stuck
+
+        return stuck(results)
     if "simulated" in results:
         from benchmarks.prediction.tables import tables_of as of_prediction
 

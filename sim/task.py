@@ -171,6 +171,20 @@ def prolonged(task: Task, length: float, car: CarConfig | None = None) -> Task:
     return Task(task.world, task.start, goal, points[1:], driven, task.seed)
 
 
+def reachable(
+    world: World, pose: tuple[float, float, float], car: CarConfig, longest: float
+) -> NDArray[np.float64]:
+    """Return poses that a car without a reverse gear gets to, (n, 3) [m, m, rad].
+
+    Args:
+        world: where.
+        pose: x, y, yaw from which it starts.
+        car: body and turning radius.
+        longest: ways longer than this are not followed [m].
+    """
+    return _ways(world, pose, car, _roomy(world, car), longest)[0]
+
+
 def _roomy(world: World, car: CarConfig) -> NDArray[np.bool_]:
     """Where a drive may begin and end, (rows, columns)."""
     # A cell's clearance runs from centre to centre: a diagonal's worth is not there.

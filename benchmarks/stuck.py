@@ -1,0 +1,134 @@
+"""Why drives got stuck: when the goal could last be reached, by a search over the true map.
+
+python -m benchmarks.stuck results/real --out stuck.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.settings import OneLineParser
+from benchmarks.tables import markdown
+
+if TYPE_CHECKING:
+    from benchmarks.run_dir import Run
+
+COMMAND = "benchmarks.stuck"
+DESCRIPTION = """\
+Find out why drives of the dubins car got stuck. For each stuck drive of a run of
+benchmarks.corridor, a search over the true map tries to reach the goal from where the car stands,
+then from ever earlier states of the drive. The search is that of sim.task, not the planner's; it
+keeps about 0.1 m from walls.
+"""
+STRIDE = 5
+"""Ticks between two states that are tried."""
+LONGEST = 120.0
+"""Length of the longest way that is tried [m]."""
+CLOSE = 1.0
+"""A way that comes this close to the goal reaches it [m]."""
+LATE = 4.0
+"""Seconds before the end after which a car is said to have missed the last way out."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; return its exit status, 2 for bad input."""
+    parser = OneLineParser(
+        prog=COMMAND, description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
+    parser.add_argument("--out", metavar="FILE", type=Path, default=Path("results/stuck.json"),
+                        help="where the causes go (default: %(default)s)")  # fmt: skip
+    args = parser.parse_args(argv)
+    from benchmarks.run_dir import Run
+    from benchmarks.store import commit
+    from benchmarks.trace import RunError
+    from predictor.whole import write_whole
+
+    try:
+        results = {"command": COMMAND, "commit": commit(),
+                   "runs": [causes(Run.load(path)) for path in args.runs]}  # fmt: skip
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(args.out, json.dumps(results, indent=1).encode())
+    except (RunError, OSError) as error:
+        print(f"{COMMAND}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"{COMMAND}: interrupted", file=sys.stderr)
+        return 130
+    print(table(results), "", args.out, sep="\n")
+    return 0
+
+
+def causes(run: Run) -> dict[str, Any]:
+    """Return the causes of a run's stuck drives, and how many drives each arm made.
+
+    Raises:
+        RunError: if the run is damaged, or its car has a reverse gear, which the search lacks.
+    """
+    from tqdm import tqdm
+
+    from benchmarks.trace import RunError
+
+    if run.settings["vehicle"] != "dubins":
+        raise RunError(f"{run.directory}: drives of {run.settings['vehicle']}; the search knows "
+                       "the dubins car alone")  # fmt: skip
+    stuck = [episode for episode in run.episodes if episode["outcome"] == "stuck"]
+    drives = {arm: sum(e["arm"] == arm for e in run.episodes) for arm in run.arms}
+    found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
+    return {"label": run.label, "settings": run.settings, "drives": drives, "stuck": found}
+
+
+def cause(run: Run, episode: dict[str, Any]) -> dict[str, Any]:
+    """Return when a stuck drive could last have reached its goal.
+
+    Raises:
+        RunError: if the run is damaged.
+    """
+    from sim.car import CarConfig
+    from sim.task import reachable
+    from sim.world import World
+
+    index, arm = episode["index"], episode["arm"]
+    world = World(episode["world"], run.truth(index))
+    states = run.trace(index, arm).states
+    car, goal = CarConfig(v_max=run.setting("v_max", 4.0)), np.array(episode["goal"][:2])
+    # Standing still is no way back.
+    moved = np.flatnonzero(states[:, 3] > 0)
+    end = min(int(moved[-1]) + 1, len(states) - 1) if len(moved) else 0
+    before, speed = None, None
+    for tick in (*range(end, 0, -STRIDE), 0):
+        x, y, yaw, v = map(float, states[tick])
+        poses = reachable(world, (x, y, yaw), car, LONGEST)
+        if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
+            before, speed = (end - tick) * run.setting("dt", 0.1), v
+            break
+    return {"index": index, "arm": arm, "world": episode["world"], "seconds": before,
+            "speed": speed}  # fmt: skip
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return the causes as Markdown, a line for each arm of each run."""
+    rows = [["run", "arm", "drives", "stuck", "way on from the end", f"missed within {LATE:g} s",
+             "speed there [m/s]", "in a pocket for longer", "none found"]]  # fmt: skip
+    for run in results["runs"]:
+        for arm, drives in run["drives"].items():
+            stuck = [one for one in run["stuck"] if one["arm"] == arm]
+            times = [one["seconds"] for one in stuck if one["seconds"] is not None]
+            late = [one["speed"] for one in stuck
+                    if one["seconds"] is not None and 0 < one["seconds"] <= LATE]  # fmt: skip
+            speeds = f"{min(late):.1f}–{max(late):.1f}" if late else ""
+            counts = (drives, len(stuck), times.count(0.0), len(late), speeds,
+                      sum(time > LATE for time in times), len(stuck) - len(times))  # fmt: skip
+            rows.append([run["label"], f"`{arm}`", *map(str, counts)])
+    return markdown(rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
