@@ -83,7 +83,10 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> None:  # type: ignore[override]
         """Print the line and exit."""
-        self.exit(2, f"{self.prog}: {message}\n")
+        # Here: --help must not wait for the package.
+        from predictor.errors import shown
+
+        self.exit(2, f"{self.prog}: {shown(message)}\n")
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,21 @@
 """Every command tells its usage without what only its work needs."""
 
+import importlib
 import subprocess
 import sys
 
 import pytest
 
 COMMANDS = {
+    "benchmarks.attack": "benchmarks",
     "benchmarks.corridor": "benchmarks",
     "benchmarks.optimum": "benchmarks",
     "benchmarks.plot": "benchmarks",
     "benchmarks.prediction.__main__": "predictor",
     "benchmarks.stages": "benchmarks",
+    "benchmarks.stuck": "benchmarks",
     "benchmarks.tables": "benchmarks",
+    "predictor.check": "predictor",
     "predictor.dataset": "predictor",
     "predictor.drives": "predictor",
     "predictor.evaluate": "predictor",
@@ -39,3 +43,17 @@ def test_help_waits_for_nothing_but_the_package(command, package):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("usage: ")
     assert done.stdout.splitlines()[-1].split() == ["imported:"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_an_argument_is_shown_escaped_and_on_one_line(command, capsys):
+    main = importlib.import_module(command).main
+    try:
+        status = main(["--\x1b[31mred\a\n\nblue" + "x" * 5000])
+    except SystemExit as ended:
+        status = ended.code
+    said = capsys.readouterr().err
+    assert status == 2
+    assert said.endswith("\n")
+    assert said[:-1].isprintable()
+    assert len(said) < 2000
