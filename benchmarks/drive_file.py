@@ -67,6 +67,8 @@ class DriveFile:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"--out: {path.parent} cannot be made: {error.strerror}") from None
+        # Now, not after the first drive.
+        self._write()
 
     def add(self, drive: dict[str, Any]) -> None:
         """Keep a drive, and write the file anew.
@@ -74,9 +76,12 @@ class DriveFile:
         Raises:
             UsageError: if it cannot be written.
         """
+        self.drives[drive["index"]] = drive
+        self._write()
+
+    def _write(self) -> None:
         from predictor.whole import write_whole
 
-        self.drives[drive["index"]] = drive
         # A line a drive, so that a change of one is a change of a line.
         lines = [_json(self.drives[index]) for index in sorted(self.drives)]
         text = f'{_json(self._head)[:-1]},"drives":[\n' + ",\n".join(lines) + "\n]}\n"

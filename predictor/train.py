@@ -79,6 +79,8 @@ def _compact(args: argparse.Namespace) -> Path:
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
     families = tuple(args.families or drives.families)
+    # Not after hours of drives.
+    out.mkdir(parents=True, exist_ok=True)
     make(DrivesConfig(data, count, tuned_on, logs=args.logs, families=families), args.jobs)
     # After the drives, whose processes must not wait for it.
     import torch
