@@ -178,8 +178,8 @@ def is_episode(found: Any) -> bool:
     if not all(isinstance(found.get(key), needed) for key, needed in NEEDED.items()):
         return False
     numbers = [found[key] for key in ("time", "path_length", "mean_speed")]
-    # Older results lack SCT.
-    numbers += [found.get("sct", 0.0), *found["start"], *found["goal"]]
+    # Older results lack SCT, and where the shortest way is not known there is none.
+    numbers += [found.get("sct") or 0.0, *found["start"], *found["goal"]]
     return all(map(_is_finite, numbers)) and len(found["start"]) == 3 and len(found["goal"]) == 2
 
 
