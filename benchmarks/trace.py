@@ -29,8 +29,8 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "moment_path": ("any", 2), "moment_prediction_frame": (3,), "moment_p_free": ("any", "any"),
     "moment_p_occupied": "moment_p_free", "moment_confidence": "moment_p_free",
 }  # fmt: skip
-"""Shapes of a drive's arrays, T ticks long, or of which other array they have the shape. That of
-first_seen is the map's."""
+"""The shape of each array of a drive of T ticks, or the name of the array that has the same shape.
+`first_seen` has the shape of the map."""
 
 
 class RunError(LineError):

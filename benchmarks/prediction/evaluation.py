@@ -21,7 +21,7 @@ SPLITS = ("test", "more")
 TOGETHER = 100
 """Frames that are scored in one go."""
 UNTOLD = (0.5, 0.5)
-"""What the baselines say of cells not seen where no validation drives say what is usual."""
+"""Probabilities that the baselines give to cells not seen if there are no validation drives."""
 BLOCK = 10.0
 """Of a real drive, that is resampled as one [m]: the side of the widest square, so that squares in
 blocks that are no neighbours have no cell in common, unless the drive comes back."""

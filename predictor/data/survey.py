@@ -44,7 +44,13 @@ def site_of(path: Path) -> str:
 
 
 def logs_in(paths: list[Path]) -> list[Path]:
-    """Logs, of logs and folders of logs: in a folder all bags, and files `ENDINGS` or .gz of these.
+    """Return the logs that some paths name.
+
+    A folder stands for the bags in it, and for its files whose names end with one of `ENDINGS`,
+    with or without .gz.
+
+    Args:
+        paths: of logs, and of folders of logs.
 
     Raises:
         LogError: if a folder holds no log.
