@@ -106,7 +106,7 @@ def _choose(run: Run, index: int | None, arm: str | None) -> tuple[str, int]:
     arm = run.pick_arm(index, arm)
     if index is None:
         driven = [i for i in run.indices if run.episode(i, arm) is not None]
-        index = max(driven, key=lambda i: max(map(len, run.trace(i, arm).relied), default=0))
+        index = max(driven, key=lambda i: int(run.trace(i, arm)["relied_count"].max(initial=0)))
     return arm, index
 
 

@@ -33,7 +33,7 @@ LONGEST = 120.0
 CLOSE = 1.0
 """A way that comes this close to the goal reaches it [m]."""
 LATE = 4.0
-"""Seconds before the end after which a car is said to have missed the last way out."""
+"""A drive missed the last way out if it had one at most this long before its end [s]."""
 
 
 def main(argv: list[str] | None = None) -> int:

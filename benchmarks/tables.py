@@ -174,7 +174,7 @@ def main(argv: list[str] | None = None) -> int:
         description="Print the tables of results.json files as Markdown.",
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results, of "
-        "benchmarks.corridor, .optimum, .attack, .stages, .prediction, "
+        "benchmarks.corridor, .optimum, .attack, .stuck, .stages, .prediction, "
         "or predictor.evaluate")  # fmt: skip
     parser.add_argument("--overview", action="store_true", help="print one line a comparison alone")
     args = parser.parse_args(argv)
