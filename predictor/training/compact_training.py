@@ -144,7 +144,7 @@ class Trainer:
 
         Args:
             validate_every: steps.
-            save_every: seconds between checkpoints.
+            save_every: seconds between checkpoints; one follows each validation too.
         """
         from tqdm import tqdm
 
@@ -161,14 +161,15 @@ class Trainer:
                 self.step += 1
                 self.commits.add(code)
                 bar.update()
-                if self.step % validate_every == 0 or self.step == steps:
+                validated = self.step % validate_every == 0 or self.step == steps
+                if validated:
                     self._note()
                     last = self.log[-1]
                     bar.set_postfix_str(
                         f"loss {last['loss']:.3f}, validation: NLL {last['nll']:.3f}, "
                         f"IoU free {last['iou_free']:.3f}, ECE {last['ece_free']:.3f}"
                     )
-                if time.monotonic() - saved > save_every or self.step == steps:
+                if validated or time.monotonic() - saved > save_every:
                     self.save()
                     saved = time.monotonic()
         return self.export()

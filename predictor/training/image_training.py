@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 NOTES = 20
 """Entries of the log, at least; and at least one an epoch."""
 SAVE_EVERY = 60.0
-"""Between two checkpoints [s]."""
+"""Between two checkpoints [s]; one follows each entry of the log too."""
 
 
 class Stopped(Exception):
@@ -157,13 +157,14 @@ class ImageTrainer:
                 self.commits.add(code)
                 bar.update()
                 last = self.step == self.steps
-                if self.step % note_every == 0 or last:
+                noted = self.step % note_every == 0 or last
+                if noted:
                     if self.group.first:
                         self._note()
                         bar.set_postfix_str(told(self.log[-1]))
                     self.losses = []
                 stop = stopping is not None and stopping.is_set() and not last
-                due = time.monotonic() - saved > SAVE_EVERY or last or stop
+                due = time.monotonic() - saved > SAVE_EVERY or noted or stop
                 if self.group.first and due:
                     self.seconds = before + time.monotonic() - begun
                     self.save()
