@@ -80,7 +80,8 @@ def test_times_are_no_difference_and_values_are(tmp_path):
 
 def test_processes_that_do_not_end_are_counted_and_killed(monkeypatch):
     monkeypatch.setattr(interrupt, "GONE", 0.3)
-    child = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])"
+    sleeps = "[sys.executable, '-c', 'import time; time.sleep(60)']"
+    child = f"import subprocess, sys; subprocess.Popen({sleeps})"
     process = subprocess.Popen([sys.executable, "-c", child], start_new_session=True)
     process.wait()
     assert interrupt._left_behind(process.pid) == 1

@@ -44,7 +44,8 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
 
 
 @pytest.mark.parametrize(("curvature", "count"), [
-    ([0.1, 0.1, 0.1], 0), ([0.1, -0.1, 0.1], 2), ([0.1, 0.001, -0.1], 1), ([0.1, -0.001, 0.1], 0), ([], 0),
+    ([0.1, 0.1, 0.1], 0), ([0.1, -0.1, 0.1], 2), ([0.1, 0.001, -0.1], 1), ([0.1, -0.001, 0.1], 0),
+    ([], 0),
 ])  # fmt: skip
 def test_small_curvatures_do_not_count(curvature, count):
     assert weave.sign_changes(np.array(curvature), 0.01) == count
