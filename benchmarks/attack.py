@@ -12,9 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.drive_file import DriveFile
-from benchmarks.settings import FAMILIES, VEHICLES, OneLineParser, Settings, UsageError
+from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.settings import FAMILIES, VEHICLES, Settings
 from benchmarks.tables import markdown
+from predictor.infra.command_line import OneLineParser, UsageError
 
 COMMAND = "benchmarks.attack"
 SEED = 990_000
@@ -51,10 +52,10 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
     """Drive once with a hostile predictor; what comes out that should not is `error`."""
     import numpy as np
 
-    from benchmarks.arms import ARMS
-    from benchmarks.drive import car_of, navigator_for, task_of
     from benchmarks.hostile import DEADLINE, KINDS, Hostile
-    from benchmarks.store import commit
+    from benchmarks.runs.arms import ARMS
+    from benchmarks.runs.drive import car_of, navigator_for, task_of
+    from predictor.infra.environment import commit
     from sim import DubinsCar, Lidar, LidarConfig
     from sim.episode import EpisodeConfig, run_episode
     from sim.task import NoTaskError
@@ -156,7 +157,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     # The workers' first, for it keeps libraries to one thread a process, whatever --jobs is.
-    from benchmarks.workers import LostError, finished  # isort: skip
+    from predictor.infra.workers import LostError, finished  # isort: skip
     from tqdm import tqdm
 
     settings = {"drives": args.drives, "seed": args.seed, "seconds": args.seconds}

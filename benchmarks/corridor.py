@@ -9,10 +9,11 @@ import sys
 from functools import partial
 from typing import TYPE_CHECKING
 
-from benchmarks.settings import Place, Settings, UsageError, parse
+from benchmarks.runs.settings import Place, Settings, parse
+from predictor.infra.command_line import UsageError
 
 if TYPE_CHECKING:
-    from benchmarks.store import Store
+    from benchmarks.runs.store import Store
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -28,7 +29,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"benchmarks.corridor: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        from predictor.errors import one_line
+        from predictor.infra.errors import one_line
 
         # Such as a full disk. Drives are on disk one by one.
         print(f"benchmarks.corridor: {one_line(error)}; what was done is kept, the same command "
@@ -43,13 +44,14 @@ def main(argv: list[str] | None = None) -> int:
 def _run(settings: Settings, place: Place) -> int:
     # Here and not above, so that --help and bad arguments answer at once; the workers' first, for
     # it keeps libraries to one thread a process, whatever --jobs is.
-    import benchmarks.workers  # noqa: F401
-    from benchmarks.drive import sources
-    from benchmarks.figures import draw_all
-    from benchmarks.optima import optimum_of
-    from benchmarks.store import Store, several_states
-    from benchmarks.summary import table, title
+    import predictor.infra.workers  # noqa: F401
+    from benchmarks.figures.all_figures import draw_all
+    from benchmarks.optimal.optima import optimum_of
+    from benchmarks.runs.drive import sources
+    from benchmarks.runs.store import Store
+    from benchmarks.runs.summary import table, title
     from predictor import PredictorError, load_predictor
+    from predictor.infra.environment import several_states
     from predictor.provenance import fingerprint_of
     from sim.map_server import MapError, load_world
 
@@ -91,9 +93,9 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
     """Drive what is missing; whether it was interrupted."""
     from tqdm import tqdm
 
-    from benchmarks.drive import attempt
-    from benchmarks.workers import LostError, WorkersError, finished
+    from benchmarks.runs.drive import attempt
     from predictor import PredictorError
+    from predictor.infra.workers import LostError, WorkersError, finished
     from sim.map_server import MapError
 
     done = store.done()

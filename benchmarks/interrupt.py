@@ -20,9 +20,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.drive_file import DriveFile
-from benchmarks.settings import OneLineParser, UsageError
+from benchmarks.runs.drive_file import DriveFile
 from benchmarks.tables import markdown
+from predictor.infra.command_line import OneLineParser, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -187,11 +187,11 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from benchmarks.workers import finished  # isort: skip
+    from predictor.infra.workers import finished  # isort: skip
     import numpy as np
     from tqdm import tqdm
 
-    from benchmarks.store import commit
+    from predictor.infra.environment import commit
 
     kinds = [kind for kind in KINDS if kind != "disk full" or args.disk is not None]
     store = DriveFile(args.out, COMMAND, {

@@ -18,12 +18,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.drive_file import DriveFile
-from benchmarks.optima import COMMAND, table
-from benchmarks.settings import FAMILIES, OneLineParser, Settings, UsageError
+from benchmarks.optimal.optima import COMMAND, table
+from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.settings import FAMILIES, Settings
+from predictor.infra.command_line import OneLineParser, UsageError
 
 if TYPE_CHECKING:
-    from benchmarks.minimum_time import Drive, MinimumTime
+    from benchmarks.optimal.minimum_time import Drive, MinimumTime
     from sim.car import CarConfig
     from sim.task import Task
 
@@ -45,8 +46,8 @@ def quickest(task: Task, car: CarConfig, goal_radius: float) -> tuple[Drive | No
     """
     import numpy as np
 
-    from benchmarks.minimum_time import AROUND, MinimumTime
-    from benchmarks.starts import timed, ways
+    from benchmarks.optimal.first_guesses import timed, ways
+    from benchmarks.optimal.minimum_time import AROUND, MinimumTime
 
     known = list(ways(task, car, goal_radius))
     if not known:
@@ -78,9 +79,9 @@ def optimum(settings: Settings, index: int) -> dict[str, Any]:
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
     """
-    from benchmarks.drive import task_of
-    from benchmarks.shortest import NoWayError, shortest_way, time_bound, way_length
-    from benchmarks.store import commit
+    from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
+    from benchmarks.runs.drive import task_of
+    from predictor.infra.environment import commit
     from sim.car import CarConfig
     from sim.episode import EpisodeConfig
 
@@ -176,10 +177,10 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
 
 def _run(settings: Settings, out: Path, jobs: int) -> int:
     # The workers' first, for it keeps libraries to one thread a process, whatever --jobs is.
-    from benchmarks.workers import LostError, finished  # isort: skip
+    from predictor.infra.workers import LostError, finished  # isort: skip
     from tqdm import tqdm
 
-    from benchmarks.drive import sources
+    from benchmarks.runs.drive import sources
     from sim.car import CarConfig
     from sim.episode import EpisodeConfig
     from sim.map_server import MapError, load_world

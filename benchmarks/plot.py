@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.settings import OneLineParser
+from predictor.infra.command_line import OneLineParser
 
 if TYPE_CHECKING:
-    from benchmarks.run_dir import Run
+    from benchmarks.runs.saved_run import Run
 
 DESCRIPTION = """\
 Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
@@ -32,8 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     options = parser.parse_args(arguments)
     # Only now, so that help and bad arguments need not wait for it.
-    from benchmarks.trace import RunError
-    from benchmarks.video import VideoError
+    from benchmarks.figures.video import VideoError
+    from benchmarks.runs.trace import RunError
 
     try:
         paths = _draw(options)
@@ -76,12 +76,12 @@ def _positive(text: str) -> int:
 
 
 def _draw(options: argparse.Namespace) -> list[Path]:
-    from benchmarks.run_dir import Run
-    from benchmarks.video import kind_for
+    from benchmarks.figures.video import kind_for
+    from benchmarks.runs.saved_run import Run
 
     runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
     # Only now, so that a bad run need not wait for it.
-    from benchmarks.figures import draw_run, draw_together
+    from benchmarks.figures.all_figures import draw_run, draw_together
 
     kind = kind_for(options.format) if options.animate else ""
     paths: list[Path] = []
@@ -98,8 +98,8 @@ def _draw(options: argparse.Namespace) -> list[Path]:
 
 
 def _animate(run: Run, out: Path, kind: str, options: argparse.Namespace) -> Path:
-    from benchmarks.animation import Animation
-    from benchmarks.video import write_video
+    from benchmarks.figures.animation import Animation
+    from benchmarks.figures.video import write_video
 
     drive = Animation(run, options.episode, options.arm, options.stride)
     path = out / f"drive-{drive.index}-{drive.arm}.{kind}"

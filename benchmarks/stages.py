@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from argparse import Namespace
     from collections.abc import Callable, Iterable
 
-    from benchmarks.parts import Part
+    from benchmarks.timing.parts import Part
 
 ARMS = ("predicted", "known", "oracle")
 PEERS = {
@@ -44,9 +44,8 @@ def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
         args: of the command line.
         report: told what is being measured.
     """
-    from benchmarks import growth, rates, throughput
-    from benchmarks.parts import Part
-    from benchmarks.timing import closed_loop, spread
+    from benchmarks.timing.parts import Part
+    from benchmarks.timing.timing import closed_loop, growth, rates, spread, throughput
 
     def arm(name: str) -> dict[str, dict[str, float]]:
         times = closed_loop(name, args.drives, args.seed)
@@ -74,8 +73,8 @@ def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
 
 
 def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
-    from benchmarks import peers, peers_mpc
-    from benchmarks.parts import Part, installed
+    from benchmarks.timing.parts import Part, installed
+    from benchmarks.timing.timing import peers, peers_mpc
 
     packages = {"packages": installed(PEERS.values())}
     found = [
@@ -141,8 +140,8 @@ def tables(results: dict[str, Any]) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments, 130 if interrupted."""
-    from benchmarks.settings import OneLineParser, UsageError
-    from benchmarks.workers import WorkersError
+    from predictor.infra.command_line import OneLineParser, UsageError
+    from predictor.infra.workers import WorkersError
 
     parser = OneLineParser(
         prog="benchmarks.stages",
@@ -217,7 +216,7 @@ def _ask_for(modules: Iterable[str]) -> None:
     import shutil
     from importlib.util import find_spec
 
-    from benchmarks.settings import UsageError
+    from predictor.infra.command_line import UsageError
 
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
@@ -232,10 +231,10 @@ def _run(args: Namespace) -> str:
     import torch
     from tqdm import tqdm
 
-    from benchmarks.growth import draw
-    from benchmarks.parts import RUNTIME, Parts, installed
-    from benchmarks.store import commit, machine
-    from predictor.whole import write_whole
+    from benchmarks.timing.growth import draw
+    from benchmarks.timing.parts import RUNTIME, Parts, installed
+    from predictor.infra.atomic_file import write_whole
+    from predictor.infra.environment import commit, machine
 
     torch.set_num_threads(THREADS)
     kept = Parts(args.out / "parts")

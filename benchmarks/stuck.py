@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.settings import OneLineParser
 from benchmarks.tables import markdown
+from predictor.infra.command_line import OneLineParser
 
 if TYPE_CHECKING:
-    from benchmarks.run_dir import Run
+    from benchmarks.runs.saved_run import Run
 
 COMMAND = "benchmarks.stuck"
 DESCRIPTION = """\
@@ -46,10 +46,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("results/stuck.json"),
                         help="where the causes go (default: %(default)s)")  # fmt: skip
     args = parser.parse_args(argv)
-    from benchmarks.run_dir import Run
-    from benchmarks.store import commit
-    from benchmarks.trace import RunError
-    from predictor.whole import write_whole
+    from benchmarks.runs.saved_run import Run
+    from benchmarks.runs.trace import RunError
+    from predictor.infra.atomic_file import write_whole
+    from predictor.infra.environment import commit
 
     try:
         results = {"command": COMMAND, "commit": commit(),
@@ -74,7 +74,7 @@ def causes(run: Run) -> dict[str, Any]:
     """
     from tqdm import tqdm
 
-    from benchmarks.trace import RunError
+    from benchmarks.runs.trace import RunError
 
     if run.settings["vehicle"] != "dubins":
         raise RunError(f"{run.directory}: drives of {run.settings['vehicle']}; the search knows "

@@ -34,7 +34,7 @@ def tables_of(results: dict[str, Any]) -> str:
 
         return tables(results)
     if results.get("command") == "benchmarks.optimum":
-        from benchmarks.optima import table as optima
+        from benchmarks.optimal.optima import table as optima
 
         return optima(results)
     if results.get("command") == "benchmarks.attack":
@@ -53,14 +53,14 @@ def tables_of(results: dict[str, Any]) -> str:
         from predictor.evaluate import table as every_score
 
         return every_score(results)
-    from benchmarks.summary import table, title
+    from benchmarks.runs.summary import table, title
 
     return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
     """A comparison with its summary made again of its episodes: old files have fewer figures."""
-    from benchmarks.summary import gap, summarise
+    from benchmarks.runs.summary import gap, summarise
 
     episodes, arms = run["episodes"], tuple(run["settings"]["arms"])
     route = run["settings"]["route"]
@@ -111,7 +111,7 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
     """
-    from benchmarks.summary import broken
+    from benchmarks.runs.summary import broken
 
     rows = [["run", "predictor", "expansion", "ε", "promises broken (95 % over worlds)", "episodes",
              "reached", "collided", "SCT", "speed [m/s]"]]  # fmt: skip
@@ -167,7 +167,7 @@ def interval(value: dict[str, Any], form: str, factor: float = 1.0) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad input."""
-    from benchmarks.settings import OneLineParser
+    from predictor.infra.command_line import OneLineParser
 
     parser = OneLineParser(
         prog="benchmarks.tables",
@@ -178,7 +178,7 @@ def main(argv: list[str] | None = None) -> int:
         "or predictor.evaluate")  # fmt: skip
     parser.add_argument("--overview", action="store_true", help="print one line a comparison alone")
     args = parser.parse_args(argv)
-    from predictor.plain_json import loads
+    from predictor.infra.plain_json import loads
 
     runs: dict[str, dict[str, Any]] = {}
     relied: dict[str, dict[str, Any]] = {}

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.settings import OneLineParser
 from benchmarks.tables import markdown
+from predictor.infra.command_line import OneLineParser
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from benchmarks.run_dir import Run
+    from benchmarks.runs.saved_run import Run
 
 COMMAND = "benchmarks.weave"
 DESCRIPTION = """\
@@ -50,10 +50,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("results/weave.json"),
                         help="where the counts go (default: %(default)s)")  # fmt: skip
     args = parser.parse_args(argv)
-    from benchmarks.run_dir import Run
-    from benchmarks.store import commit
-    from benchmarks.trace import RunError
-    from predictor.whole import write_whole
+    from benchmarks.runs.saved_run import Run
+    from benchmarks.runs.trace import RunError
+    from predictor.infra.atomic_file import write_whole
+    from predictor.infra.environment import commit
 
     try:
         results = {
@@ -75,7 +75,7 @@ def counts(run: Run, episodes: int) -> dict[str, Any]:
     Raises:
         RunError: if the run is damaged, or its drives had no way in common.
     """
-    from benchmarks.trace import RunError
+    from benchmarks.runs.trace import RunError
 
     if run.settings["route"] != "fixed":
         raise RunError(f"{run.directory}: its arms chose their ways; run it with --route fixed")

@@ -10,18 +10,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.asking import Asker, LateError, RaisedError
-from planner.collision import CollisionChecker
-from planner.dynamics import CarLimits
-from planner.guess import pursue, shifted
-from planner.guide import Guide, GuideConfig
-from planner.limits import Limit, what_limits
-from planner.mpc import MPC, MPCConfig, stop_controls
-from planner.plan import Plan, mirrored
-from planner.reference import SPACING, Path, project
-from planner.resort import LastResort
-from planner.risk import RiskMap
-from planner.sweep import swept_cells
+from planner.guide.guide import Guide, GuideConfig
+from planner.motion.dynamics import CarLimits
+from planner.motion.path import SPACING, Path, project
+from planner.motion.plan import Plan, mirrored
+from planner.mpc.guess import pursue, shifted
+from planner.mpc.mpc import MPC, MPCConfig, stop_controls
+from planner.risk.asking import Asker, LateError, RaisedError
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CollisionChecker
+from planner.safety.last_resort import LastResort
+from planner.safety.speed_limits import Limit, what_limits
+from planner.safety.sweep import swept_cells
 from predictor import (
     BadPredictionError,
     Grid,
@@ -30,7 +30,7 @@ from predictor import (
     Predictor,
     Scan,
 )
-from predictor.ranges import check_finite
+from predictor.mapping.finite import check_finite
 
 FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""

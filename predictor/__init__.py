@@ -1,22 +1,42 @@
 """What has been seen of a building, and what is believed of the rest.
 
 A predictor is any object with `predict(known: Grid, pose) -> Prediction`; run `check_predictor`
-on one of your own.
+on one of your own. Names are imported when they are first used, so that a command's --help does
+not wait for the packages that only its work needs.
 """
 
-import predictor.kernels  # noqa: F401  First: it says where the others keep their kernels.
-from predictor.body import Body
-from predictor.checking import check_predictor
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
-from predictor.none import NoPrediction
-from predictor.prediction import (
-    BadPredictionError,
-    Prediction,
-    Predictor,
-    checked,
-)
-from predictor.registry import PredictorError, available, load_predictor
-from predictor.scan import Scan
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from predictor.checking import check_predictor
+    from predictor.mapping.body import Body
+    from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
+    from predictor.mapping.scan import Scan
+    from predictor.none import NoPrediction
+    from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
+    from predictor.registry import PredictorError, available, load_predictor
+
+HOMES = {
+    "FREE": "mapping.grid",
+    "OCCUPIED": "mapping.grid",
+    "UNKNOWN": "mapping.grid",
+    "BadPredictionError": "prediction",
+    "Body": "mapping.body",
+    "Grid": "mapping.grid",
+    "GridFrame": "mapping.grid",
+    "NoPrediction": "none",
+    "OccupancyGrid": "mapping.grid",
+    "Prediction": "prediction",
+    "Predictor": "prediction",
+    "PredictorError": "registry",
+    "Scan": "mapping.scan",
+    "available": "registry",
+    "check_predictor": "checking",
+    "checked": "prediction",
+    "load_predictor": "registry",
+}
+"""Name → the module of this package that defines it."""
 
 __all__ = [
     "FREE",
@@ -37,3 +57,13 @@ __all__ = [
     "checked",
     "load_predictor",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -12,7 +12,7 @@ from predictor.registry import PredictorError, load_predictor
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if the predictor breaks the contract, 2 if it cannot be loaded."""
     # Here, as in the other commands: the parser belongs to the benchmarks.
-    from benchmarks.settings import OneLineParser
+    from predictor.infra.command_line import OneLineParser
 
     parser = OneLineParser(
         prog="predictor.check",

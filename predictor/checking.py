@@ -8,7 +8,7 @@ from copy import deepcopy
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.prediction import BadPredictionError, Prediction, Predictor, asked
 
 TICK = 0.1

@@ -14,7 +14,7 @@ from scipy.ndimage import maximum_filter
 from torch import Tensor, nn
 
 from predictor.data.samples import quarters
-from predictor.grid import Grid
+from predictor.mapping.grid import Grid
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactNet
 from predictor.prediction import Prediction
 from predictor.runtime import Run, runner

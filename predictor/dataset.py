@@ -48,9 +48,9 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     """
     from tqdm import tqdm
 
-    from benchmarks.workers import finished
     from predictor.data.frame_set import FrameSet
     from predictor.data.simulated import check_apart, drives_of, make_drive, settings_of
+    from predictor.infra.workers import finished
 
     drives = {drive.name: drive for drive in drives_of(config)}
     frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
@@ -84,9 +84,9 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
     """
     from tqdm import tqdm
 
-    from benchmarks.workers import finished
     from predictor.data.frame_set import FrameSet
     from predictor.data.survey import make_log, settings_of, site_of, sources_of
+    from predictor.infra.workers import finished
 
     sites = {site_of(path): path for path in paths}
     frames = FrameSet(folder, "physical", settings_of(config), list(sites), sources_of(paths))
@@ -101,10 +101,10 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from benchmarks.workers import WorkersError
     from predictor.data.frames import FramesError
     from predictor.data.laser_log import LogError
     from predictor.data.simulated import DriveError
+    from predictor.infra.workers import WorkersError
 
     args = _parsed(argv)
     for name, (low, high) in RANGES.items():
@@ -127,8 +127,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parsed(argv: list[str] | None) -> Any:
-    from benchmarks.settings import OneLineParser
     from predictor.data.simulated import SimulatedConfig
+    from predictor.infra.command_line import OneLineParser
 
     default = SimulatedConfig()
     parser = OneLineParser(

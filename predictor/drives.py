@@ -19,14 +19,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from predictor.errors import LineError
-from predictor.plain_json import loads
+from predictor.infra.errors import LineError
+from predictor.infra.plain_json import loads
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from predictor.grid import Grid, OccupancyGrid
+    from predictor.mapping.grid import Grid, OccupancyGrid
     from sim.lidar import LidarConfig
     from sim.task import Task
     from sim.world import World
@@ -153,7 +153,7 @@ def _logged(
     from predictor.data.samples import SIDE
     from predictor.data.simulated_log import ROBOT, simulated_log
     from predictor.data.survey import REACH, clipped, frame_around, surveyed
-    from predictor.grid import FREE, OCCUPIED, Grid, OccupancyGrid
+    from predictor.mapping.grid import FREE, OCCUPIED, Grid, OccupancyGrid
     from sim.task import NoTaskError, sample_task
 
     # All but the first may be missing: from some starts there is no way that long.
@@ -227,7 +227,7 @@ def seen_again(
     The grid is one and grows; take from it what is to be kept.
     """
     from planner.navigator import NavigatorConfig
-    from predictor.body import Body
+    from predictor.mapping.body import Body
     from sim import Lidar
 
     known, sensor = task.blank(window), Lidar(lidar)
@@ -251,7 +251,7 @@ def make(config: DrivesConfig, jobs: int) -> None:
     """
     from tqdm import tqdm
 
-    from benchmarks.workers import finished
+    from predictor.infra.workers import finished
 
     _claim(config)
     items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
@@ -269,7 +269,7 @@ def _claim(config: DrivesConfig) -> None:
     from predictor.data.frames import MANIFEST
     from predictor.data.samples import FORMAT, RECIPE
     from predictor.data.simulated_log import LogConfig
-    from predictor.whole import write_whole
+    from predictor.infra.atomic_file import write_whole
 
     if (config.out / MANIFEST).exists():
         raise DrivesError(f"{config.out} holds frames of predictor.dataset: choose another folder")
@@ -297,9 +297,9 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     import os
 
-    from benchmarks.settings import FAMILIES as ALL_FAMILIES
-    from benchmarks.settings import OneLineParser
-    from benchmarks.workers import WorkersError
+    from benchmarks.runs.settings import FAMILIES as ALL_FAMILIES
+    from predictor.infra.command_line import OneLineParser
+    from predictor.infra.workers import WorkersError
 
     default = DrivesConfig()
     parser = OneLineParser(

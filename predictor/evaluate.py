@@ -15,9 +15,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.errors import LineError
-from predictor.plain_json import loads
-from predictor.whole import write_whole
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.errors import LineError
+from predictor.infra.plain_json import loads
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,9 +48,9 @@ class Evaluation:
     """
 
     def __init__(self, config: EvaluateConfig, out: Path) -> None:
-        from benchmarks.drive import sources
-        from benchmarks.store import commit
+        from benchmarks.runs.drive import sources
         from predictor import load_predictor
+        from predictor.infra.environment import commit
         from predictor.provenance import fingerprint_of
         from predictor.scoring.scored_drive import MEASURES
         from sim.map_server import load_world
@@ -86,7 +86,7 @@ class Evaluation:
         import numpy as np
         from tqdm import tqdm
 
-        from benchmarks.workers import finished
+        from predictor.infra.workers import finished
         from predictor.scoring import scored_drive
 
         todo = [item for item in self.items if self._read(item) is None]
@@ -106,8 +106,8 @@ class Evaluation:
         """Write results.json and the figures of all that was scored, and return the results."""
         import numpy as np
 
-        from benchmarks.store import machine
         from predictor.drives import FAMILIES
+        from predictor.infra.environment import machine
         from predictor.scoring.evaluation_figures import draw
         from predictor.scoring.scored_drive import rows_of
         from predictor.scoring.scores import BINS, Scores
@@ -285,8 +285,8 @@ def _cell(value: float | None) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from benchmarks.settings import OneLineParser, UsageError
-    from benchmarks.workers import WorkersError
+    from predictor.infra.command_line import OneLineParser, UsageError
+    from predictor.infra.workers import WorkersError
     from predictor.prediction import BadPredictionError
     from predictor.registry import PredictorError
     from predictor.scoring.evaluate_config import EvaluateConfig
@@ -337,13 +337,13 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> str:
     # First: it keeps libraries to one thread a process, whatever --jobs is.
-    import benchmarks.workers  # noqa: F401
+    import predictor.infra.workers  # noqa: F401
 
     if args.drives < 1 or args.jobs < 1 or args.seed < 0:
         raise EvaluateError("--drives and --jobs are at least 1, --seed is not negative")
     if not (1 <= args.window <= 100 and 1 <= args.expansion <= 4):
         raise EvaluateError("--window lies between 1 and 100 m, --expansion between 1 and 4")
-    from benchmarks.store import several_states
+    from predictor.infra.environment import several_states
     from predictor.scoring.evaluate_config import EvaluateConfig
 
     config = EvaluateConfig(tuple(args.world), tuple(args.predictors), args.drives, args.seed,

@@ -13,11 +13,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from predictor.lines import NONE, OPEN, look_back, main_direction, nearness
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from predictor.mapping.kernels import njit
+from predictor.mapping.lines import NONE, OPEN, look_back, main_direction, nearness
 from predictor.prediction import Prediction
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.grid import Grid
 from predictor.image_predictor import ImagePredictor, believed
+from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 from predictor.weights import WeightsError
 

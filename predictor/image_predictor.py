@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from predictor.data.samples import quarters
-from predictor.grid import Grid, GridFrame, paste
+from predictor.mapping.grid import Grid, GridFrame, paste
 from predictor.networks.grey_map import level_of
 from predictor.networks.image import cells_of, image_of
 from predictor.networks.image_config import WINDOW, ImageConfig

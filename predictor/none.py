@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.grid import Grid
+from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 
 

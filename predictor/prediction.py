@@ -9,8 +9,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.errors import LineError, one_line
-from predictor.grid import Grid, GridFrame
+from predictor.infra.errors import LineError, one_line
+from predictor.mapping.grid import Grid, GridFrame
 
 
 @dataclass(frozen=True, eq=False)

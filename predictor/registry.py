@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from predictor.errors import LineError, one_line
+from predictor.infra.errors import LineError, one_line
 from predictor.prediction import Predictor
 
 GROUP = "foresee.predictors"

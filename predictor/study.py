@@ -24,13 +24,13 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.errors import one_line
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.errors import one_line
+from predictor.infra.plain_json import loads
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining, described
-from predictor.plain_json import loads
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.image_arguments import add_arguments, configured
-from predictor.whole import write_whole
 
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
@@ -118,7 +118,7 @@ class Run:
         Args:
             parent: process number of the one that begins it.
         """
-        from benchmarks.workers import follow_parent
+        from predictor.infra.workers import follow_parent
         from predictor.training.image_training import Stopped, train_images
 
         follow_parent(parent)
@@ -236,7 +236,7 @@ class Study:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if a training failed, 2 for bad arguments, 130 if interrupted."""
-    from benchmarks.settings import OneLineParser
+    from predictor.infra.command_line import OneLineParser
 
     parser = OneLineParser(
         prog="predictor.study",

@@ -33,9 +33,9 @@ IMAGES = ("expansion", *NAMES)
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from benchmarks.workers import WorkersError
     from predictor.data.samples import SamplesError
     from predictor.drives import DrivesError
+    from predictor.infra.workers import WorkersError
 
     args = _parser().parse_args(argv)
     try:
@@ -120,8 +120,9 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from benchmarks.settings import FAMILIES, OneLineParser
+    from benchmarks.runs.settings import FAMILIES
     from predictor.drives import DrivesConfig
+    from predictor.infra.command_line import OneLineParser
 
     default, drives = TrainConfig(), DrivesConfig()
     paper, short = PRESETS["paper"], PRESETS["short"]

@@ -13,9 +13,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from predictor.errors import LineError
-from predictor.plain_json import loads
-from predictor.whole import write_whole
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.errors import LineError
+from predictor.infra.plain_json import loads
 
 
 class WeightsError(LineError):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 RESOLUTION = 0.05

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from predictor.body import Body, first_contact
-from predictor.ranges import check_finite
+from predictor.mapping.body import Body, first_contact
+from predictor.mapping.finite import check_finite
 from sim.world import World
 
 SPACING = 0.2

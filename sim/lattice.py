@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from predictor.body import Body
+from predictor.mapping.body import Body
+from predictor.mapping.kernels import njit
 
 HEADINGS = 16
 """Directions that the search tells apart."""

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from predictor.grid import OCCUPIED
-from predictor.scan import Scan
+from predictor.mapping.grid import OCCUPIED
+from predictor.mapping.kernels import njit
+from predictor.mapping.scan import Scan
 from sim.world import World
 
 

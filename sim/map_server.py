@@ -20,9 +20,9 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image
 
-from predictor import plain_yaml
-from predictor.errors import LineError, one_line
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.infra import plain_yaml
+from predictor.infra.errors import LineError, one_line
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 MODES = ("trinary", "scale", "raw")

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from predictor.errors import LineError
-from predictor.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
+from predictor.infra.errors import LineError
+from predictor.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from sim.car import CarConfig, wrap
 from sim.lattice import HEADINGS, body_circles, explore
 from sim.lidar import cast_rays

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from predictor.grid import FREE, OCCUPIED, Grid, GridFrame, paste
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, paste
+from predictor.mapping.kernels import njit
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks import attack
-from benchmarks.arms import ARMS
-from benchmarks.drive import car_of, navigator_for, task_of
 from benchmarks.hostile import FAULTY, KINDS, LIARS, WRITERS, Hostile, free
-from benchmarks.settings import Settings
-from planner.asking import Asker
-from planner.risk import RiskMap
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.drive import car_of, navigator_for, task_of
+from benchmarks.runs.settings import Settings
+from planner.risk.asking import Asker
+from planner.risk.risk_map import RiskMap
 from predictor import BadPredictionError, Grid, GridFrame
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from predictor import Body
-from predictor.body import covered, first_contact
+from predictor.mapping.body import covered, first_contact
 
 SHAPE, RESOLUTION, ORIGIN = (24, 30), 0.1, (-1.5, -1.2)
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from predictor.body import Body
-from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
+from predictor.mapping.body import Body
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import CarConfig, DubinsCar, PaperCar, collides
 from sim.lidar import Lidar, LidarConfig
 from sim.world import World

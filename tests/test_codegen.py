@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from planner import codegen
-from planner.codegen import InterpretedWarning, cache, compiled
+from planner.mpc.codegen import InterpretedWarning, cache, compiled
+from planner.mpc.mpc import codegen
 
 
 @pytest.fixture(autouse=True)
@@ -84,7 +84,7 @@ def test_a_damaged_library_is_made_again():
     (library,) = cache().glob("waves-*.so")
     library.write_bytes(library.read_bytes()[:100])
     code = (
-        "import casadi as ca; from planner.codegen import compiled; x = ca.SX.sym('x', 3);"
+        "import casadi as ca; from planner.mpc.codegen import compiled; x = ca.SX.sym('x', 3);"
         "f = ca.Function('waves', [x], [ca.gradient(ca.sin(x[0]) * x[1] ** 2 + x[2], x)]);"
         "print(compiled(f)([0.3, -2.0, 5.0]))"
     )
@@ -96,7 +96,7 @@ def test_a_damaged_library_is_made_again():
 
 def test_processes_that_start_together_share_the_cache():
     code = (
-        "from planner.mpc import MPC; import warnings; warnings.simplefilter('error'); MPC();"
+        "from planner.mpc.mpc import MPC; import warnings; warnings.simplefilter('error'); MPC();"
         "print('ready')"
     )
     both = [subprocess.Popen([sys.executable, "-W", "error::UserWarning", "-c", code],

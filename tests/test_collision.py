@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from planner.collision import CollisionChecker
-from planner.dynamics import CarLimits
-from planner.mpc import MPC
-from planner.plan import Plan
-from planner.risk import RiskMap
+from planner.motion.dynamics import CarLimits
+from planner.motion.plan import Plan
+from planner.mpc.mpc import MPC
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CollisionChecker
 from predictor import FREE, OCCUPIED, Grid, GridFrame
 
 CAR, DT = CarLimits(), 0.1

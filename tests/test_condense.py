@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.condense import condense, condense_gradient, make_positive, merit
+from planner.mpc.condense import condense, condense_gradient, make_positive, merit
 
 N = 7
 

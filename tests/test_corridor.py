@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import store, tables
+from benchmarks import tables
 from benchmarks.corridor import main
-from benchmarks.drive import attempt, drive, score
-from benchmarks.settings import Settings
-from benchmarks.store import Store
-from benchmarks.workers import LostError
+from benchmarks.runs import store
+from benchmarks.runs.drive import attempt, drive, score
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.store import Store
 from predictor import PredictorError
+from predictor.infra.workers import LostError
 from sim import CarConfig, empty_straight, save_world
 from sim.map_server import MapError
 
@@ -235,7 +236,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr("benchmarks.drive.attempt", refuse)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt", refuse)
     assert run(*command) == 0
     assert results(out)["episodes"] == before
 
@@ -254,11 +255,11 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
         driven.append(item[0])
         return plain(settings, weights, item)
 
-    monkeypatch.setattr("benchmarks.drive.attempt", interrupted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt", interrupted)
     assert run(*command) != 0
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0]
     assert "interrupted" in capsys.readouterr().out
-    monkeypatch.setattr("benchmarks.drive.attempt", counted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt", counted)
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
@@ -275,7 +276,7 @@ def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, mo
         raise LostError(todo[1:])
 
     with monkeypatch.context() as patched:
-        patched.setattr("benchmarks.workers.finished", deadly)
+        patched.setattr("predictor.infra.workers.finished", deadly)
         assert run(*command) == 1
     assert "again and again: (1, 'known')" in capsys.readouterr().err
     r = results(tmp_path / "run")
@@ -297,7 +298,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
             raise error("it has gone")
         return {"index": 0, "arm": "known", "outcome": "reached", "time": 1.0}, {}
 
-    monkeypatch.setattr("benchmarks.drive.attempt", failing)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt", failing)
     assert run(*command) == 2
     said = capsys.readouterr().err
     assert said.splitlines()[-1] == "benchmarks.corridor: it has gone; what was done is kept"
@@ -309,8 +310,8 @@ def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeyp
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("benchmarks.drive.attempt", interrupted)
-    monkeypatch.setattr("benchmarks.store.Store.pack", interrupted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt", interrupted)
+    monkeypatch.setattr("benchmarks.runs.store.Store.pack", interrupted)
     assert run("--world", short_map, "--jobs", 1, "--out", tmp_path / "run") == 130
     assert capsys.readouterr().err.splitlines()[-1].startswith("benchmarks.corridor: interrupted")
 
@@ -334,7 +335,7 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
         driven.append(item)
         return plain(settings, weights, item)
 
-    monkeypatch.setattr("benchmarks.drive.attempt", counted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt", counted)
     assert run(*command, "--arms", arms, "--predictor", "extend", "--baselines", first,
                "--out", second) == 0  # fmt: skip
     assert driven == [(0, "predicted")]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from short_drive import LIDAR, straight
 
-from planner.limits import Limit
-from planner.risk import RiskMap
+from planner.risk.risk_map import RiskMap
+from planner.safety.speed_limits import Limit
 from predictor import OccupancyGrid
 from sim import CarConfig, DubinsCar
 from sim.episode import EpisodeConfig, Outcome, run_episode

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
-from benchmarks import settings
-from predictor.grid import OCCUPIED, UNKNOWN
+from benchmarks.runs import settings
+from predictor.mapping.grid import OCCUPIED, UNKNOWN
 from sim.families import FAMILIES, empty_straight, generate
 
 SEEDS = range(6)

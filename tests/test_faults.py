@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
-from planner.plan import Plan
-from planner.solution import Solution, Status
+from planner.motion.plan import Plan
+from planner.mpc.solution import Solution, Status
 from predictor import Prediction, Scan
 from sim import DubinsCar
 from sim.episode import EpisodeConfig, Outcome
@@ -321,7 +321,7 @@ def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it
     task = straight()
     driver = navigator(task)
     search = raising(RuntimeError("a search's"))
-    fail = functools.partial(monkeypatch.setattr, f"planner.guide.{part}", search)
+    fail = functools.partial(monkeypatch.setattr, f"planner.guide.guide.{part}", search)
     *_, (_, state) = driven(task, driver, 140, fail)
     assert driver.faults["path_failed"] > 3
     assert math.hypot(state[0] - task.goal[0], state[1] - task.goal[1]) < 1.0
@@ -334,7 +334,7 @@ def test_a_car_whose_first_path_search_fails_stands_and_tries_again(monkeypatch,
     driver = navigator(task)
     state = np.array([*task.start, 0.0])
     with monkeypatch.context() as broken:
-        broken.setattr("planner.guide.find_route", raising(error))
+        broken.setattr("planner.guide.guide.find_route", raising(error))
         decision = driver.step(state, LIDAR.scan(task.world, state))
         assert decision.path is None
         assert decision.faults == ("path_failed",)
@@ -345,7 +345,7 @@ def test_a_car_whose_first_path_search_fails_stands_and_tries_again(monkeypatch,
 
 
 def test_braking_hard_is_counted_also_where_there_is_no_path(monkeypatch):
-    monkeypatch.setattr("planner.guide.find_route", lambda *_: None)
+    monkeypatch.setattr("planner.guide.guide.find_route", lambda *_: None)
     task = straight()
     driver = navigator(task)
     state = np.array([*task.start, 4.0])

@@ -5,16 +5,16 @@ import pytest
 from PIL import Image
 
 from benchmarks import plot
-from benchmarks.animation import Animation, roll_out
-from benchmarks.arms import ARMS
-from benchmarks.figures import draw_all
-from benchmarks.moment import moment
-from benchmarks.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
-from benchmarks.run_dir import Run
-from benchmarks.speed_profile import speed_profile
-from benchmarks.trace import RunError
-from benchmarks.trajectories import trajectories
-from planner.limits import Limit
+from benchmarks.figures.all_figures import draw_all
+from benchmarks.figures.animation import Animation, roll_out
+from benchmarks.figures.moment import moment
+from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
+from benchmarks.figures.speed_profile import speed_profile
+from benchmarks.figures.trajectories import trajectories
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import RunError
+from planner.safety.speed_limits import Limit
 from sim.car import CarConfig, DubinsCar
 
 TICKS = 12

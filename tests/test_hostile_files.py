@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from PIL import Image
 from safetensors.torch import save
 
-from benchmarks.drive_file import read_drives
-from benchmarks.run_dir import Run
-from benchmarks.settings import UsageError
-from benchmarks.trace import RunError
+from benchmarks.runs.drive_file import read_drives
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import RunError
 from predictor.compact import of_logs
 from predictor.data.carmen import read_carmen
 from predictor.data.laser_log import LogError
 from predictor.data.samples import SIDE, Samples, SamplesError, write_samples
-from predictor.plain_yaml import YamlError, read_yaml
+from predictor.infra.command_line import UsageError
+from predictor.infra.plain_yaml import YamlError, read_yaml
 from predictor.weights import WeightsError, facts_of
 from sim.map_server import MapError, load_world
 

@@ -10,8 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rooms import CAR, Room, turned
 
-from planner.costmap import STUCK_REACH, CostMap
-from planner.hybrid import HybridConfig, find_legs
+from planner.guide.hybrid_astar import HybridConfig, find_legs
+from planner.risk.cost_map import STUCK_REACH, CostMap
 from predictor import FREE, OCCUPIED, UNKNOWN
 
 BOTH = dataclasses.replace(CAR, reverse=0.5)

@@ -305,7 +305,7 @@ def test_what_is_trained_is_left_as_it_is_on_any_number_of_threads(tmp_path, mon
     out = tmp_path / "out"
     path = train_images(config, training, tmp_path / "data", out, 1)
     before = path.read_bytes(), path.stat().st_mtime_ns
-    monkeypatch.setattr("benchmarks.store.commit", lambda: "another")
+    monkeypatch.setattr("predictor.infra.environment.commit", lambda: "another")
     assert train_images(config, training, tmp_path / "data", out, 2) == path
     assert (path.read_bytes(), path.stat().st_mtime_ns) == before
     with pytest.raises(TrainError, match="trained in another way"):
@@ -315,9 +315,9 @@ def test_what_is_trained_is_left_as_it_is_on_any_number_of_threads(tmp_path, mon
 def test_weights_name_every_commit_that_made_a_step(tmp_path, monkeypatch):
     stopping = Event()
     stopping.set()
-    monkeypatch.setattr("benchmarks.store.commit", lambda: "one")
+    monkeypatch.setattr("predictor.infra.environment.commit", lambda: "one")
     with pytest.raises(Stopped):
         trainer(tmp_path).run(stopping)
-    monkeypatch.setattr("benchmarks.store.commit", lambda: "two")
+    monkeypatch.setattr("predictor.infra.environment.commit", lambda: "two")
     path = trainer(tmp_path).run()
     assert load_weights(path, ImageNet)[1]["commit"] == "one two"

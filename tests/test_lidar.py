@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.lidar import Lidar, LidarConfig, cast_rays
 from sim.world import World, empty_squares
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rooms import CAR, RESOLUTION, Room, length, turned
 
-from planner.distance import distance_field
-from planner.line import LineConfig, curvatures, lines_along, speeds
-from planner.reference import SPACING, Path
+from planner.guide.line import LineConfig, curvatures, lines_along, speeds
+from planner.motion.path import SPACING, Path
+from planner.risk.distance_transform import distance_field
 from predictor import OCCUPIED
 
 CONFIG = LineConfig()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.map_server import MODES, MapError, MapFile, load_world, occupancy, save_world
 from sim.world import World
 

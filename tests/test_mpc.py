@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.collision import CollisionChecker
-from planner.dynamics import CarLimits, rollout, stage_functions
-from planner.guess import shifted
-from planner.mpc import MPC, stop_controls
-from planner.reference import Path
-from planner.risk import RiskMap
-from planner.solution import Solution, Status
+from planner.motion.dynamics import CarLimits, rollout, stage_functions
+from planner.motion.path import Path
+from planner.mpc.guess import shifted
+from planner.mpc.mpc import MPC, stop_controls
+from planner.mpc.solution import Solution, Status
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CollisionChecker
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim import CarConfig, DubinsCar
 

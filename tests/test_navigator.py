@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
-from planner.dynamics import CarLimits
+from planner.motion.dynamics import CarLimits
+from planner.motion.path import Path as Way
+from planner.mpc.solution import Solution, Status
 from planner.navigator import NavigatorConfig
-from planner.reference import Path as Way
-from planner.risk import RiskMap
-from planner.solution import Solution, Status
-from planner.sweep import swept_cells
+from planner.risk.risk_map import RiskMap
+from planner.safety.sweep import swept_cells
 from predictor import FREE, OCCUPIED, Grid, GridFrame, Prediction
 from sim import DubinsCar, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Body, Grid, GridFrame, OccupancyGrid, Scan
-from predictor.beams import trace_beams
-from predictor.grid import HIGHEST, HIT, LOWEST, MISS
+from predictor.mapping.beams import trace_beams
+from predictor.mapping.grid import HIGHEST, HIT, LOWEST, MISS
 from sim.families import FAMILIES, generate
 from sim.lidar import Lidar
 

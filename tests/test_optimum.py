@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from benchmarks import optimum as command
-from benchmarks.drive import task_of
-from benchmarks.drive_file import DriveFile
-from benchmarks.minimum_time import MARGINS, signed_distance
-from benchmarks.optima import COMMAND, optimum_of, read_optima, task_key
+from benchmarks.optimal.first_guesses import STEP, timed, ways
+from benchmarks.optimal.minimum_time import MARGINS, signed_distance
+from benchmarks.optimal.optima import COMMAND, optimum_of, read_optima, task_key
+from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
 from benchmarks.optimum import main, quickest
-from benchmarks.settings import Settings, UsageError
-from benchmarks.shortest import shortest_way, time_bound, way_length
-from benchmarks.starts import STEP, timed, ways
-from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
+from benchmarks.runs.drive import task_of
+from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.settings import Settings
+from predictor.infra.command_line import UsageError
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import CarConfig, DubinsCar
 from sim.families import empty_straight
 from sim.task import NoTaskError, Task
@@ -136,7 +137,8 @@ def test_the_first_margin_is_more_than_the_simulator_grows_a_body_by():
 
 def test_nothing_of_it_needs_the_planner():
     code = (
-        "import sys, benchmarks.minimum_time, benchmarks.starts, benchmarks.shortest\n"
+        "import sys\n"
+        "from benchmarks.optimal import first_guesses, minimum_time, shortest_way\n"
         "print(sorted(name for name in sys.modules if name.split('.')[0] == 'planner'))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

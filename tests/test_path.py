@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from planner.costmap import (
+from planner.guide.guide import Guide, GuideConfig
+from planner.guide.path_search import PathConfig, plan_path
+from planner.guide.route import find_route
+from planner.motion.dynamics import CarLimits
+from planner.motion.path import SPACING, Path, project
+from planner.risk.cost_map import (
     OCCUPIED_COST,
     STUCK_REACH,
     UNKNOWN_COST,
@@ -15,12 +20,7 @@ from planner.costmap import (
     coarsened,
     remember,
 )
-from planner.dynamics import CarLimits
-from planner.guide import Guide, GuideConfig
-from planner.path import PathConfig, plan_path
-from planner.reference import SPACING, Path, project
-from planner.risk import RiskMap
-from planner.route import find_route
+from planner.risk.risk_map import RiskMap
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid, Prediction
 
 CAR = CarLimits()

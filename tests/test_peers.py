@@ -4,14 +4,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from benchmarks import hall, peers, peers_mpc
-from benchmarks.drive import task_in
-from benchmarks.hall_problem import Problem
-from benchmarks.peers_casadi import general
-from benchmarks.places import along
+from benchmarks.runs.drive import task_in
 from benchmarks.stages import peers_table
-from planner import condense
-from planner.mpc import MPC
+from benchmarks.timing.hall_problem import Problem
+from benchmarks.timing.peers_casadi import general
+from benchmarks.timing.sized_maps import along
+from benchmarks.timing.timing import hall, peers, peers_mpc
+from planner.mpc.mpc import MPC, condense
 from planner.navigator import AFRESH
 from sim import CarConfig
 
@@ -24,7 +23,7 @@ def casadis(mpc):
 
 def do_mpcs(mpc):
     pytest.importorskip("do_mpc")
-    from benchmarks.peers_do_mpc import do_mpc
+    from benchmarks.timing.peers_do_mpc import do_mpc
 
     return do_mpc(mpc, compiled=False)
 
@@ -124,7 +123,7 @@ def test_where_one_start_fails_the_other_counts():
 
 def test_sampling_keeps_the_limits_lowers_the_cost_and_repeats_itself():
     pytest.importorskip("pytorch_mppi")
-    from benchmarks.peers_mppi import mppi
+    from benchmarks.timing.peers_mppi import mppi
 
     mpc = MPC(config=peers_mpc.COST_ONLY)
     path, risk = hall.straight(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))

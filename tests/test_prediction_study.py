@@ -17,7 +17,7 @@ from benchmarks.prediction.pictures import straight
 from benchmarks.prediction.similarity import LEVELS, beyond_crop, similarity
 from benchmarks.prediction.square import Square
 from benchmarks.prediction.transients import Count, found, with_transients
-from benchmarks.statistics import grouped_mean
+from benchmarks.runs.statistics import grouped_mean
 from predictor import Prediction, PredictorError
 from predictor.data.frames import Frames
 from predictor.networks.image_config import ImageConfig

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import places, rates
-from benchmarks.drive import task_in
-from predictor.grid import FREE, OCCUPIED, UNKNOWN
+from benchmarks.runs.drive import task_in
+from benchmarks.timing.timing import rates
+from benchmarks.timing.timing import sized_maps as places
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from sim import CarConfig, Lidar, LidarConfig
 
 

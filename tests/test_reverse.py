@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from rooms import CAR, RESOLUTION, Room, turned
 from short_drive import LIDAR
 
-from planner.dynamics import CarLimits, rollout
+from planner.motion.dynamics import CarLimits, rollout
+from planner.motion.plan import Plan, mirrored
 from planner.navigator import Navigator, NavigatorConfig
-from planner.plan import Plan, mirrored
 from predictor import FREE, OCCUPIED, OccupancyGrid
-from predictor.body import first_contact
+from predictor.mapping.body import first_contact
 from sim import CarConfig, DubinsCar, Task
 from sim.episode import EpisodeConfig, Outcome, run_episode
 

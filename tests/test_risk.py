@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import distance_transform_edt
 
-from planner.distance import distance_field
-from planner.risk import RiskMap
+from planner.risk.distance_transform import distance_field
+from planner.risk.risk_map import RiskMap
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, Prediction
 
 SHAPE = (7, 9)

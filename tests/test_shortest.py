@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.drive import task_in
-from benchmarks.shortest import NoWayError, shortest_way, time_bound, way_length
-from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
+from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
+from benchmarks.runs.drive import task_in
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import CarConfig
 from sim.families import empty_straight
 from sim.world import World

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rooms import CAR, Room, along, length
 
-from planner.costmap import UNKNOWN_COST, CostMap, remember
-from planner.line import LineConfig, curvatures
-from planner.reference import Path
-from planner.route import find_route
-from planner.smoothing import Smoother
+from planner.guide.line import LineConfig, curvatures
+from planner.guide.route import find_route
+from planner.guide.smoothing import Smoother
+from planner.motion.path import Path
+from planner.risk.cost_map import UNKNOWN_COST, CostMap, remember
 from predictor import FREE, OCCUPIED, UNKNOWN, Prediction
 
 POSE, GOAL = (1.0, 3.0, 0.0), (11.0, 3.0)

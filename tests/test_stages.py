@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks import growth, places, rates, stages, throughput, timing
+from benchmarks import stages
 from benchmarks.stages import main, measures_table, table
 from benchmarks.tables import main as show
-from benchmarks.timing import spread, timed
+from benchmarks.timing.timing import growth, rates, spread, throughput, timed, timing
+from benchmarks.timing.timing import sized_maps as places
 
 
 def test_spread_is_of_the_times():
@@ -146,7 +147,9 @@ def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypat
 
 
 def test_peers_are_measured_anew_when_one_of_them_is_another(monkeypatch):
-    monkeypatch.setattr("benchmarks.parts.installed", lambda packages: dict.fromkeys(packages, "1"))
+    monkeypatch.setattr(
+        "benchmarks.timing.parts.installed", lambda packages: dict.fromkeys(packages, "1")
+    )
     of_peers = stages._peers(0, print)
     assert {"rays", "mpc"} <= {part.name.removeprefix("peers/") for part in of_peers}
     for part in of_peers:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.statistics import (
+from benchmarks.runs.statistics import (
     MIN_WORLDS,
     bootstrap,
     difference,

@@ -7,9 +7,11 @@ import zipfile
 import numpy as np
 import pytest
 
-from benchmarks import store
-from benchmarks.settings import Settings, UsageError
-from benchmarks.store import Store, several_states
+from benchmarks.runs import store
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.store import Store
+from predictor.infra.command_line import UsageError
+from predictor.infra.environment import several_states
 
 TWO = Settings(episodes=2, arms=("known",))
 
@@ -122,8 +124,8 @@ HOLD = """
 import sys
 import zipfile
 from pathlib import Path
-from benchmarks.settings import Settings
-from benchmarks.store import Store
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.store import Store
 
 run = Store(Path(sys.argv[1]), Settings(episodes=2, arms=("known",)), None)
 print("at work", flush=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import stuck
-from benchmarks.run_dir import Run
+from benchmarks.runs.saved_run import Run
 
 TICKS = 80
 

@@ -18,8 +18,8 @@ from predictor.data.survey import (
     sources_of,
     surveyed,
 )
-from predictor.grid import GridFrame
-from predictor.scan import Scan
+from predictor.mapping.grid import GridFrame
+from predictor.mapping.scan import Scan
 from sim import Lidar, LidarConfig, generate
 from sim.task import sample_task
 

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from predictor.body import Body
-from predictor.grid import FREE, OCCUPIED, Grid, GridFrame
+from predictor.mapping.body import Body
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import CarConfig, along_arc, collides
 from sim.families import FAMILIES, empty_straight, generate
 from sim.lattice import HEADINGS, body_circles, explore

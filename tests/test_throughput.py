@@ -7,10 +7,10 @@ import time
 
 import pytest
 
-from benchmarks import throughput
-from benchmarks.settings import Settings
-from benchmarks.throughput import Driven, driven, memory, resident
-from benchmarks.workers import WorkersError
+from benchmarks.runs.settings import Settings
+from benchmarks.timing.throughput import Driven, driven, memory, resident
+from benchmarks.timing.timing import throughput
+from predictor.infra.workers import WorkersError
 
 
 def test_throughput_is_simulated_time_over_the_time_that_the_drives_took(monkeypatch):
@@ -54,7 +54,7 @@ def test_memory_that_is_taken_is_seen():
 
 
 def test_the_peak_of_a_process_is_not_that_of_the_one_that_started_it():
-    command = "from benchmarks.throughput import _peak, resident; print(_peak(), resident())"
+    command = "from benchmarks.timing.throughput import _peak, resident; print(_peak(), resident())"
     with mmap.mmap(-1, 400 * 2**20) as taken:
         taken.write(bytes(len(taken)))
         told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True,

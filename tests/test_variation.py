@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from sim.families import generate
 from sim.variation import cluttered, turned, varied
 

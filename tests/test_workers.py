@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import workers
-from benchmarks.workers import LostError, WorkersError, finished
+from predictor.infra import workers
+from predictor.infra.workers import LostError, WorkersError, finished
 
 
 def square(n):
@@ -145,7 +145,7 @@ def test_workers_that_share_a_process_are_refused(distributed, tmp_path):
 WORKS = """
 import sys, time
 sys.path.insert(0, sys.argv[1])
-from benchmarks.workers import finished
+from predictor.infra.workers import finished
 for _ in finished(time.sleep, [0.2] * 200, 2):
     print("done", flush=True)
 """
@@ -168,7 +168,7 @@ def marked(mark):
 def test_no_worker_outlives_a_parent_that_is_killed(after):
     mark = f"FORESEE_TEST={uuid.uuid4()}"
     name, _, value = mark.partition("=")
-    root = str(Path(workers.__file__).resolve().parents[1])
+    root = str(Path(workers.__file__).resolve().parents[2])
     parent = subprocess.Popen([sys.executable, "-c", WORKS, root], stdout=subprocess.PIPE,
                               env=os.environ | {name: value})  # fmt: skip
     if after is None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from predictor.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World, empty_squares
 
 

@@ -33,11 +33,11 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     args = _parsed(argv)
     # First: it keeps libraries to one thread a process, whatever --jobs is.
-    import benchmarks.workers  # noqa: F401
+    import predictor.infra.workers  # noqa: F401
     from benchmarks.prediction.scoring import ScoringError
-    from benchmarks.workers import WorkersError
     from predictor.data.frames import FramesError
     from predictor.data.laser_log import LogError
+    from predictor.infra.workers import WorkersError
     from predictor.prediction import BadPredictionError
     from predictor.registry import PredictorError
 
@@ -54,7 +54,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parsed(argv: list[str] | None) -> argparse.Namespace:
-    from benchmarks.settings import OneLineParser
+    from predictor.infra.command_line import OneLineParser
 
     parser = OneLineParser(
         prog="benchmarks.prediction", description=DESCRIPTION,
@@ -102,8 +102,8 @@ def _run(args: argparse.Namespace) -> str:
     from benchmarks.prediction.pictures import leader, pictures
     from benchmarks.prediction.report import costs_of, printed_costs, report
     from benchmarks.prediction.tables import summary, tables_of
-    from benchmarks.store import several_states
-    from predictor.whole import write_whole
+    from predictor.infra.atomic_file import write_whole
+    from predictor.infra.environment import several_states
 
     torch.set_num_threads(1)
     args.out.mkdir(parents=True, exist_ok=True)

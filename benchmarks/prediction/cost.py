@@ -15,9 +15,9 @@ from benchmarks.prediction.entrants import is_printed
 from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import Square
 from predictor.compact import Compact
-from predictor.errors import one_line
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
+from predictor.infra.errors import one_line
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet

@@ -125,8 +125,8 @@ class Evaluation:
         """
         from tqdm import tqdm
 
-        from benchmarks.store import commit
-        from benchmarks.workers import finished
+        from predictor.infra.environment import commit
+        from predictor.infra.workers import finished
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.figures import save_figures
-from benchmarks.palette import INK, new_figure, predictor_colour
+from benchmarks.figures.all_figures import save_figures
+from benchmarks.figures.palette import INK, new_figure, predictor_colour
 from benchmarks.prediction.maps import drawn_maps
 from benchmarks.prediction.pictures import GIVEN, NOTHING, Row, Sheets, shown
 from benchmarks.prediction.tables import places_of

@@ -9,10 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.palette import INK
+from benchmarks.figures.palette import INK
+from benchmarks.figures.video import kind_for, write_video
 from benchmarks.prediction.figures import draw_car, show, write_ssim
 from benchmarks.prediction.pictures import GIVEN, TRUE, Row
-from benchmarks.video import kind_for, write_video
 
 RATE = 10.0
 """Frames a second: every other frame of a drive at 10 Hz, so twice as fast as it was."""

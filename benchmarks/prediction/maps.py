@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from benchmarks.palette import INK, bare, new_figure, scale_bar, shrink
+from benchmarks.figures.palette import INK, bare, new_figure, scale_bar, shrink
 from predictor.data.frames import RESOLUTION, Frames, cells_of
-from predictor.grid import FREE, OCCUPIED
+from predictor.mapping.grid import FREE, OCCUPIED
 
 STYLES: dict[str, dict[str, Any]] = {
     "train": {"color": "#D00000", "linestyle": "-"},

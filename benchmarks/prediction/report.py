@@ -19,13 +19,13 @@ from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, k
 from benchmarks.prediction.paper import SSIM
 from benchmarks.prediction.scoring import OF_A_FRAME, Kept, scores_of
 from benchmarks.prediction.transients import transients
-from benchmarks.statistics import grouped_mean
-from benchmarks.store import machine
+from benchmarks.runs.statistics import grouped_mean
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.environment import machine
+from predictor.infra.plain_json import loads
 from predictor.networks import ARCHITECTURES
-from predictor.plain_json import loads
 from predictor.registry import load_predictor
 from predictor.scoring.scores import EDGES, RINGS, Scores
-from predictor.whole import write_whole
 
 COMPARED = ("grey", "copy", "none", "unet_ff")
 """Those of them that are there are what every other is compared with."""

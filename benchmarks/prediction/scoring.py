@@ -14,7 +14,7 @@ from benchmarks.prediction.entrants import Answer, entrant
 from benchmarks.prediction.similarity import Similarity, similarity
 from benchmarks.prediction.square import Square
 from predictor.data.frames import Frames
-from predictor.errors import LineError
+from predictor.infra.errors import LineError
 from predictor.prediction import BadPredictionError
 from predictor.scoring.scores import Scores
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.prediction.similarity import beyond_crop
 from predictor.data.frames import CROP, NOTHING, RESOLUTION, SIDE, Frames, cells_of
-from predictor.grid import Grid, GridFrame
+from predictor.mapping.grid import Grid, GridFrame
 from predictor.scoring.scores import rings_of
 from predictor.scoring.ternary import TERNARY
 

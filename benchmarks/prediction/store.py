@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.scoring import Kept, Stretch
-from predictor.plain_json import loads
-from predictor.whole import clear, write_whole
+from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.plain_json import loads
 
 VERSION = 3
 """Of what is measured; another number when a measure changes its meaning."""

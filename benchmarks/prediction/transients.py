@@ -21,9 +21,9 @@ from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.scoring import drive_of
 from benchmarks.prediction.square import Square
 from predictor.data.frames import RESOLUTION
-from predictor.grid import OCCUPIED, Grid
-from predictor.plain_json import loads
-from predictor.whole import write_whole
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.plain_json import loads
+from predictor.mapping.grid import OCCUPIED, Grid
 
 RADIUS, CLEAR = 0.15, 0.6
 """Of an obstacle that is put in, and from its middle to anything else, the car too [m]."""

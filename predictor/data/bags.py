@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.data.transforms import Transforms
-from predictor.plain_yaml import read_yaml
-from predictor.scan import Scan
+from predictor.infra.plain_yaml import read_yaml
+from predictor.mapping.scan import Scan
 
 SCAN = "sensor_msgs/msg/LaserScan"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

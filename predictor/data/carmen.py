@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.laser_log import LaserLog, LogError, cleaned
-from predictor.plain_json import loads
-from predictor.scan import Scan
+from predictor.infra.plain_json import loads
+from predictor.mapping.scan import Scan
 
 NO_RETURN = 80.0
 """A SICK's answer where nothing came back [m]."""

@@ -36,9 +36,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.errors import LineError
-from predictor.grid import FREE, OCCUPIED, UNKNOWN
-from predictor.plain_json import loads
+from predictor.infra.errors import LineError
+from predictor.infra.plain_json import loads
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 
 FORMAT = 1
 MANIFEST = "manifest.json"

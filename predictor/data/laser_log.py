@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.errors import LineError
-from predictor.scan import Scan
+from predictor.infra.errors import LineError
+from predictor.mapping.scan import Scan
 
 FARTHEST = 1e7
 """From the origin of a map [m]: what lies beyond is no place."""

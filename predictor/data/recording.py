@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.frames import CROP, RESOLUTION, SIDE, codes_of
-from predictor.grid import Grid, GridFrame, OccupancyGrid
+from predictor.mapping.grid import Grid, GridFrame, OccupancyGrid
 
 WINDOW = 5.0
 """Side of the square that the confined LIDAR writes into [m]."""

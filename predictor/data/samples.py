@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.errors import LineError, one_line
-from predictor.grid import FREE, OCCUPIED, Grid
-from predictor.plain_json import loads
-from predictor.whole import write_whole
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.errors import LineError, one_line
+from predictor.infra.plain_json import loads
+from predictor.mapping.grid import FREE, OCCUPIED, Grid
 
 FORMAT = 2
 RECIPE = "recipe.json"

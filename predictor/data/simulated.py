@@ -179,8 +179,8 @@ def driven(
     """
     import numpy as np
 
-    from planner.dynamics import CarLimits
-    from planner.guide import GuideConfig
+    from planner.guide.guide import GuideConfig
+    from planner.motion.dynamics import CarLimits
     from planner.navigator import Navigator, NavigatorConfig
     from predictor.data.recording import WINDOW, Recording
     from sim import CarConfig, DubinsCar, Lidar, LidarConfig

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.body import Body
 from predictor.data.laser_log import LaserLog
+from predictor.mapping.body import Body
 from sim.car import CarConfig
 from sim.lidar import Lidar, LidarConfig
 from sim.people import People

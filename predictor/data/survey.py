@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from predictor.beams import trace_beams
 from predictor.data.bags import BagConfig, is_bag, read_bag
 from predictor.data.carmen import ENDINGS, name_of, read_carmen, sidecar_of
 from predictor.data.frame_set import write_trajectory
@@ -27,8 +25,10 @@ from predictor.data.frames import NOTHING, RESOLUTION, cells_of, checksum
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.recording import WINDOW, Recording
 from predictor.data.samples import world_hash
-from predictor.grid import GridFrame, OccupancyGrid
-from predictor.scan import Scan
+from predictor.mapping.beams import trace_beams
+from predictor.mapping.grid import GridFrame, OccupancyGrid
+from predictor.mapping.kernels import njit
+from predictor.mapping.scan import Scan
 
 HITS = 0.25
 """Least share of hits, of hits and crossings, in an occupied cell."""

@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from predictor.infra.atomic_file import write_whole
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores
-from predictor.whole import write_whole
 
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 """Of predictors, in their order; after Okabe & Ito 2008, safe for the colour-blind."""

@@ -43,7 +43,7 @@ def score_drive(
     Raises:
         BadPredictionError: if a predictor breaks its contract, or raises.
     """
-    from benchmarks.drive import task_in
+    from benchmarks.runs.drive import task_in
     from planner.navigator import NavigatorConfig
     from predictor.drives import driven, seen_again
     from predictor.training.targets import REACH

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.restoration import denoise_tv_chambolle
 
-from predictor.grid import Grid
+from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 
 TERNARY = np.array([1.0, 0.0, 0.5])

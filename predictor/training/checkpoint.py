@@ -6,8 +6,8 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.errors import LineError
-from predictor.whole import write_whole
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.errors import LineError
 
 if TYPE_CHECKING:
     import torch

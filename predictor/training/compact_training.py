@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.whole import clear, write_whole
+from predictor.infra.atomic_file import clear, write_whole
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -148,7 +148,7 @@ class Trainer:
         """
         from tqdm import tqdm
 
-        from benchmarks.store import commit
+        from predictor.infra.environment import commit
 
         steps, code = self.config.steps, commit() or "no checkout"
         saved = time.monotonic()

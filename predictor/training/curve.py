@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from predictor.whole import write_whole
+from predictor.infra.atomic_file import write_whole
 
 
 def draw_curve(

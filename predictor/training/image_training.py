@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from predictor.data.samples import RECIPE
+from predictor.infra.atomic_file import clear, write_whole
 from predictor.networks.image_config import ImageConfig, ImageTraining, described
 from predictor.networks.image_net import ImageNet
 from predictor.training.checkpoint import (
@@ -35,7 +36,6 @@ from predictor.training.group import Group
 from predictor.training.image_validation import fit, images_alike
 from predictor.training.learner import Adversary, Learner
 from predictor.training.pairs import Pairs
-from predictor.whole import clear, write_whole
 
 if TYPE_CHECKING:
     from threading import Event
@@ -139,7 +139,7 @@ class ImageTrainer:
         """
         from tqdm import tqdm
 
-        from benchmarks.store import commit
+        from predictor.infra.environment import commit
 
         code = commit() or "no checkout"
         an_epoch = math.ceil(len(self.train) / self.training.batch)

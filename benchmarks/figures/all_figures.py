@@ -1,0 +1,81 @@
+"""All figures of a saved run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from benchmarks.figures.moment import moment
+from benchmarks.figures.speed_profile import speed_profile
+from benchmarks.figures.trajectories import trajectories
+from benchmarks.runs.saved_run import Run
+
+
+def draw_all(directory: Path) -> list[Path]:
+    """Draw speed_profile.png, trajectories.png and moment.png of a run into its own folder.
+
+    Returns:
+        The files.
+
+    Raises:
+        RunError: if the folder holds no run that can be read.
+    """
+    return draw_run(Run.load(directory), directory)
+
+
+def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = None) -> list[Path]:
+    """Draw a run's three figures.
+
+    Args:
+        run: what was measured.
+        out: folder for the files; made if it is missing.
+        episode: draw only this one; by default each figure chooses.
+        arm: whose moment; by default the one that predicts.
+
+    Raises:
+        RunError: if there is no such drive, or its trace is broken.
+    """
+    shown = None if episode is None else [episode]
+    figures: list[tuple[str, Callable[[], Figure]]] = [
+        ("speed_profile.png", lambda: speed_profile([run], episode)),
+        ("trajectories.png", lambda: trajectories(run, shown)),
+        ("moment.png", lambda: moment(run, episode, arm)),
+    ]
+    return save_figures(figures, out)
+
+
+def draw_together(runs: Sequence[Run], out: Path, episode: int | None = None) -> list[Path]:
+    """Draw several runs into one speed profile, speed_profiles.png.
+
+    Raises:
+        RunError: if a run lacks the episode, or a trace is broken.
+    """
+    return save_figures([("speed_profiles.png", lambda: speed_profile(runs, episode))], out)
+
+
+def save_figures(figures: list[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
+    """Write figures whole: all of them are drawn before any file takes its name.
+
+    Args:
+        figures: names of files, and what draws each.
+        out: folder; made if it is missing.
+
+    Returns:
+        The files.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    made: list[tuple[Path, Path]] = []
+    try:
+        for name, draw in figures:
+            part = out / f".{name}.{os.getpid()}.part"
+            made.append((part, out / name))
+            draw().savefig(part, format="png")
+        for part, path in made:
+            os.replace(part, path)
+    finally:
+        for part, _ in made:
+            part.unlink(missing_ok=True)
+    return [path for _, path in made]

@@ -1,0 +1,156 @@
+"""First guesses of a minimum-time drive: several ways to the goal, each at the car's own speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from benchmarks.optimal.minimum_time import Guess
+from benchmarks.optimal.shortest_way import NoWayError, shortest_way
+from sim.car import CarConfig, along_arc, wrap
+from sim.lattice import body_circles, explore
+from sim.task import Task
+
+TAUT = ((0.35, 0.5), (0.8, 1.0))
+"""Shortest ways tried: radius of the disc, and standard deviation that smooths them [m]."""
+ARCS = ((1.1, 0.4), (2.0, 0.4), (1.1, 1.5), (3.75, 0.4))
+"""Ways of arcs tried: their radius over the car's tightest, clearance that they look for [m]."""
+ROUNDING = 0.2
+"""Standard deviation that smooths ways of arcs [m]."""
+AWAY = math.pi / 3
+"""A start that looks this far away from the shortest way is turned to either side [rad]."""
+TURN, JOIN = 1.2, 5.0
+"""Radius of that turn, and where on the shortest way it leads [m]."""
+CLEARANCE = 0.03
+"""Free space that ways of arcs keep around the body [m]."""
+STEP = 0.05
+"""Between points of a way [m]."""
+DETOUR = 1.8
+"""Ways of arcs that are this much longer than the task's own are not followed."""
+
+
+def ways(task: Task, car: CarConfig, goal_radius: float) -> Iterator[tuple[str, NDArray]]:
+    """Ways (n, 2) to near the goal [m], with their names; none twice, some perhaps not drivable.
+
+    The first are the shortest ways of discs, whatever the heading at the start; then the shortest
+    way after a turn to the left or to the right; the others are the cheapest ways of arcs, which a
+    car can drive from there.
+
+    Args:
+        task: world, start and goal.
+        car: body and turning radius.
+        goal_radius: how near the goal a drive ends [m].
+    """
+    for radius, sigma in TAUT:
+        try:
+            way = shortest_way(task.world, task.start[:2], task.goal, radius)
+        except NoWayError:
+            continue
+        even = _evenly(way, goal_radius)
+        yield f"taut {radius:g} m", _smooth(even, sigma)
+        away = wrap(math.atan2(*(even[4] - even[0])[::-1]) - task.start[2])
+        if radius == TAUT[0][0] and abs(away) > AWAY:
+            for name, side in (("left", 1.0), ("right", -1.0)):
+                yield f"{name} turn", _smooth(_turned(even, task.start, side), ROUNDING)
+    for times, comfort in ARCS:
+        bent = _arcs(task, car, times * car.turning_radius, comfort, goal_radius)
+        if bent is not None:
+            yield f"arcs {times * car.turning_radius:g}, {comfort:g} m", _smooth(bent, ROUNDING)
+
+
+def timed(
+    name: str, way: NDArray[np.float64], yaw: float, car: CarConfig, tick: float, share: float = 1.0
+) -> Guess:
+    """A drive along a way, as fast as the car's limits allow: a forward and a backward pass.
+
+    Args:
+        name: of the guess.
+        way: points (n, 2), `STEP` apart [m].
+        yaw: the start's, whose turn of 2π the headings take [rad].
+        car: its limits.
+        tick: length of a tick, at most [s].
+        share: of the top speed and of the lateral acceleration to use.
+    """
+    spacing = np.hypot(*np.diff(way, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(spacing)])
+    slope = np.gradient(way, along, axis=0)
+    headings = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+    headings += 2.0 * math.pi * round((yaw - headings[0]) / (2.0 * math.pi))
+    curvature = gaussian_filter1d(np.gradient(headings, along), 2.0)
+    curvature = np.clip(curvature, -car.max_curvature, car.max_curvature)
+    bend = np.maximum(np.abs(curvature), 1e-3)
+    speed = np.minimum(share * car.v_max, np.sqrt(share * car.lateral_acceleration / bend))
+    speed[0] = 0.0
+    for i, step in enumerate(spacing):
+        speed[i + 1] = min(speed[i + 1], math.sqrt(speed[i] ** 2 + 2 * car.acceleration * step))
+    for i, step in reversed(list(enumerate(spacing))):
+        speed[i] = min(speed[i], math.sqrt(speed[i + 1] ** 2 + 2 * car.braking * step))
+    times = np.concatenate([[0.0], np.cumsum(2.0 * spacing / (speed[1:] + speed[:-1]))])
+    ticks = max(2, math.ceil(times[-1] / tick))
+    at = np.linspace(0.0, times[-1], ticks + 1)
+    columns = (way[:, 0], way[:, 1], headings, speed)
+    states = np.stack([np.interp(at, times, column) for column in columns], axis=1)
+    dt = float(times[-1]) / ticks
+    held = np.interp(0.5 * (at[1:] + at[:-1]), times, curvature)
+    return Guess(name, dt, states, np.stack([np.diff(states[:, 3]) / dt, held], axis=1))
+
+
+def _turned(
+    way: NDArray[np.float64], start: tuple[float, float, float], side: float
+) -> NDArray[np.float64]:
+    """A way that begins with an arc, to the left for 1, until it points where the way leads."""
+    join = min(len(way) - 1, round(JOIN / STEP))
+    points = []
+    for along in np.arange(0.0, 2.0 * math.pi * TURN, STEP):
+        x, y, yaw = along_arc(*start, side / TURN, along)
+        points.append((x, y))
+        if abs(wrap(math.atan2(way[join, 1] - y, way[join, 0] - x) - yaw)) < STEP / TURN:
+            break
+    return _evenly(np.vstack([points, way[join:]]), 0.0)
+
+
+def _arcs(
+    task: Task, car: CarConfig, radius: float, comfort: float, goal_radius: float
+) -> NDArray[np.float64] | None:
+    """The cheapest way of arcs to near the goal, (n, 2) [m]; None if there is none."""
+    frame = task.world.grid.frame
+    offsets, circle = body_circles(car.body)
+    lost = math.sqrt(2.0) * frame.resolution
+    poses, parents, _, _ = explore(
+        task.world.clearance, frame.resolution, frame.origin, np.array(task.start), radius, offsets,
+        circle + CLEARANCE + lost, comfort, DETOUR * task.path_length,
+    )  # fmt: skip
+    # Poses come in the order of cost.
+    near = np.flatnonzero(np.hypot(*(poses[:, :2] - task.goal).T) <= 1.2 * goal_radius)
+    if len(near) == 0:
+        return None
+    node, way = int(near[0]), []
+    while parents[node] >= 0:
+        x, y, yaw = poses[parents[node]]
+        turn, chord = wrap(poses[node, 2] - yaw), math.dist(poses[node, :2], (x, y))
+        length = chord if abs(turn) < 1e-6 else 0.5 * chord * turn / math.sin(0.5 * turn)
+        parts = [along_arc(x, y, yaw, turn / length, length * i / 4)[:2] for i in range(1, 5)]
+        way += parts[::-1]
+        node = int(parents[node])
+    return _evenly(np.array([task.start[:2], *way[::-1]]), 0.0)
+
+
+def _evenly(way: NDArray[np.float64], left: float) -> NDArray[np.float64]:
+    """Points `STEP` apart along a way, up to a distance before its end [m]."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+    end = max(along[-1] - left, 4 * STEP)
+    at = np.linspace(0.0, end, max(4, round(end / STEP)) + 1)
+    return np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
+
+
+def _smooth(way: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """A way convolved with a Gaussian [m]; its ends stay where they are."""
+    reach = min(len(way) - 1, math.ceil(4.0 * sigma / STEP))
+    before = 2.0 * way[0] - way[reach:0:-1]
+    after = 2.0 * way[-1] - way[-2 : -2 - reach : -1]
+    smoothed = gaussian_filter1d(np.vstack([before, way, after]), sigma / STEP, axis=0)
+    return np.asarray(smoothed[reach : reach + len(way)])

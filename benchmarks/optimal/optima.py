@@ -1,0 +1,83 @@
+"""Time-optimal drives on disk: what `benchmarks.optimum` writes, and others compare with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runs.drive_file import read_drives
+from benchmarks.tables import markdown
+from predictor.infra.command_line import UsageError
+
+Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
+"""Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
+COMMAND = "benchmarks.optimum"
+"""Writes the files."""
+
+
+def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
+    """What identifies a task, whatever file or run it is in: numbers are rounded to 1 mm, 1 mrad.
+
+    Args:
+        world: its name.
+        seed: of the task.
+        start: x, y, yaw.
+        goal: x, y.
+    """
+    return world, int(seed), _rounded(start), _rounded(goal)
+
+
+def _rounded(numbers: Sequence[float]) -> tuple[float, ...]:
+    # Adding 0 makes −0 the 0 that it equals.
+    return tuple(round(float(number), 3) + 0.0 for number in numbers)
+
+
+def optimum_of(path: Path, v_max: float | None = None) -> dict[Key, float | None]:
+    """Least times T_opt [s] by task, None where no drive was found.
+
+    Args:
+        path: file that `benchmarks.optimum` has written.
+        v_max: top speed that they must be of [m/s]; any if None.
+
+    Raises:
+        UsageError: if the file cannot be read, or is of another top speed.
+    """
+    found = read_optima(path)
+    theirs = found["settings"]["v_max"]
+    if v_max is not None and v_max != theirs:
+        raise UsageError(f"{path} is of a top speed of {theirs:g} m/s, not of {v_max:g}")
+    return {
+        task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"] for d in found["drives"]
+    }
+
+
+def read_optima(path: Path) -> dict[str, Any]:
+    """All that a file of optima holds.
+
+    Raises:
+        UsageError: if it cannot be read, or is something else.
+    """
+    found = read_drives(path, COMMAND)
+    try:
+        # What others rely on is there.
+        [(d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
+        float(found["settings"]["v_max"])
+    except (ValueError, KeyError, TypeError):
+        raise UsageError(f"{path} is no file of {COMMAND}") from None
+    return found
+
+
+def table(found: dict[str, Any]) -> str:
+    """The means of a file of optima, in Markdown; of drives whose T_opt and T_bound are known."""
+    drives = found["drives"]
+    known = [d for d in drives if d["t_opt"] is not None and d["t_bound"] is not None]
+    best, bound, length = (
+        sum(d[name] for d in known) / max(1, len(known))
+        for name in ("t_opt", "t_bound", "shortest")
+    )
+    rows = [
+        ["tasks", "drives found", "T_opt [s]", "T_bound [s]", "shortest way [m]"],
+        [str(len(drives)), str(len(known)), f"{best:.2f}", f"{bound:.2f}", f"{length:.1f}"],
+    ]
+    return markdown(rows)

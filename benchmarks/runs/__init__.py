@@ -1,0 +1,1 @@
+"""Runs: the settings, drives, results and statistics of a comparison."""

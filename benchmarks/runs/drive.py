@@ -1,0 +1,266 @@
+"""One drive of a comparison: an episode's number and an arm, to its result and trace."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
+from benchmarks.runs.arms import ARMS, Arm, predictor_for
+from benchmarks.runs.settings import VEHICLES, Settings
+from planner.motion.dynamics import CarLimits
+from planner.navigator import Navigator, NavigatorConfig
+from predictor import OccupancyGrid, Predictor, load_predictor
+from predictor.infra.command_line import UsageError
+from predictor.infra.environment import commit
+from predictor.infra.workers import WorkersError
+from predictor.provenance import fingerprint_of, has_learned
+from sim import CarConfig, DubinsCar, Lidar, LidarConfig
+from sim.episode import EpisodeConfig, Outcome, run_episode
+from sim.families import FAMILIES, generate
+from sim.map_server import load_world
+from sim.task import NoTaskError, Task, sample_task
+from sim.world import sealed
+
+
+def sources(names: tuple[str, ...]) -> list[str]:
+    """The families and map files that `--world` names, folders opened.
+
+    Raises:
+        UsageError: if one is neither a family, nor a map, nor a folder with maps.
+    """
+    found: list[str] = []
+    for name in names:
+        path = Path(name)
+        if name in FAMILIES:
+            found.append(name)
+        elif path.is_dir():
+            maps = sorted(str(p) for p in path.iterdir() if p.suffix in (".yaml", ".yml"))
+            if not maps:
+                raise UsageError(f"--world: no .yaml map in the folder {name}")
+            found += maps
+        elif path.suffix in (".yaml", ".yml"):
+            if not path.is_file():
+                raise UsageError(f"--world: no such file: {name}")
+            found.append(name)
+        else:
+            raise UsageError(
+                f"--world: {name!r} is no family ({', '.join(FAMILIES)}), no .yaml map, no folder"
+            )
+    return found
+
+
+@lru_cache(maxsize=2)
+def task_of(settings: Settings, index: int) -> Task:
+    """The task of an episode, the same for every arm and every vehicle.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    places = sources(settings.world)
+    place, seed = places[index % len(places)], settings.seed + index // len(places)
+    return task_in(place, seed, CarConfig(v_max=settings.v_max))
+
+
+def task_in(place: str, seed: int, car: CarConfig) -> Task:
+    """A task in one of `sources`.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
+    try:
+        return sample_task(world, seed, car)
+    except NoTaskError:
+        # Small buildings: half of the usual shortest way, rather than leaving them out.
+        return sample_task(world, seed, car, min_length=10.0)
+
+
+@lru_cache(maxsize=2)
+def shortest_length(settings: Settings, index: int) -> float | None:
+    """Length of the shortest way of an episode on the whole map, the same for every arm [m].
+
+    Returns:
+        None if there is none: `benchmarks.optimal.shortest_way` may miss a gap hardly wider than
+        the car.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    task = task_of(settings, index)
+    radius = CarConfig().body.half_width
+    try:
+        return way_length(shortest_way(task.world, task.start[:2], task.goal, radius))
+    except NoWayError:
+        return None
+
+
+def score(
+    outcome: str, time: float, path_length: float, shortest: float | None, car: CarConfig
+) -> dict[str, float | None]:
+    """How a drive compares with the least time and the shortest way of its task.
+
+    Args:
+        outcome: "reached" counts alone.
+        time: it took [s].
+        path_length: driven [m].
+        shortest: length of the shortest way [m].
+        car: its limits.
+
+    Returns:
+        `shortest_length` [m]; `t_bound`, T_bound [s]; `sct`, T_bound / time, 0 if the goal was not
+        reached; `detour`, what was driven over the shortest way. Each None where the way is not
+        known.
+    """
+    if shortest is None:
+        return dict.fromkeys(("shortest_length", "t_bound", "sct", "detour"))
+    bound = time_bound(shortest, car, EpisodeConfig().goal_radius)
+    return {
+        "shortest_length": shortest,
+        "t_bound": bound,
+        "sct": bound / time if outcome == Outcome.REACHED else 0.0,
+        "detour": path_length / shortest,
+    }
+
+
+def attempt(
+    settings: Settings, weights: str | None, item: tuple[int, str]
+) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
+    """As `drive`, or a line why the episode cannot be driven.
+
+    Args:
+        settings: of the run.
+        weights: fingerprint that the predictor must have here too, where another machine drives.
+        item: number of the episode, and the arm.
+
+    Raises:
+        WorkersError: if it has another.
+    """
+    mine = fingerprint_of(load_predictor(settings.predictor))
+    if mine != weights:
+        raise WorkersError(f"a worker has the predictor {mine}, this run is of {weights}")
+    try:
+        return drive(settings, *item)
+    except NoTaskError as error:
+        return str(error)
+
+
+def car_of(settings: Settings) -> CarConfig:
+    """The car that drives."""
+    return CarConfig(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
+
+
+def navigator_for(
+    settings: Settings, arm: Arm, task: Task, predictor: Predictor | None, deadline: float
+) -> Navigator:
+    """The navigator of an arm at the start of a task.
+
+    Args:
+        settings: of the run.
+        arm: what may be relied upon.
+        task: where from, where to.
+        predictor: the arm's.
+        deadline: for its answers [s].
+    """
+    car = car_of(settings)
+    resolution = task.world.grid.frame.resolution
+    config = NavigatorConfig(
+        window=settings.window,
+        expansion=settings.expansion,
+        risk=settings.risk if arm.risk is None else arm.risk,
+        steer=arm.steer,
+        oracle=arm.predictor == "oracle",
+        deadline=deadline,
+        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
+        car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
+                      car.turning_radius, car.body, car.reverse),
+    )  # fmt: skip
+    return Navigator(
+        config,
+        predictor,
+        np.array(task.start),
+        task.goal,
+        OccupancyGrid.from_grid(task.world.grid, settings.window)
+        if arm.whole_map
+        else task.blank(settings.window),
+        task.waypoints if settings.route == "fixed" else None,
+        task.seed,
+    )
+
+
+def drive(
+    settings: Settings, index: int, arm_name: str
+) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Drive one episode with one arm.
+
+    Returns:
+        What goes into `results.json`, and what goes into `traces.npz`.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+    task = task_of(settings, index)
+    arm = ARMS[arm_name]
+    car = car_of(settings)
+    predictor = predictor_for(arm, load_predictor(settings.predictor), task.world)
+    # Whatever the machine is busy with, a drive must come out the same.
+    navigator = navigator_for(settings, arm, task, predictor, deadline=600.0)
+    lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
+    # Of the task's seed, so that an episode is the same whichever it is of a run.
+    rng = np.random.default_rng([task.seed, 2])
+    episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
+    _give_back()
+    trace = episode.trace
+    times = trace["times"][:, list(trace["time_names"]).index("cycle")]
+    promised = trace["kept"] >= 0
+    result = {
+        "arm": arm_name,
+        "vehicle": settings.vehicle,
+        "index": index,
+        "world": task.world.name,
+        "seed": task.seed,
+        "start": [float(v) for v in task.start],
+        "goal": [float(v) for v in task.goal],
+        "learned": has_learned(predictor, task.world.grid.cells),
+        "shortest": float(task.path_length),
+        "outcome": str(episode.outcome),
+        "time": float(episode.time),
+        "path_length": float(episode.path_length),
+        **score(episode.outcome, episode.time, episode.path_length,
+                shortest_length(settings, index), car),
+        "mean_speed": float(episode.mean_speed),
+        "max_speed": float(episode.max_speed),
+        "min_clearance": float(episode.min_clearance),
+        "stops": int(episode.stops),
+        "impact_speed": episode.impact_speed,
+        "promises": int(promised.sum()),
+        "promises_broken": int((trace["kept"] == 0).sum()),
+        "ticks": len(trace["kept"]),
+        "faults": {str(k): int(v) for k, v in episode.faults.items()},
+        "paths": {str(k): int(v) for k, v in episode.paths.items()},
+        # Of the code that drove, which may be another machine's.
+        "commit": commit(),
+        "cycle_ms": [float(np.percentile(times, q)) for q in (50, 99)],
+    }  # fmt: skip
+    frame = task.world.grid.frame
+    arrays = {f"e{index}/{arm_name}/{name}": values for name, values in trace.items()}
+    arrays[f"w{index}/cells"] = task.world.grid.cells
+    arrays[f"w{index}/frame"] = np.array([frame.resolution, *frame.origin])
+    arrays[f"w{index}/waypoints"] = task.waypoints
+    return result, arrays
+
+
+def _give_back() -> None:
+    """Give freed memory back to the system.
+
+    glibc keeps it in pieces, and over drives in buildings of all sizes the pieces become too small
+    for the next one's maps: a process grew by 0.5 MiB a drive.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)

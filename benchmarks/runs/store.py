@@ -1,0 +1,315 @@
+"""A run on disk: finished drives are kept one by one, then packed."""
+
+from __future__ import annotations
+
+import dataclasses
+import fcntl
+import io
+import itertools
+import json
+import os
+import shutil
+import zipfile
+import zlib
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.optimal.optima import Key, task_key
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.saved_run import RESULTS, TRACES, UNNAMED, Run, is_episode
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.statistics import Result
+from benchmarks.runs.summary import gap, summarise
+from benchmarks.runs.trace import RunError
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.command_line import UsageError
+from predictor.infra.environment import commit, machine
+from predictor.infra.errors import one_line
+from predictor.infra.plain_json import loads
+
+GROWS = ("episodes", "arms")
+"""Settings that a run may be continued with more of."""
+
+
+class Store:
+    """The folder of a run, which lets no other run in until the block ends or the process dies.
+
+    Args:
+        out: the folder; made if need be.
+        settings: of the run.
+        weights: fingerprint of the predictor's weights, if it has any.
+        baselines: folder of an earlier run, whose drives of arms that ask no predictor, or the
+            oracle, are taken over where these settings would give the same.
+
+    Raises:
+        UsageError: if the folder holds a run with other settings or weights, cannot be written, or
+            another run is at work there; if that of the baselines holds no run, or none with a
+            drive that would be the same.
+    """
+
+    def __init__(
+        self, out: Path, settings: Settings, weights: str | None, baselines: Path | None = None
+    ) -> None:
+        self.out, self.settings, self.parts = out, settings, out / "parts"
+        self.skipped: dict[int, str] = {}
+        self.notes: list[str] = []
+        self.lost: list[tuple[int, str]] = []
+        self._marked = mine = _plain(settings) | {"weights": weights}
+        adopted = None if baselines is None else self._checked(baselines)
+        try:
+            self.parts.mkdir(parents=True, exist_ok=True)
+            self._lock = (self.parts / "lock").open("w")
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f"--out {out}: another run is at work there") from None
+        except OSError as error:
+            raise UsageError(f"--out {out}: {error.strerror}") from None
+        marker = out / "settings.json"
+        # Without it a file that cannot be read may be anybody's.
+        self._ours = marker.exists()
+        if self._ours:
+            try:
+                theirs = UNNAMED | dict(loads(marker.read_text()))
+            except (ValueError, TypeError, OSError) as error:
+                raise UsageError(f"--out: {marker} cannot be read: {error}") from None
+            other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
+            if other:
+                what = ", ".join(f"{k} {theirs.get(k)}" for k in other)
+                raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
+        packed = self._packed()
+        write_whole(marker, json.dumps(mine, indent=1).encode())
+        self.commit = commit()
+        self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
+        if adopted is not None:
+            self._adopt(adopted)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.close()
+
+    def done(self) -> set[tuple[int, str]]:
+        """Episodes and arms that need not be driven again."""
+        return {(e["index"], e["arm"]) for e in self.episodes}
+
+    def add(self, result: dict[str, Any], arrays: dict[str, NDArray]) -> None:
+        """Keep a finished drive; after this a kill cannot lose it."""
+        buffer = io.BytesIO()
+        text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
+        np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
+        write_whole(self.parts / _part(result), buffer.getvalue())
+        self.episodes.append(result)
+
+    def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
+        """Write results.json and traces.npz from all that is finished, and return the results.
+
+        Args:
+            optima: T_opt of tasks [s]; by default episodes keep the one that they have.
+        """
+        arms = self.settings.arms
+        # Older drives lack these.
+        given: Result = {"vehicle": self.settings.vehicle, "t_opt": None}
+        chosen = [given | e for e in self.episodes if self._wanted(e)]
+        if optima is not None:
+            keys = [task_key(e["world"], e["seed"], e["start"], e["goal"]) for e in chosen]
+            chosen = [e | {"t_opt": optima.get(k)} for e, k in zip(chosen, keys, strict=True)]
+        chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
+        # An interrupt may have left a drive on disk alone, for the next time.
+        known = {_part(e) for e in self.episodes}
+        loose = sorted(path for path in self.parts.glob("*.npz") if path.name in known)
+        if loose:
+            self._pack_traces(loose)
+        results = {
+            "settings": self._marked | {"dt": 0.1},
+            "machine": machine(),
+            "version": version("foresee"),
+            "commit": self.commit,
+            "summary": summarise(chosen, arms),
+            "gap": gap(chosen, arms, self.settings.route),
+            "skipped": {str(k): v for k, v in self.skipped.items()},
+            "lost": self.lost,
+            "episodes": chosen,
+            "unused": [e for e in self.episodes if not self._wanted(e)],
+        }
+        write_whole(self.out / RESULTS, json.dumps(results, indent=1).encode())
+        for path in loose:
+            path.unlink()
+        return results
+
+    def _wanted(self, episode: dict[str, Any]) -> bool:
+        return episode["index"] < self.settings.episodes and episode["arm"] in self.settings.arms
+
+    def _checked(self, baselines: Path) -> Run:
+        try:
+            run = Run.load(baselines)
+        except RunError as error:
+            raise UsageError(f"--baselines: {error}") from None
+        other = self._other(run)
+        arms = [arm for arm in self.settings.arms if ARMS[arm].predictor != "chosen"]
+        if not arms:
+            raise UsageError("--baselines: all arms ask the chosen predictor, whose drives are "
+                             "never taken over")  # fmt: skip
+        if not any(ARMS[arm].drives_alike(other) for arm in arms):
+            what = ", ".join(f"{k} {run.settings.get(k)}" for k in self._marked if k in other)
+            raise UsageError(f"--baselines {baselines} holds a run with {what}")
+        return run
+
+    def _other(self, run: Run) -> set[str]:
+        """Settings in which a run differs, but for those that may grow."""
+        theirs = run.settings
+        return {k for k, v in self._marked.items() if k not in GROWS and v != theirs.get(k)}
+
+    def _adopt(self, run: Run) -> None:
+        done, other = self.done(), self._other(run)
+        try:
+            arrays: dict[str, list[str]] = {}
+            for name in run.archive.names:
+                arrays.setdefault(name.rpartition("/")[0], []).append(name)
+            for episode in run.episodes:
+                index, arm = episode["index"], episode["arm"]
+                if (self._wanted(episode) and (index, arm) not in done
+                        and ARMS[arm].drives_alike(other)):  # fmt: skip
+                    names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
+                    self.add(episode, {name: run.archive.array(name) for name in names})
+        except RunError as error:
+            raise UsageError(f"--baselines: {error}") from None
+
+    def _pack_traces(self, loose: list[Path]) -> None:
+        target = self.out / TRACES
+        temporary = target.with_suffix(".tmp")
+        try:
+            temporary.unlink(missing_ok=True)
+            if target.exists():
+                shutil.copyfile(target, temporary)
+            self._append(temporary, loose)
+        except BaseException:
+            # On a full disk the half of it would be in the way.
+            temporary.unlink(missing_ok=True)
+            raise
+        os.replace(temporary, target)
+
+    @staticmethod
+    def _append(temporary: Path, loose: list[Path]) -> None:
+        """Add the arrays of loose drives to an archive that has not got them."""
+        # What was packed before is copied as it is: to deflate it anew would take hours.
+        with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED, compresslevel=4) as packed:
+            names = set(packed.namelist())
+            for path in loose:
+                with zipfile.ZipFile(path) as part:
+                    for name in part.namelist():
+                        if name not in names and not name.startswith("__"):
+                            names.add(name)
+                            packed.writestr(name, part.read(name))
+
+    def _packed(self) -> list[dict[str, Any]]:
+        """The drives that are packed, with results and traces; what is damaged is set aside."""
+        path, traces = self.out / RESULTS, self.out / TRACES
+        if not path.exists() and not traces.exists():
+            return []
+        try:
+            results = loads(path.read_text())
+            skipped = {int(k): str(v) for k, v in results["skipped"].items()}
+            drives = [*results["episodes"], *results["unused"]]
+            if any(not is_episode(drive) for drive in drives):
+                raise ValueError("its drives are not of this version")
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+            if not self._ours:
+                raise UsageError(f"--out: {path} cannot be read: {one_line(error)}") from None
+            # Nobody can tell of what drives the traces are.
+            for damaged in (path, traces):
+                if damaged.exists():
+                    self._set_aside(damaged, one_line(error))
+            return []
+        self.skipped = skipped
+        good = self._good_traces()
+        kept = [drive for drive in drives if f"e{drive['index']}/{drive['arm']}/states" in good]
+        if len(kept) < len(drives):
+            self.notes.append(f"{len(drives) - len(kept)} of {len(drives)} drives have lost their "
+                              "traces and are driven again")  # fmt: skip
+        return kept
+
+    def _good_traces(self) -> set[str]:
+        """The names of the packed arrays whose drive and building are whole.
+
+        A file with damaged ones is set aside, and one with what is good takes its place.
+        """
+        traces = self.out / TRACES
+        if not traces.exists():
+            return set()
+        try:
+            with zipfile.ZipFile(traces) as packed:
+                names = {name.removesuffix(".npy"): name for name in packed.namelist()}
+                bad = {
+                    name.rpartition("/")[0]
+                    for name, stored in names.items()
+                    if not _reads(packed, stored)
+                }
+                if not bad:
+                    return set(names)
+                worlds = {group.removeprefix("w") for group in bad if group.startswith("w")}
+                good = {
+                    name: packed.read(stored) for name, stored in names.items()
+                    if name.rpartition("/")[0] not in bad
+                    and name[1:].partition("/")[0] not in worlds
+                }  # fmt: skip
+        except (OSError, zipfile.BadZipFile) as error:
+            self._set_aside(traces, one_line(error))
+            return set()
+        self._set_aside(traces, f"{len(names) - len(good)} of its {len(names)} arrays do not read")
+        temporary = traces.with_suffix(".tmp")
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as anew:
+            for name, data in good.items():
+                anew.writestr(names[name], data)
+        os.replace(temporary, traces)
+        return set(good)
+
+    def _loose(self, packed: set[tuple[int, str]]) -> list[dict[str, Any]]:
+        found = []
+        for path in sorted(self.parts.glob("*.npz")):
+            try:
+                with zipfile.ZipFile(path) as file:
+                    bad = file.testzip()
+                if bad is not None:
+                    raise ValueError(f"{bad} does not read")
+                with np.load(path, allow_pickle=False) as part:
+                    result = loads(bytes(part["__result__"]))
+                if not is_episode(result):
+                    raise ValueError("its drive is not of this version")
+            except (ValueError, KeyError, OSError, EOFError, RecursionError, zlib.error,
+                    zipfile.BadZipFile, NotImplementedError) as error:  # fmt: skip
+                self._set_aside(path, one_line(error))
+                continue
+            if (result["index"], result["arm"]) not in packed:
+                found.append(result)
+        return found
+
+    def _set_aside(self, path: Path, why: str) -> None:
+        """Keep a damaged file under another name."""
+        names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in itertools.count())
+        target = next(name for name in names if not name.exists())
+        path.rename(target)
+        self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
+
+
+def _reads(packed: zipfile.ZipFile, name: str) -> bool:
+    """Whether an entry can be read and is what was written."""
+    try:
+        packed.read(name)
+    except (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):
+        return False
+    return True
+
+
+def _part(episode: dict[str, Any]) -> str:
+    return f"{episode['index']}-{episode['arm']}.npz"
+
+
+def _plain(settings: Settings) -> dict[str, Any]:
+    plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(settings)))
+    return plain

@@ -1,0 +1,100 @@
+"""A long measurement in parts: each is kept as it ends, and not measured twice."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.environment import machine
+from predictor.infra.plain_json import loads
+
+PACKAGES = ("benchmarks", "planner", "predictor", "sim")
+RUNTIME = "openvino"
+"""Runs networks where it is installed."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something to measure.
+
+    Attributes:
+        name: group/name, unique in a run.
+        settings: all that decides what is measured, but for code and machine.
+        measure: does it; what it returns must be fit for JSON.
+    """
+
+    name: str
+    settings: dict[str, Any]
+    measure: Callable[[], Any]
+
+
+class Parts:
+    """The parts that a folder keeps.
+
+    What was measured by other code, on another machine, with other packages or with other settings
+    counts as missing.
+
+    Args:
+        folder: where; made if need be.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def find(self, part: Part) -> Any:
+        """What was measured, or None."""
+        try:
+            kept = loads(self._path(part).read_text())
+            return kept["measured"] if kept["of"] == _of(part) else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def measure(self, part: Part) -> Any:
+        """Measure a part and keep it."""
+        measured = part.measure()
+        kept = {"of": _of(part), "measured": measured}
+        write_whole(self._path(part), json.dumps(kept, indent=1).encode())
+        return measured
+
+    def _path(self, part: Part) -> Path:
+        slug = "".join(c if c.isalnum() else "-" for c in part.name)
+        return self.folder / f"{slug}.json"
+
+
+def _of(part: Part) -> dict[str, Any]:
+    """What a measurement is of, as JSON gives it back."""
+    of = {"name": part.name, "code": code(), "machine": machine(), "runtime": installed([RUNTIME]),
+          "settings": part.settings}  # fmt: skip
+    plain: dict[str, Any] = json.loads(json.dumps(of))
+    return plain
+
+
+def installed(packages: Iterable[str]) -> dict[str, str]:
+    """Versions of those packages that are installed, by name."""
+    found = {}
+    for package in packages:
+        with contextlib.suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+@lru_cache(maxsize=1)
+def code() -> str:
+    """A fingerprint of this project's code and weights, changed since the last commit or not."""
+    root = Path(__file__).resolve().parents[2]
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in (".py", ".safetensors"):
+                name = path.relative_to(root).as_posix()
+                digest.update(f"{name}\0".encode() + path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,215 @@
+"""How much the kernels of sensing and mapping do, and how exactly.
+
+Each measure is a value with its unit, the number of its samples, and its 99th percentile where it
+is a time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from benchmarks.runs.drive import task_in
+from benchmarks.timing.growth import believing
+from benchmarks.timing.timing import sized_maps as places
+from benchmarks.timing.timing import timed
+from planner.risk.distance_transform import distance_field
+from predictor import OccupancyGrid
+from predictor.drives import seen_again
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
+from predictor.mapping.kernels import njit
+from sim import CarConfig, Lidar, LidarConfig
+from sim.lidar import cast_rays
+from sim.world import World
+
+Measure = dict[str, Any]
+
+SCANS = 1000
+"""Of a round in which rays are counted."""
+ROUNDS = 25
+"""Of which the median counts."""
+CHECKED_POSES, CHECKED_BEAMS = 20, 54
+"""Scans, and beams of each, that are compared with the exact answer."""
+REPEATS = 500
+"""Of what is timed call by call."""
+
+
+def maps(seed: int) -> dict[str, World]:
+    """The two maps that rays and scans are measured on."""
+    task = task_in("corridor", seed, CarConfig())
+    return {
+        "corridor 1000²": places.corridors(task, 1000),
+        "cluttered 3000²": places.cluttered(3000, seed),
+    }
+
+
+def rays(seed: int) -> dict[str, Measure]:
+    """Rays a second of the caster, on one thread and on two, and the error of scans.
+
+    A scan has 1081 beams. On ways each is cast 0.25 m from the one before, as a driving car does,
+    up to 20 of them before another way begins: what lies around is then mostly in the processor's
+    caches. From fresh places each is cast from a place drawn anew in the whole map. Each thread
+    begins at other scans; the same are cast in each round.
+    """
+    lidar, found = Lidar(), {}
+    for name, world in maps(seed).items():
+        fresh = places.anywhere(world, SCANS)
+        for where, poses in (("on ways", places.on_ways(world, SCANS)), ("fresh places", fresh)):
+            for threads, rate in _rates(lidar, world, poses, (1, 2)).items():
+                found[f"rays, {where}, {name}, {threads} thread{'s' if threads > 1 else ''}"] = rate
+        worst, compared = error(lidar, world, fresh[:CHECKED_POSES])
+        found[f"rays, {name}, largest error"] = {"value": worst, "unit": "m", "samples": compared}
+    return found
+
+
+def _rates(
+    lidar: Lidar, world: World, poses: NDArray[np.float64], threads: tuple[int, ...]
+) -> dict[int, Measure]:
+    config, frame = lidar.config, world.grid.frame
+    angles = config.angle_min + config.angle_increment * np.arange(config.beams)
+    beams = np.column_stack([np.cos(angles), np.sin(angles)])
+    starts = np.column_stack([(poses[:, :2] - frame.origin) / frame.resolution, poses[:, 2]])
+    longest = config.range_max / frame.resolution
+
+    def cast(own: NDArray[np.float64]) -> None:
+        _casts(world.skips, world.grid.cells, own, beams, longest)
+
+    taken: dict[int, list[float]] = {count: [] for count in threads}
+    with ThreadPoolExecutor(max(threads)) as pool:
+        # In turn, so that a machine that slows down slows them all; the first round does not count.
+        for turn in range(ROUNDS + 1):
+            for count, times in taken.items():
+                own = [np.roll(starts, i * len(starts) // count, axis=0) for i in range(count)]
+                started = time.perf_counter()
+                list(pool.map(cast, own))
+                if turn:
+                    times.append(time.perf_counter() - started)
+    once = len(starts) * config.beams
+    return {
+        count: {"value": 1e-6 * count * once / float(np.median(times)), "unit": "million/s",
+                "samples": count * once * ROUNDS}
+        for count, times in taken.items()
+    }  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _casts(skips, cells, starts, beams, longest):  # type: ignore[no-untyped-def]
+    # In one call, so that what is counted is rays, and not how threads take turns in Python.
+    for i in range(starts.shape[0]):
+        cast_rays(skips, cells, starts[i, 0], starts[i, 1], starts[i, 2], beams, longest)
+
+
+def error(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> tuple[float, int]:
+    """The largest difference from the exact answer [m], and how many beams were compared.
+
+    A beam that should return and does not, or the other way about, is off by infinity.
+    """
+    worst, compared = 0.0, 0
+    frame = world.grid.frame
+    for pose in poses:
+        scan = lidar.scan(world, pose)
+        x, y, bearing = scan.sensor_pose(*(float(value) for value in pose))
+        chosen = np.linspace(0, len(scan.ranges) - 1, CHECKED_BEAMS).astype(int)
+        angles = bearing + scan.angle_min + scan.angle_increment * chosen
+        u, v = (x - frame.origin[0]) / frame.resolution, (y - frame.origin[1]) / frame.resolution
+        exact = exact_ranges(world.grid.cells, u, v, angles, scan.range_max / frame.resolution)
+        for got, want in zip(scan.ranges[chosen], exact, strict=True):
+            if want is None:
+                continue
+            compared += 1
+            if math.isfinite(got) and math.isfinite(want):
+                worst = max(worst, abs(float(got) - frame.resolution * want))
+            elif not (got == want or (math.isnan(got) and math.isnan(want))):
+                worst = math.inf
+    return worst, compared
+
+
+def exact_ranges(
+    cells: NDArray[np.int8], x: float, y: float, angles: NDArray[np.float64], longest: float
+) -> list[float | None]:
+    """Range along each beam [cells] as `sim.lidar.cast_rays` has it, from every cell's own slabs.
+
+    Brute force: each cell within range that a beam may be stopped by, a solid one beside a free
+    one, is cut with each beam. None where a corner decides, to within 1e-9 cells.
+    """
+    reach = math.ceil(longest) + 2
+    top, left = max(0, math.floor(y) - reach), max(0, math.floor(x) - reach)
+    near = cells[top : math.floor(y) + reach + 1, left : math.floor(x) + reach + 1]
+    solid = np.pad(near, 1, constant_values=UNKNOWN)
+    if solid[math.floor(y) - top + 1, math.floor(x) - left + 1] != FREE:
+        return [math.nan] * len(angles)
+    rows, cols = np.nonzero(
+        (solid != FREE) & binary_dilation(solid == FREE, np.ones((3, 3), dtype=bool))
+    )
+    kinds = solid[rows, cols]
+    low_x, low_y = cols - 1 + left - x, rows - 1 + top - y
+    found: list[float | None] = []
+    for angle in angles:
+        with np.errstate(divide="ignore"):
+            tx = np.sort(np.stack([low_x, low_x + 1]) / math.cos(angle), axis=0)
+            ty = np.sort(np.stack([low_y, low_y + 1]) / math.sin(angle), axis=0)
+        enter, leave = np.maximum(tx[0], ty[0]), np.minimum(tx[1], ty[1])
+        met = (enter < leave) & (leave > 0)
+        first = np.flatnonzero(met)[np.argmin(enter[met])]
+        at = float(enter[first])
+        # Corners count up to where the beam ends; those behind the wall it met do not.
+        corner = (np.abs(leave - enter) < 1e-9) & (leave > 0) & (enter <= at + 1e-9)
+        if corner.any():
+            found.append(None)
+        elif at >= longest:
+            found.append(math.inf)
+        else:
+            found.append(at if kinds[first] == OCCUPIED else math.nan)
+    return found
+
+
+def mapping(seed: int) -> dict[str, Measure]:
+    """Scans of 1081 beams integrated a second, no beam cut short of its 20 m, on one thread."""
+    lidar, found = Lidar(), {}
+    window = 2 * (lidar.config.range_max + 0.5)
+    for name, world in maps(seed).items():
+        poses = places.anywhere(world, REPEATS)
+        scans = [lidar.scan(world, pose) for pose in poses]
+        known = OccupancyGrid(world.grid.frame, window)
+        for pose in poses:
+            # So that the map need not grow while it is measured.
+            known.cover(known.frame.square(float(pose[0]), float(pose[1]), window))
+
+        def integrate(
+            i: int, known: OccupancyGrid = known, scans: Any = scans, poses: Any = poses
+        ) -> None:
+            known.integrate(scans[i], poses[i])
+
+        median = timed(integrate, REPEATS)["median_ms"]
+        found[f"mapping, {name}"] = {"value": 1e3 / median, "unit": "scans/s", "samples": REPEATS}
+    return found
+
+
+def distance(seed: int) -> dict[str, Measure]:
+    """The distance transform of windows of 200 × 200 cells, as a drive sees them."""
+    task = task_in("corridor", seed, CarConfig())
+    states = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
+    masks = [
+        ~known.crop(known.frame.square(state[0], state[1], 10.0)).free
+        for known, state in seen_again(
+            task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1
+        )
+    ]
+    return {"distance transform 200²": _time(timed(lambda i: distance_field(masks[i]), len(masks)))}
+
+
+def risk(seed: int) -> dict[str, Measure]:
+    """The risk map, from the prediction to what the MPC reads."""
+    task = task_in("corridor", seed, CarConfig())
+    return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
+
+
+def _time(spread: dict[str, float]) -> Measure:
+    return {"value": spread["median_ms"], "p99": spread["p99_ms"], "unit": "ms",
+            "samples": spread["samples"]}  # fmt: skip

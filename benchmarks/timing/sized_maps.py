@@ -1,0 +1,69 @@
+"""Where stages are measured: maps of a stated size, and poses in them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from sim.task import Task
+from sim.world import World
+
+STEP = 0.25
+"""From one pose of `on_ways` to the next [m]: of a tick at 2.5 m/s."""
+TICKS = 20
+"""Poses on a way, at most."""
+CLEAR = 0.3
+"""Kept from what is solid on a way [m]; more than `STEP`, so that no wall is passed."""
+
+
+def along(task: Task, count: int) -> NDArray[np.float64]:
+    """Poses along a task's way, (count, 3)."""
+    way = task.waypoints
+    at = np.linspace(1, len(way) - 2, count).astype(int)
+    ahead = way[at + 1] - way[at]
+    return np.column_stack([way[at], np.arctan2(ahead[:, 1], ahead[:, 0])])
+
+
+def anywhere(world: World, count: int) -> NDArray[np.float64]:
+    """Poses in free cells of a map, drawn evenly, (count, 3)."""
+    rng, frame = np.random.default_rng(0), world.grid.frame
+    free = np.argwhere(world.grid.free)
+    rows, cols = free[rng.integers(len(free), size=count)].T
+    xs, ys = frame.centres()
+    return np.column_stack([xs[cols], ys[rows], rng.uniform(-np.pi, np.pi, count)])
+
+
+def on_ways(world: World, count: int) -> NDArray[np.float64]:
+    """Poses as a driving car's ticks make them, (≤ count, 3): `STEP` apart, on straight ways.
+
+    The ways begin at places drawn evenly, and end where something solid is near.
+    """
+    poses: list[tuple[float, float, float]] = []
+    for x, y, yaw in anywhere(world, count):
+        for _ in range(TICKS):
+            if world.clearance[world.grid.frame.cell(x, y)] < CLEAR:
+                break
+            poses.append((x, y, yaw))
+            x, y = x + STEP * np.cos(yaw), y + STEP * np.sin(yaw)
+    return np.array(poses[:count])
+
+
+def corridors(task: Task, side: int) -> World:
+    """The square of a side [cells] around the middle of a task's way; outside all is unknown."""
+    grid = task.world.grid
+    middle = 0.5 * (task.waypoints.min(axis=0) + task.waypoints.max(axis=0))
+    frame = grid.frame.square(float(middle[0]), float(middle[1]), side * grid.frame.resolution)
+    return World(f"{task.world.name}-{side}", grid.crop(frame))
+
+
+def cluttered(side: int, seed: int) -> World:
+    """A hall of a side [cells] of 0.05 m with boxes on its floor, one on 6 m²."""
+    rng = np.random.default_rng(seed)
+    cells = np.full((side, side), FREE, dtype=np.int8)
+    for _ in range(round((0.05 * side) ** 2 / 6)):
+        row, col = rng.integers(side, size=2)
+        high, wide = rng.integers(3, 25, size=2)
+        cells[row : row + high, col : col + wide] = OCCUPIED
+    cells[[0, -1]] = cells[:, [0, -1]] = OCCUPIED
+    return World(f"hall-{side}", Grid(GridFrame(0.05, (0.0, 0.0), (side, side)), cells))

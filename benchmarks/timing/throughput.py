@@ -1,0 +1,173 @@
+"""What a study costs: simulated seconds a second, and memory, of processes that only drive."""
+
+from __future__ import annotations
+
+import os
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.runs.settings import Settings
+from predictor.infra.workers import WorkersError, follow_parent
+
+Measure = dict[str, Any]
+Item = tuple[int, str]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """One drive, as its process saw it.
+
+    Attributes:
+        simulated: how long it was [s].
+        wall: how long it took [s].
+        memory: of the process after it [MiB].
+        peak: the most memory that the process ever had [MiB].
+    """
+
+    simulated: float
+    wall: float
+    memory: float
+    peak: float
+
+
+def throughput(
+    episodes: int, seed: int, jobs: int, report: Callable[[str], None]
+) -> dict[str, Measure]:
+    """Simulated seconds a second a core over the default arms, and what 1,000 episodes take.
+
+    Args:
+        episodes: paired over the arms.
+        seed: of the first.
+        jobs: processes that drive at a time, none of which has anything else to do.
+        report: told how far it is.
+    """
+    settings = Settings(seed=seed)
+    items = [(index, arm) for index in range(episodes) for arm in settings.arms]
+    drives = driven(settings, items, jobs, report)
+    wall = sum(d.wall for d in drives)
+    minutes = 1000 * len(settings.arms) * wall / len(drives) / jobs / 60
+    by = f"{jobs} process{'es' if jobs > 1 else ''}"
+    return {
+        f"throughput, {by}": {
+            "value": sum(d.simulated for d in drives) / wall, "unit": "simulated s/s a core",
+            "samples": len(drives),
+        },
+        f"1,000 episodes of {len(settings.arms)} arms, {by}": {
+            "value": minutes, "unit": "min", "samples": len(drives),
+        },
+    }  # fmt: skip
+
+
+def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, Measure]:
+    """Memory of one process over many drives, each in a new building, the arms in turn.
+
+    The growth is a straight line's through the second half of the drives, with the 95 % interval
+    of its slope: the first half fills caches.
+
+    Args:
+        drives: at least 6.
+        seed: of the first building.
+        report: told how far it is.
+    """
+    from scipy.stats import linregress, t
+
+    settings = Settings(seed=seed)
+    items = [(i, settings.arms[i % len(settings.arms)]) for i in range(drives)]
+    done = driven(settings, items, 1, report)
+    series = np.array([d.memory for d in done])
+    late = np.arange(len(series) // 2, len(series))
+    line = linregress(late, series[late])
+    half = float(t.ppf(0.975, len(late) - 2) * line.stderr)
+    return {
+        "worker, peak memory": {
+            "value": max(d.peak for d in done), "unit": "MiB", "samples": len(done),
+            "after_each_drive": [round(float(m), 1) for m in series],
+        },
+        "worker, growth of memory": {
+            "value": 1000 * float(line.slope), "low": 1000 * (float(line.slope) - half),
+            "high": 1000 * (float(line.slope) + half), "unit": "MiB/1,000 drives",
+            "samples": len(late),
+        },
+    }  # fmt: skip
+
+
+def driven(
+    settings: Settings, items: list[Item], jobs: int, report: Callable[[str], None]
+) -> list[Driven]:
+    """Drive in fresh processes, each after a drive of each arm that does not count.
+
+    Args:
+        settings: of the drives.
+        items: episodes and arms; one whose building has no drive is left out.
+        jobs: processes.
+        report: told how far it is.
+
+    Returns:
+        The drives in the order of their ends.
+
+    Raises:
+        WorkersError: if a process dies.
+    """
+    done: list[Driven] = []
+    with ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (settings, os.getpid())) as pool:
+        waiting = [pool.submit(_one, settings, item) for item in items]
+        try:
+            for ended, future in enumerate(as_completed(waiting)):
+                report(f"{ended + 1} of {len(items)} drives by {jobs} at a time")
+                result = future.result()
+                if result is not None:
+                    done.append(result)
+        except BrokenProcessPool as error:
+            raise WorkersError("a process that drove has died") from error
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return done
+
+
+def _begin(settings: Settings, parent: int) -> None:
+    from benchmarks.runs.drive import drive
+
+    follow_parent(parent)
+    for arm in settings.arms:
+        drive(settings, 0, arm)
+
+
+def _one(settings: Settings, item: Item) -> Driven | None:
+    from benchmarks.runs.drive import drive
+    from sim.task import NoTaskError
+
+    started = time.perf_counter()
+    try:
+        result, _ = drive(settings, *item)
+    except NoTaskError:
+        return None
+    wall = time.perf_counter() - started
+    return Driven(float(result["time"]), wall, resident(), _peak())
+
+
+def resident() -> float:
+    """Memory of this process [MiB]; its peak where the system does not tell what it has now."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return _peak()
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def _peak() -> float:
+    # Not getrusage where it can be helped: Linux counts what the process had that started this one.
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
+    except (OSError, StopIteration):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -1,0 +1,362 @@
+"""The guide: keeps a path to the goal at hand, planned beside the control loop."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
+from planner.guide.line import LineConfig
+from planner.guide.path_search import PathConfig, plan_path
+from planner.guide.route import find_route
+from planner.guide.smoothing import NEAR_GOAL, Smoother
+from planner.motion.dynamics import CarLimits
+from planner.motion.path import SPACING, Path, project
+from planner.motion.plan import mirrored
+from planner.risk.cost_map import Belief, CostMap, remember
+from planner.risk.risk_map import RiskMap
+from predictor import OccupancyGrid, Prediction
+
+REST = 1e-6
+"""A car slower than this stands, and may change its gear [m/s]."""
+
+
+@dataclass(frozen=True)
+class GuideConfig:
+    """When paths are planned and adopted.
+
+    Attributes:
+        every: ticks from one request to the next while nothing is wrong.
+        delay: ticks from a request to the adoption of its path: what the search may take.
+        ahead: how far along the route OMPL's curves reach [m]; where none is found, how far next.
+        better: a way replaces the one at hand if it costs less than this share.
+        join: how far ahead a given way is joined [m].
+        beside: so near to a given way the car has come along it [m].
+        turning_room: how far before a path meets an obstacle it ends until there is another [m].
+        leg_end: a leg is complete when the car rests within this distance of its end [m].
+        onward: by how much the search over arcs has to reduce the cost to go [m].
+        search: settings of OMPL's search.
+        hybrid: settings of the search over arcs.
+        line: settings of the line along the path.
+    """
+
+    every: int = 8
+    delay: int = 1
+    ahead: tuple[float, ...] = (9.0, 5.0, 3.0)
+    better: float = 0.95
+    join: float = 12.0
+    beside: float = 1.0
+    turning_room: float = 1.2
+    leg_end: float = 0.12
+    onward: float = 6.0
+    search: PathConfig = field(default_factory=PathConfig)
+    hybrid: HybridConfig = field(default_factory=HybridConfig)
+    line: LineConfig = field(default_factory=LineConfig)
+
+
+class Guide:
+    """Requests paths, adopts each a fixed number of ticks later, and says where the car is.
+
+    The car follows a smooth line, along the current way or along the route that Dijkstra's
+    algorithm finds, whichever is cheaper. If neither line can be driven, a hybrid A* search over
+    arcs looks for a way, and then OMPL. If the car rests, the search over arcs looks for a way out,
+    in both gears if the car has two.
+    Planning time is measured apart from the control cycle's.
+
+    Args:
+        goal: x, y [m].
+        waypoints: (n, 2) a route given as the task, followed in place of one of our own.
+        car: what it can do; its body.
+        config: settings.
+        seed: of the search.
+    """
+
+    def __init__(
+        self,
+        goal: tuple[float, float],
+        waypoints: NDArray[np.float64] | None,
+        car: CarLimits,
+        config: GuideConfig,
+        seed: int,
+    ) -> None:
+        self.goal, self.car, self.config, self.seed = goal, car, config, seed
+        self._given = None if waypoints is None else Path.through(waypoints, "given").points
+        self._given_at = 0
+        self.path: Path | None = None
+        self._whole: Path | None = None
+        self._belief: Belief | None = None
+        self.segment = 0
+        self.is_new = False
+        self.counts: Counter[str] = Counter()
+        self.plan_ms = 0.0
+        self.gear = 1
+        self._pending: tuple[int, Path] | None = None
+        self._requested = -(10**9)
+        self._legs: list[tuple[int, Path]] = []
+        self._on_leg = False
+        self._stuck = np.empty((0, 2))
+
+    def shift(self, state: NDArray[np.float64]) -> int:
+        """Begin the next leg of a way out, where the car stands at the last one's end.
+
+        Args:
+            state: x, y, yaw, v now, (4,).
+
+        Returns:
+            The gear to drive in, 1 or -1.
+        """
+        if self._legs and abs(state[3]) < REST:
+            self._change_leg(state)
+        return self.gear
+
+    def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
+        """Advance by a tick: adopt a path that is due, and end it before what blocks it.
+
+        Args:
+            tick: number of this tick.
+            state: x, y, yaw, v now, (4,), of a car that looks where it drives.
+            risk: the newest map around the car.
+        """
+        self.is_new = False
+        if self._pending is not None and tick >= self._pending[0]:
+            self._adopt(self._pending[1])
+            self._pending = None
+        if self._whole is not None:
+            # A new path starts where the car was expected to be: near its first metres.
+            reach = 40 if self.is_new else 15
+            self.segment, _, _ = project(
+                self._whole.points, state[0], state[1], self.segment - 5, self.segment + reach
+            )
+            self.path = self._unblocked(self._whole, risk)
+
+    def request(
+        self,
+        tick: int,
+        ahead: NDArray[np.float64],
+        known: OccupancyGrid,
+        risk: RiskMap,
+        steering: Prediction | None,
+    ) -> None:
+        """Plan a path if one is due; it is adopted `delay` ticks from now.
+
+        Args:
+            tick: number of this tick.
+            ahead: the states the car is going to be in, from now on, (n, 4).
+            known: what has been seen.
+            risk: the newest map around the car.
+            steering: a prediction that may move the route, or None.
+        """
+        self.plan_ms = 0.0
+        if self._legs or self.gear < 0 or self._is_held():
+            return
+        urgent = self.path is not self._whole or ahead[:, 3].max() < 0.2
+        overdue = tick - self._requested >= self.config.every
+        if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
+            self._requested = tick
+            # A car without a path stands, and need not wait for one.
+            delay = 0 if self.path is None else self.config.delay
+            at = min(delay, len(ahead) - 1)
+            started = time.perf_counter()
+            path = self._plan(tick, ahead[at], known, risk, steering)
+            self.plan_ms = 1e3 * (time.perf_counter() - started)
+            if path is not None:
+                self._pending = (tick + delay, path)
+
+    def unstick(
+        self,
+        tick: int,
+        state: NDArray[np.float64],
+        known: OccupancyGrid,
+        steering: Prediction | None,
+    ) -> None:
+        """Search for a way out for a car that rests, in both gears if it has two.
+
+        Args:
+            tick: number of this tick.
+            state: x, y, yaw, v now, (4,), of a car that looks where it drives.
+            known: what has been seen.
+            steering: a prediction that may move the route, or None.
+        """
+        started = time.perf_counter()
+        pose = state if self.gear > 0 else mirrored(state)
+        front = pose[:2] + self.car.body.half_length * np.array(
+            [math.cos(pose[2]), math.sin(pose[2])]
+        )
+        cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
+        c = self.config
+        # Not through what is in front, unless there is no other way.
+        stuck = np.vstack([self._stuck, front])
+        for places in (stuck, stuck[:0]):
+            legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
+            if legs:
+                break
+        self._legs = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
+        self._legs += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
+        self._stuck = stuck
+        self._requested = tick
+        self._on_leg, self._pending = False, None
+        self.counts["manoeuvre"] += bool(self._legs)
+        self.plan_ms = 1e3 * (time.perf_counter() - started)
+
+    def _adopt(self, path: Path) -> None:
+        self._whole, self.segment, self.is_new = path, 0, True
+        self.counts[path.source] += 1
+
+    def _change_leg(self, state: NDArray[np.float64]) -> None:
+        if self._on_leg:
+            if math.dist(self._legs[0][1].points[-1], state[:2]) > self.config.leg_end:
+                return
+            del self._legs[0]
+        self.gear, path = self._legs[0]
+        self._adopt(path)
+        self._on_leg = len(self._legs) > 1
+        # The last of them is a path as any other.
+        if not self._on_leg:
+            self._legs = []
+
+    def _is_held(self) -> bool:
+        """Whether the car is on arcs that were searched for, and ends them first."""
+        path = self._whole
+        if path is None or path.source != "hybrid" or self.path is not path:
+            return False
+        return path.drivable - self.segment > 0.5 / SPACING
+
+    def _unblocked(self, path: Path, risk: RiskMap) -> Path:
+        """The path, or the part of it that ends with room to turn before an obstacle."""
+        coming = path.points[self.segment : self.segment + 100]
+        cells = np.floor((coming - np.array(risk.frame.origin)) / risk.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(risk.frame.shape[::-1]))).all(axis=1)
+        cells = cells[inside]
+        blocked = risk.obstacle_distance[cells[:, 1], cells[:, 0]] < self.car.body.half_width + 0.02
+        if not blocked.any():
+            return path
+        first = self.segment + int(np.flatnonzero(inside)[np.argmax(blocked)])
+        end = max(first - round(self.config.turning_room / SPACING), self.segment + 2)
+        return Path(path.points[:end], path.source)
+
+    def _costs(
+        self, known: OccupancyGrid, steering: Prediction | None, position: tuple[float, float]
+    ) -> tuple[CostMap, NDArray[np.float64] | None]:
+        """What a metre of way costs, and what is left of a given way."""
+        if steering is not None:
+            self._belief = remember(self._belief, known.frame, steering)
+        way = None if self._given is None else self._still_to_go(self._given, position)
+        cost = CostMap.build(known, self._belief, self.car.body.half_width, way, self._stuck)
+        return cost, way
+
+    def _plan(
+        self,
+        tick: int,
+        state: NDArray[np.float64],
+        known: OccupancyGrid,
+        risk: RiskMap,
+        steering: Prediction | None,
+    ) -> Path | None:
+        position, speed = (float(state[0]), float(state[1])), float(state[3])
+        cost, way = self._costs(known, steering, position)
+        route = None if way is None else self._along(way, cost, position)
+        if route is None:
+            route = find_route(cost, position, self.goal)
+        if route is None:
+            self.counts["no_route"] += 1
+            return None
+        pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
+        smoother = Smoother(cost, risk, self.goal, self.car, self.config.line)
+        fresh = smoother.along(Path.through(route, "route").points, pose, "route")
+        kept = self._kept(smoother, pose)
+        if fresh is None and kept is None:
+            seed = self.seed * 100_003 + tick
+            found = self._searched(cost, known, pose)
+            if found is None:
+                found = self._sampled(cost, risk, pose, route, seed)
+            if found is not None:
+                return smoother.along(found.points, pose, found.source) or found
+            # The car cannot drive a polyline's corners. It is better off at the end of the path
+            # that it has, which leaves it room to turn, as long as it has not come to rest there.
+            self.counts["not_found"] += 1
+            return (
+                None if self.path is not None and speed > 0.3 else Path.through(route, "dijkstra")
+            )
+        if fresh is None or kept is None:
+            return fresh or kept
+        prices = [smoother.price(path, speed) for path in (fresh, kept)]
+        # A car that keeps changing its mind orbits.
+        return fresh if prices[0] < self.config.better * prices[1] else kept
+
+    def _kept(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
+        """The path at hand, smoothed anew from a pose; None where it no longer serves."""
+        path = self._whole
+        if path is None or path is not self.path or path.source == "dijkstra":
+            return None
+        x, y = float(pose[0]), float(pose[1])
+        here, _, square = project(path.points, x, y, self.segment - 5, self.segment + 30)
+        left = path.points[here:]
+        # Beyond the goal it leads on, but not back.
+        missed = np.hypot(*(left - np.array(self.goal)).T).min() > NEAR_GOAL
+        if square > 0.4**2 or len(left) < 8 or missed:
+            return None
+        return smoother.along(left, pose, path.source)
+
+    def _sampled(
+        self,
+        cost: CostMap,
+        risk: RiskMap,
+        pose: NDArray[np.float64],
+        route: NDArray[np.float64],
+        seed: int,
+    ) -> Path | None:
+        """OMPL's path along a route, as far along it as it finds one."""
+        search = self.config.search
+        # Last, as tight as the car can turn.
+        tries = [(ahead, search) for ahead in self.config.ahead]
+        tries.append((self.config.ahead[-2], replace(search, slack=1.01)))
+        for ahead, settings in tries:
+            found = plan_path(cost, risk, pose, route, ahead, self.car, settings, seed)
+            if found is not None:
+                return found
+        return None
+
+    def _searched(
+        self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
+    ) -> Path | None:
+        """A path over arcs forward, and the route from its end."""
+        forward = replace(self.car, reverse=0.0)
+        legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, forward,
+                         self.config.hybrid)  # fmt: skip
+        return self._onward(cost, legs[0]) if legs else None
+
+    def _onward(self, cost: CostMap, leg: Leg) -> Path:
+        """A path along a leg, and the route from its end."""
+        arcs = Path.through(leg.poses[:, :2], "hybrid")
+        end = arcs.points[-1]
+        rest = find_route(cost, (float(end[0]), float(end[1])), self.goal)
+        points = arcs.points if rest is None else np.vstack([arcs.points, rest[1:]])
+        return replace(Path.through(points, "hybrid"), drivable=len(arcs.points))
+
+    def _still_to_go(
+        self, given: NDArray[np.float64], position: tuple[float, float]
+    ) -> NDArray[np.float64]:
+        """The part of the given way that is left, (n, 2); notes how far the car has come."""
+        reach = round(self.config.join / SPACING) + 10
+        at, _, square = project(given, *position, self._given_at - 10, self._given_at + reach)
+        # What is farther away may lie behind a wall, and is yet to be reached.
+        if square < self.config.beside**2:
+            self._given_at = at
+        return given[self._given_at :]
+
+    def _along(
+        self, way: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
+    ) -> NDArray[np.float64] | None:
+        """A route (n, 2) that joins a way some metres ahead and follows it to its end.
+
+        It is searched for, for the straight line to the way may lead through a wall; None where
+        there is none.
+        """
+        last = min(round(self.config.join / SPACING), len(way) - 1)
+        route = find_route(cost, position, (float(way[last, 0]), float(way[last, 1])))
+        return None if route is None else np.vstack([route, way[last + 1 :]])

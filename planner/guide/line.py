@@ -1,0 +1,265 @@
+"""The line: a smooth curve along a way, as fast as the car can take it.
+
+A way found on a grid or by sampling has kinks. The line is the curve near it that minimises
+
+    ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - way|² ds,
+
+by Gauss-Newton steps on evenly spaced points (an elastic band: Quinlan and Khatib 1993). The car's
+pose pins its first two points and the way's end its last.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.path import SPACING
+from predictor.mapping.kernels import njit
+
+
+@dataclass(frozen=True)
+class LineConfig:
+    """Settings of the line.
+
+    Attributes:
+        reach: how far ahead the line is smoothed [m].
+        bending: ratio of bending to tension [m²].
+        push: weight of a squared metre of clearance lacking, over that of tension [1/m²].
+        comfort: clearances below which the line's points are pushed away [m]; the second is for
+            places where the car cannot drive the line of the first.
+        tether: weight of a squared metre off the way, where the way is unseen [1/m²].
+        hold: weight of a squared metre off the goal [1/m²].
+        iterations: of Gauss-Newton.
+    """
+
+    reach: float = 20.0
+    bending: float = 1.0
+    push: float = 60.0
+    comfort: tuple[float, ...] = (0.75, 0.45)
+    tether: float = 0.5
+    hold: float = 500.0
+    iterations: int = 15
+
+
+def lines_along(
+    way: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    clearance: NDArray[np.float32],
+    resolution: float,
+    origin: tuple[float, float],
+    unsure: NDArray[np.bool_],
+    goal: tuple[float, float],
+    tightest: float,
+    config: LineConfig,
+) -> Iterator[NDArray[np.float64]]:
+    """Yield the lines (n, 2) [m] along a way, one for each comfort; none if it is below 0.5 m.
+
+    Args:
+        way: (n, 2) [m], `SPACING` apart, from near the pose.
+        pose: x, y, yaw where the line begins, (3,).
+        clearance: distance to the nearest obstacle [m], (rows, columns).
+        resolution: side of its cells [m].
+        origin: x, y of its lower-left corner [m].
+        unsure: cells in which the line is tethered to the way, (rows, columns).
+        goal: x, y [m]; a line whose way passes it does so too.
+        tightest: curvature that the line should not exceed [1/m].
+        config: settings.
+    """
+    way = way[: round(config.reach / SPACING) + 1].copy()
+    if len(way) < 6:
+        return
+    cells = np.floor((way - np.array(origin)) / resolution).astype(int)
+    inside = ((cells >= 0) & (cells < np.array(unsure.shape[::-1]))).all(axis=1)
+    tether = np.full(len(way), config.tether)
+    tether[inside] *= unsure[cells[inside, 1], cells[inside, 0]]
+    passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
+    if math.dist(way[passed], goal) < 0.4:
+        way[passed], tether[passed] = goal, config.hold
+    guess = _begun(way, pose)
+    for comfort in config.comfort:
+        yield relax(guess, way, tether, clearance, resolution, origin, config.bending,
+                    config.push, comfort, config.iterations, tightest)  # fmt: skip
+
+
+def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The way, with its first points moved so that it begins at a pose."""
+    guess = way.copy()
+    fade = np.clip(1.0 - np.arange(len(way)) * SPACING / 1.5, 0.0, None)[:, None]
+    guess += fade * (pose[:2] - way[0])
+    guess[0] = pose[:2]
+    guess[1] = pose[:2] + SPACING * np.array([math.cos(pose[2]), math.sin(pose[2])])
+    return guess
+
+
+@njit(cache=True, nogil=True)
+def curvatures(points):  # type: ignore[no-untyped-def]
+    """Signed curvature at each point of a polyline, (n,) [1/m]; that of its ends is their
+    neighbours'."""
+    n = points.shape[0]
+    out = np.zeros(n)
+    for i in range(1, n - 1):
+        ax, ay = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+        bx, by = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
+        cx, cy = ax + bx, ay + by
+        cross = ax * by - ay * bx
+        if ax * bx + ay * by < 0.0:
+            # It turns back. Three points on one straight line would pass for no curvature at all.
+            shorter = min(math.hypot(ax, ay), math.hypot(bx, by))
+            out[i] = math.copysign(2.0 / max(shorter, 1e-9), cross)
+            continue
+        product = math.sqrt((ax * ax + ay * ay) * (bx * bx + by * by) * (cx * cx + cy * cy))
+        out[i] = 2.0 * cross / max(product, 1e-9)
+    if n > 2:
+        out[0], out[n - 1] = out[1], out[n - 2]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations,  # type: ignore[no-untyped-def]
+          tightest):  # fmt: skip
+    """The curve (n, 2) that costs least, its first two points and its last held.
+
+    Args:
+        guess: (n, 2) evenly spaced points [m].
+        way: what they are tethered to, (n, 2) [m].
+        tether: weights of that, (n,) [1/m²].
+        field: clearance [m], (rows, columns).
+        resolution: side of its cells [m].
+        origin: x, y of its lower-left corner [m].
+        bending: over tension [m²].
+        push: weight of clearance lacking over tension [1/m²].
+        comfort: clearance below which it counts [m].
+        iterations: of Gauss-Newton.
+        tightest: curvature [1/m]; where it is more the line is made stiffer.
+    """
+    n = guess.shape[0]
+    p = guess.copy()
+    free = n - 3
+    size = 2 * free
+    h = 0.0
+    for i in range(n - 1):
+        h += math.hypot(way[i + 1, 0] - way[i, 0], way[i + 1, 1] - way[i, 1])
+    h /= n - 1
+    taut, stiff = 1.0 / h, bending / (h * h * h)
+    rows, cols = field.shape
+    band = np.empty((size, 5))
+    right = np.empty(size)
+    stiffer = np.ones(n)
+    for iteration in range(2 * iterations):
+        band[:] = 0.0
+        right[:] = 0.0
+        # Differences p_{i+1} - p_i, and p_{i-1} - 2 p_i + p_{i+1}.
+        for order in range(2):
+            for first in range(n - 1 - order):
+                weight = taut if order == 0 else stiff * stiffer[first + 1]
+                for axis in range(2):
+                    if order == 0:
+                        value = p[first + 1, axis] - p[first, axis]
+                    else:
+                        value = p[first, axis] - 2.0 * p[first + 1, axis] + p[first + 2, axis]
+                    for a in range(order + 2):
+                        ca = _factor(order, a)
+                        ia = first + a - 2
+                        if ia < 0 or ia >= free:
+                            continue
+                        right[2 * ia + axis] -= weight * ca * value
+                        for b in range(a + 1):
+                            ib = first + b - 2
+                            if ib >= 0:
+                                band[2 * ia + axis, 2 * (a - b)] += weight * ca * _factor(order, b)
+        for i in range(free):
+            x, y = p[i + 2, 0], p[i + 2, 1]
+            w = tether[i + 2] * h
+            right[2 * i] -= w * (x - way[i + 2, 0])
+            right[2 * i + 1] -= w * (y - way[i + 2, 1])
+            band[2 * i, 0] += w
+            band[2 * i + 1, 0] += w
+            u = min(max((x - origin[0]) / resolution - 0.5, 0.0), cols - 1.001)
+            v = min(max((y - origin[1]) / resolution - 0.5, 0.0), rows - 1.001)
+            col, row = int(u), int(v)
+            du, dv = u - col, v - row
+            f00, f01 = field[row, col], field[row, col + 1]
+            f10, f11 = field[row + 1, col], field[row + 1, col + 1]
+            value = (1 - dv) * ((1 - du) * f00 + du * f01) + dv * ((1 - du) * f10 + du * f11)
+            lacking = comfort - value
+            if lacking > 0.0:
+                gx = ((1 - dv) * (f01 - f00) + dv * (f11 - f10)) / resolution
+                gy = ((1 - du) * (f10 - f00) + du * (f11 - f01)) / resolution
+                w = push * h
+                right[2 * i] += w * lacking * gx
+                right[2 * i + 1] += w * lacking * gy
+                band[2 * i, 0] += w * gx * gx
+                band[2 * i + 1, 0] += w * gy * gy
+                band[2 * i + 1, 1] += w * gx * gy
+        # Cholesky's factor in place: L[i, i - j] is band[i, j].
+        for i in range(size):
+            for j in range(min(i, 4), -1, -1):
+                total = band[i, j]
+                for k in range(j + 1, min(i, 4) + 1):
+                    if k - j <= 4:
+                        total -= band[i, k] * band[i - j, k - j]
+                band[i, j] = math.sqrt(max(total, 1e-9)) if j == 0 else total / band[i - j, 0]
+        for i in range(size):
+            for k in range(1, min(i, 4) + 1):
+                right[i] -= band[i, k] * right[i - k]
+            right[i] /= band[i, 0]
+        longest = 0.0
+        for i in range(size - 1, -1, -1):
+            for k in range(1, min(size - 1 - i, 4) + 1):
+                right[i] -= band[i + k, k] * right[i + k]
+            right[i] /= band[i, 0]
+            longest = max(longest, abs(right[i]))
+        # Far from where the clearance was read, its slope is no longer what it was.
+        share = min(1.0, 0.3 / max(longest, 1e-9))
+        for i in range(free):
+            p[i + 2, 0] += share * right[2 * i]
+            p[i + 2, 1] += share * right[2 * i + 1]
+        if longest < 2e-3 or iteration % 5 == 4:
+            bent = np.abs(curvatures(p))
+            if bent.max() <= tightest and (longest < 2e-3 or iteration >= iterations):
+                break
+            for i in range(n):
+                if bent[i] > tightest:
+                    for j in range(max(0, i - 2), min(n, i + 3)):
+                        stiffer[j] = max(stiffer[j], 1.0) * 1.3
+    return p
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _factor(order, k):  # type: ignore[no-untyped-def]
+    """Of the k-th point in a first or second difference."""
+    if order == 0:
+        return -1.0 if k == 0 else 1.0
+    return -2.0 if k == 1 else 1.0
+
+
+@njit(cache=True, nogil=True)
+def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-untyped-def]
+    """The fastest speeds along a line (n,) [m/s], by a pass back and one forth.
+
+    Args:
+        points: (n, 2) [m].
+        start: speed at the first point [m/s].
+        v_max: top speed [m/s].
+        accel: most acceleration [m/s²].
+        braking: most deceleration [m/s²].
+        lateral: most lateral acceleration [m/s²].
+    """
+    n = points.shape[0]
+    kappa = curvatures(points)
+    squares = np.empty(n)
+    for i in range(n):
+        squares[i] = min(v_max * v_max, lateral / max(abs(kappa[i]), 1e-9))
+    for i in range(n - 2, -1, -1):
+        step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
+        squares[i] = min(squares[i], squares[i + 1] + 2.0 * braking * step)
+    # A car that comes too fast is no faster for it: it leaves the line.
+    squares[0] = min(squares[0], start * start)
+    for i in range(n - 1):
+        step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
+        squares[i + 1] = min(squares[i + 1], squares[i] + 2.0 * accel * step)
+    return np.sqrt(squares)

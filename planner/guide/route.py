@@ -1,0 +1,185 @@
+"""The route: the cheapest way to the goal over the whole map, by Dijkstra's algorithm."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.risk.cost_map import CostMap
+from predictor.mapping.kernels import njit
+
+
+def find_route(
+    cost: CostMap, start: tuple[float, float], goal: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    """Vertices (n, 2) [m] from start to goal, or None where seen-occupied space closes all ways.
+
+    The search runs on cells of twice the map's size: such a cell is open where the body fits
+    somewhere inside it, and costs its cheapest part.
+    """
+    coarse, step = _coarse(cost)
+    ends = [_open_cell(cost, coarse, step, point) for point in (start, goal)]
+    if ends[0] is None or ends[1] is None:
+        return None
+    _, towards = _dijkstra(coarse, *ends[0], *ends[1])
+    cells = _trace(towards, coarse.shape[1] + 2, *ends[0], *ends[1])
+    if len(cells) == 0:
+        return None
+    points = np.column_stack([
+        cost.frame.origin[0] + (cells[:, 1] + 0.5) * step,
+        cost.frame.origin[1] + (cells[:, 0] + 0.5) * step,
+    ])  # fmt: skip
+    # Moving averages take the staircase out without leaving the cells' neighbourhood.
+    if len(points) > 4:
+        padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
+        points = np.mean([padded[i : i + len(points)] for i in range(5)], axis=0)
+    return np.vstack([np.asarray(start)[None], points[1:-1], np.asarray(goal)[None]])
+
+
+def cost_to_go(
+    cost: CostMap, goal: tuple[float, float]
+) -> tuple[NDArray[np.float32], float] | None:
+    """What the cheapest way from each place to the goal costs [m of free way], ignoring turns.
+
+    Returns:
+        The costs (rows, columns), infinite where there is no way, on cells whose side comes
+        with them [m]; None where the goal lies in what was seen occupied.
+    """
+    coarse, step = _coarse(cost)
+    end = _open_cell(cost, coarse, step, goal)
+    if end is None:
+        return None
+    best, _ = _dijkstra(coarse, -1, -1, *end)
+    rows, cols = coarse.shape
+    return best.reshape(rows + 2, cols + 2)[1:-1, 1:-1] * np.float32(step), step
+
+
+def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
+    """Costs of cells of twice the map's size, infinite where the body fits nowhere; their side."""
+    rows, cols = (n // 2 * 2 for n in cost.frame.shape)
+    fits = cost.clearance[:rows, :cols] >= cost.required
+    density = np.where(fits, cost.density[:rows, :cols], np.inf)
+    # Cell by cell of the four: numpy is ten times slower over axes of two.
+    upper, lower = (np.minimum(row[:, ::2], row[:, 1::2]) for row in (density[::2], density[1::2]))
+    return np.minimum(upper, lower), 2 * cost.frame.resolution
+
+
+def _open_cell(
+    cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
+) -> tuple[int, int] | None:
+    row = math.floor((point[1] - cost.frame.origin[1]) / step)
+    col = math.floor((point[0] - cost.frame.origin[0]) / step)
+    return _nearest_open(coarse, row, col, math.ceil(0.6 / step))
+
+
+def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> tuple | None:
+    r0, c0 = max(0, row - reach), max(0, col - reach)
+    part = cost[r0 : row + reach + 1, c0 : col + reach + 1]
+    rows, cols = np.nonzero(np.isfinite(part))
+    if len(rows) == 0:
+        return None
+    i = int(np.argmin((rows + r0 - row) ** 2 + (cols + c0 - col) ** 2))
+    return int(rows[i] + r0), int(cols[i] + c0)
+
+
+@njit(cache=True, nogil=True)
+def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
+    """The cheapest 8-connected ways to a goal, until the start is reached.
+
+    Args:
+        cost: of a cell, above 0, and infinite where there is no way, (rows, columns).
+        start_row: of the start; -1: the ways from everywhere are wanted.
+        start_col: likewise.
+        goal_row: of the goal.
+        goal_col: likewise.
+
+    Returns:
+        Over the map with a border one cell wide, flat: what is left to go, in cells' costs; and the
+        next cell on the way, -1 where there is none.
+    """
+    rows, cols = cost.shape
+    # With a border that nothing enters, so that every cell has eight neighbours.
+    wide = cols + 2
+    price = np.full((rows + 2) * wide, np.inf, dtype=np.float32)
+    price.reshape(rows + 2, wide)[1:-1, 1:-1] = cost
+    best = np.full(price.size, np.inf, dtype=np.float32)
+    towards = np.full(price.size, -1, dtype=np.int32)
+    keys = np.empty(1024, dtype=np.float32)
+    nodes = np.empty(1024, dtype=np.int32)
+    goal = (goal_row + 1) * wide + goal_col + 1
+    start = (start_row + 1) * wide + start_col + 1 if start_row >= 0 else -1
+    best[goal] = 0.0
+    keys[0], nodes[0] = 0.0, goal
+    count = 1
+    straight = np.float32(0.5)
+    diagonal = np.float32(0.5) * np.float32(math.sqrt(2.0))
+    while count:
+        key, node = keys[0], nodes[0]
+        count -= 1
+        # Sift the last entry down from the heap's top.
+        last_key, last_node = keys[count], nodes[count]
+        i = 0
+        while True:
+            child = 2 * i + 1
+            if child >= count:
+                break
+            if child + 1 < count and keys[child + 1] < keys[child]:
+                child += 1
+            if keys[child] >= last_key:
+                break
+            keys[i], nodes[i] = keys[child], nodes[child]
+            i = child
+        keys[i], nodes[i] = last_key, last_node
+        if key > best[node]:
+            continue
+        if node == start:
+            break
+        if count + 8 > keys.size:
+            keys = np.concatenate((keys, np.empty_like(keys)))
+            nodes = np.concatenate((nodes, np.empty_like(nodes)))
+        for up in (-wide, 0, wide):
+            for right in range(-1, 2):
+                other = node + up + right
+                # Nothing is gained there; the node itself is such a place.
+                if best[other] <= key:
+                    continue
+                half = straight
+                if up != 0 and right != 0:
+                    # A diagonal step passes both corners.
+                    if price[node + up] == np.inf or price[node + right] == np.inf:
+                        continue
+                    half = diagonal
+                value = key + half * (price[node] + price[other])
+                if value < best[other]:
+                    best[other] = value
+                    towards[other] = node
+                    i = count
+                    count += 1
+                    while i > 0:
+                        parent = (i - 1) // 2
+                        if keys[parent] <= value:
+                            break
+                        keys[i], nodes[i] = keys[parent], nodes[parent]
+                        i = parent
+                    keys[i], nodes[i] = value, other
+    return best, towards
+
+
+@njit(cache=True, nogil=True)
+def _trace(towards, wide, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
+    """Cells (n, 2) from start to goal; none if there is no way."""
+    start, goal = (start_row + 1) * wide + start_col + 1, (goal_row + 1) * wide + goal_col + 1
+    if start != goal and towards[start] < 0:
+        return np.empty((0, 2), dtype=np.int64)
+    steps, here = 1, start
+    while here != goal:
+        here = towards[here]
+        steps += 1
+    cells = np.empty((steps, 2), dtype=np.int64)
+    here = start
+    for i in range(steps):
+        cells[i, 0], cells[i, 1] = here // wide - 1, here % wide - 1
+        here = towards[here]
+    return cells

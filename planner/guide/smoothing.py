@@ -1,0 +1,129 @@
+"""Paths that a car can drive fast: lines along ways, tested, and what a path costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.guide.line import LineConfig, curvatures, lines_along, speeds
+from planner.motion.dynamics import CarLimits
+from planner.motion.path import SPACING, Path
+from planner.risk.cost_map import CostMap
+from planner.risk.risk_map import RiskMap
+from predictor import GridFrame
+
+NEAR_GOAL = 0.3
+"""A path that passes within this distance of the goal leads there [m]."""
+SLOWEST = 0.5
+"""Lower bound of the speed in a path's price [m/s]."""
+
+
+class Smoother:
+    """Makes smooth paths of ways, in one map.
+
+    Args:
+        cost: what a metre of way costs, and what is in the way.
+        near: the newest map around the car.
+        goal: x, y [m].
+        car: what it can do; its body.
+        config: settings of the line.
+    """
+
+    def __init__(
+        self,
+        cost: CostMap,
+        near: RiskMap,
+        goal: tuple[float, float],
+        car: CarLimits,
+        config: LineConfig,
+    ) -> None:
+        self.cost, self.near, self.goal = cost, near, goal
+        self.car, self.config = car, config
+
+    def along(
+        self, way: NDArray[np.float64], pose: NDArray[np.float64], source: str
+    ) -> Path | None:
+        """Return the path of the first line along a way (n, 2) that can be driven, or None.
+
+        Args:
+            way: (n, 2) [m], `SPACING` apart; beyond the line's reach it stays as it is.
+            pose: x, y, yaw where the path begins, (3,).
+            source: who found the way.
+        """
+        cost, frame = self.cost, self.cost.frame
+        way = self._run_out(way)
+        lines = lines_along(way, pose, cost.room, frame.resolution, frame.origin, cost.unsure,
+                            self.goal, 0.95 * self.car.max_curvature, self.config)  # fmt: skip
+        for line in lines:
+            if self._is_drivable(line):
+                path = Path.through(np.vstack([line, way[len(line) :]]), source)
+                return replace(path, drivable=min(len(line), len(path.points)))
+        return None
+
+    def price(self, path: Path, speed: float) -> float:
+        """Return the price of a path: driving time, weighted by the cost of each place.
+
+        The time is in metres at top speed.
+
+        Args:
+            path: to be priced.
+            speed: at its start [m/s].
+        """
+        car, points = self.car, path.points
+        head = points[: max(2, min(path.drivable or 120, len(points)))]
+        v = speeds(head, max(speed, SLOWEST), car.v_max, car.acceleration, car.braking,
+                   car.planned_cornering)  # fmt: skip
+        slowness = np.ones(len(points))
+        slowness[: len(head)] = car.v_max / np.maximum(v, SLOWEST)
+        return self.cost.along(points, slowness)
+
+    def _run_out(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Extend a way that ends at the goal straight on, as far as nothing is in the way.
+
+        The goal may be passed at any speed, so the car need not brake for it.
+        """
+        if len(way) < 6 or math.dist(way[-1], self.goal) > 0.2:
+            return way
+        heading = way[-1] - way[-6]
+        heading /= max(float(np.hypot(*heading)), 1e-9)
+        count = math.ceil((self.car.stopping_distance + 0.5) / SPACING)
+        on = way[-1] + SPACING * np.arange(1, count + 1)[:, None] * heading
+        inside, rows, cols = _cells(on, self.cost.frame)
+        open_ = np.zeros(count, dtype=bool)
+        open_[inside] = self.cost.room[rows, cols] >= self.cost.required + 0.1
+        # The body reaches farther than its centre: a line that ends here has to fit.
+        open_ &= self._fit(on + (self.car.body.length / 4 + SPACING) * heading)
+        return np.vstack([way, on[: count if open_.all() else int(np.argmin(open_))]])
+
+    def _is_drivable(self, line: NDArray[np.float64]) -> bool:
+        """Whether the car can steer along a line, and its body fits."""
+        if np.abs(curvatures(line)).max() > self.car.max_curvature:
+            return False
+        steps = np.diff(line, axis=0)
+        steps *= self.car.body.length / 4 / np.hypot(*steps.T)[:, None]
+        # The car may start closer to something than it likes; it must be able to leave.
+        start = np.hypot(*(line[1:] - line[0]).T) < 0.45
+        return all((start | self._fit(line[1:] + side * steps)).all() for side in (-1, 1))
+
+    def _fit(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether a circle that covers half of the body fits at each point, (n,)."""
+        around = math.hypot(self.car.body.length / 4, self.car.body.half_width) + 0.02
+        out = np.ones(len(points), dtype=bool)
+        inside, rows, cols = _cells(points, self.cost.frame)
+        out[inside] = self.cost.clearance[rows, cols] >= self.cost.required
+        # Around the car it is known to the cell.
+        inside, rows, cols = _cells(points, self.near.frame)
+        out[inside] = self.near.obstacle_distance[rows, cols] >= around
+        return out
+
+
+def _cells(
+    points: NDArray[np.float64], frame: GridFrame
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
+    """Which points (n, 2) lie inside a frame, and the rows and columns of those."""
+    cells = np.floor((points - np.array(frame.origin)) / frame.resolution).astype(np.int64)
+    inside = ((cells >= 0) & (cells < np.array(frame.shape[::-1]))).all(axis=1)
+    return inside, cells[inside, 1], cells[inside, 0]

@@ -1,0 +1,1 @@
+"""Motion: the car's dynamics, plans, paths, and what a moving body meets."""

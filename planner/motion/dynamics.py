@@ -1,0 +1,175 @@
+"""The Dubins car with bounded acceleration, as the MPC sees it.
+
+State [x, y, yaw, v], control [a, κ]. With a and κ held over a step the car runs along a circular
+arc, so the step has a closed form and needs no integrator: with s = v·dt + a·dt²/2,
+
+    p' = p + s · sinc(κs/2) · (cos(yaw + κs/2), sin(yaw + κs/2))
+    yaw' = yaw + κs
+    v' = v + a·dt.
+
+casadi derives the first and second derivatives of a stage; numba rolls plans out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor import Body
+from predictor.mapping.finite import check_finite
+from predictor.mapping.kernels import njit
+
+NX, NU = 4, 2
+"""Sizes of state and control."""
+REFERENCE = 9
+"""Size of a stage's reference: point r (2), gradient g (2), symmetric M (xx, xy, yy), heading and
+its weight."""
+
+
+@dataclass(frozen=True)
+class CarLimits:
+    """What the car can do.
+
+    Attributes:
+        v_max: top speed [m/s].
+        acceleration: [m/s²].
+        braking: [m/s²], positive.
+        lateral_acceleration: [m/s²].
+        turning_radius: [m].
+        body: the rectangle around (x, y).
+        reverse: top speed in reverse [m/s]; 0: there is no reverse gear.
+    """
+
+    v_max: float = 4.0
+    acceleration: float = 1.5
+    braking: float = 1.5
+    lateral_acceleration: float = 3.0
+    turning_radius: float = 0.8
+    body: Body = field(default_factory=Body)
+    reverse: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_finite(
+            self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
+        )
+        check_finite(self, "reverse", zero=True)
+
+    @property
+    def planned_cornering(self) -> float:
+        """What plans use of the lateral acceleration: rounding must not lead beyond it [m/s²]."""
+        return 0.99 * self.lateral_acceleration
+
+    @property
+    def max_curvature(self) -> float:
+        """[1/m]."""
+        return 1.0 / self.turning_radius
+
+    @property
+    def stopping_distance(self) -> float:
+        """From top speed [m]."""
+        return self.v_max**2 / (2 * self.braking)
+
+
+def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.Function:
+    """First and second derivatives of all stages of the optimal-control problem.
+
+    Stage cost: g·(p - r) + (p - r)ᵀM(p - r)/2 + w_h·(1 - cos(yaw - h)) + w_a·a² + w_κ·κ².
+
+    Args:
+        dt: step [s].
+        stages: N + 1; the last has no control that matters.
+        weights: w_a, w_κ, (2,).
+
+    Returns:
+        A function of state and control (6, stages), multipliers of the dynamics (4, stages) and
+        references (9, stages), to the Jacobian of the dynamics (4, 6·stages), the gradient of
+        the stage cost (6, stages), and the Hessian of the stage's Lagrangian (6, 6·stages).
+    """
+    z = ca.SX.sym("z", NX + NU)
+    multiplier = ca.SX.sym("multiplier", NX)
+    reference = ca.SX.sym("reference", REFERENCE)
+    x, y, yaw, v, a, kappa = ca.vertsplit(z)
+
+    s = v * dt + a * dt**2 / 2
+    half = kappa * s / 2
+    # sinc as its series: |κs/2| < 0.4 for every car here, so the rest is below 1e-8.
+    chord = s * (1 - half**2 / 6 + half**4 / 120 - half**6 / 5040)
+    successor = ca.vertcat(
+        x + chord * ca.cos(yaw + half), y + chord * ca.sin(yaw + half), yaw + kappa * s, v + a * dt
+    )
+
+    off = ca.vertcat(x, y) - reference[:2]
+    m = ca.vertcat(ca.horzcat(reference[4], reference[5]), ca.horzcat(reference[5], reference[6]))
+    cost = ca.dot(reference[2:4], off) + ca.bilin(m, off, off) / 2
+    cost += reference[8] * (1 - ca.cos(yaw - reference[7]))
+    cost += weights[0] * a**2 + weights[1] * kappa**2
+
+    hessian, _ = ca.hessian(cost + ca.dot(multiplier, successor), z)
+    stage = ca.Function(
+        "stage",
+        [z, multiplier, reference],
+        [
+            ca.densify(ca.jacobian(successor, z)),
+            ca.densify(ca.gradient(cost, z)),
+            ca.densify(hessian),
+        ],
+    )
+    return stage.map(stages)
+
+
+@njit(cache=True, nogil=True)
+def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):  # type: ignore[no-untyped-def]
+    """States (N+1, 4) that controls (N, 2) lead to, and the controls as clipped to the limits."""
+    stages = controls.shape[0]
+    states = np.empty((stages + 1, 4))
+    applied = np.empty((stages, 2))
+    states[0] = state
+    for k in range(stages):
+        x, y, yaw, v = states[k, 0], states[k, 1], states[k, 2], states[k, 3]
+        a = min(max(controls[k, 0], -braking), accel)
+        a = min(max(a, -v / dt), max((v_max - v) / dt, -braking))
+        fastest = max(v, v + a * dt)
+        bound = min(max_curvature, lateral / max(fastest * fastest, 1e-9))
+        kappa = min(max(controls[k, 1], -bound), bound)
+        s = v * dt + 0.5 * a * dt * dt
+        states[k + 1, :3] = pose_along(x, y, yaw, kappa, s)
+        states[k + 1, 3] = max(v + a * dt, 0.0)
+        applied[k, 0], applied[k, 1] = a, kappa
+    return states, applied
+
+
+@njit(cache=True, nogil=True, inline="always")
+def pose_along(x, y, yaw, kappa, part):  # type: ignore[no-untyped-def]
+    """The pose x, y, yaw after a part [m] of an arc of curvature κ."""
+    half = 0.5 * kappa * part
+    chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
+    return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), yaw + 2 * half
+
+
+@njit(cache=True, nogil=True)
+def swept(states, controls, dt, spacing):  # type: ignore[no-untyped-def]
+    """Poses (n, 3) along a plan, at most `spacing` [m] apart, its first state included.
+
+    Turning adds to what a corner travels; `spacing` is along the centre's path.
+    """
+    stages = controls.shape[0]
+    counts = np.empty(stages, dtype=np.int64)
+    for k in range(stages):
+        s = states[k, 3] * dt + 0.5 * controls[k, 0] * dt * dt
+        counts[k] = math.ceil(s / spacing) if s > 1e-6 else 0
+    poses = np.empty((1 + counts.sum(), 3))
+    poses[0] = states[0, :3]
+    i = 1
+    for k in range(stages):
+        s = states[k, 3] * dt + 0.5 * controls[k, 0] * dt * dt
+        kappa = controls[k, 1]
+        for j in range(1, counts[k] + 1):
+            poses[i] = pose_along(
+                states[k, 0], states[k, 1], states[k, 2], kappa, s * j / counts[k]
+            )
+            i += 1
+    return poses

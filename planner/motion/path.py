@@ -1,0 +1,122 @@
+"""The path as the MPC follows it: points at even spacing, and projection onto them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.mapping.kernels import njit
+
+SPACING = 0.1
+"""Between the points of a path [m]."""
+NEAR_END = 3.0
+"""How far before a path's end it begins to be followed more closely [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Where to go.
+
+    Attributes:
+        points: (n, 2) [m], `SPACING` apart.
+        source: who found it. "route": a line along Dijkstra's route; "hybrid": arcs; "ompl": OMPL;
+            "dijkstra": the route itself, which the car may not be able to drive; "given": the task.
+        drivable: how many of the first points lie on curves that the car can drive.
+    """
+
+    points: NDArray[np.float64]
+    source: str
+    drivable: int = 0
+
+    @classmethod
+    def through(cls, vertices: NDArray[np.float64], source: str) -> Path:
+        """A path along a polyline (n, 2), resampled."""
+        vertices = np.asarray(vertices, dtype=np.float64)
+        steps = np.hypot(*np.diff(vertices, axis=0).T) if len(vertices) > 1 else np.zeros(0)
+        keep = np.concatenate([[True], steps > 1e-9])
+        vertices = vertices[keep]
+        along = np.concatenate([[0.0], np.cumsum(steps[keep[1:]])])
+        if len(vertices) == 1:
+            return cls(np.repeat(vertices, 2, axis=0), source)
+        stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / SPACING) + 1))
+        points = np.column_stack([np.interp(stations, along, vertices[:, i]) for i in (0, 1)])
+        return cls(points, source)
+
+
+@njit(cache=True, nogil=True)
+def project(points, x, y, first, last):  # type: ignore[no-untyped-def]
+    """The closest point of the segments first … last to x, y.
+
+    Returns:
+        Segment, fraction along it in [0, 1], squared distance [m²].
+    """
+    best, where, share = np.inf, first, 0.0
+    for i in range(max(first, 0), min(last, points.shape[0] - 2) + 1):
+        ax, ay = points[i, 0], points[i, 1]
+        dx, dy = points[i + 1, 0] - ax, points[i + 1, 1] - ay
+        square = dx * dx + dy * dy
+        t = 0.0
+        if square > 0:
+            t = min(max(((x - ax) * dx + (y - ay) * dy) / square, 0.0), 1.0)
+        px, py = x - ax - t * dx, y - ay - t * dy
+        distance = px * px + py * py
+        if distance < best - 1e-12:
+            best, where, share = distance, i, t
+    return where, share, best
+
+
+@njit(cache=True, nogil=True)
+def references(points, start, states, reach, progress, contour, final, heading):  # type: ignore[no-untyped-def]
+    """Each state's reference on the path, for the stage cost of `dynamics.stage_functions`.
+
+    Progress is the arc length of the projection; its gradient is the path's tangent. Beyond the
+    path's end the pull is towards its last point. The projection only looks near that of the
+    state before, so a path that crosses itself is followed in order.
+
+    Args:
+        points: (n, 2), evenly spaced [m].
+        start: segment where the first state is looked for.
+        states: (m, 4).
+        reach: segments that one step may advance.
+        progress: cost gained by a metre.
+        contour: cost of a squared metre off the path.
+        final: the same at the last state.
+        heading: cost of 1 - cos(heading error) at the last state.
+
+    Returns:
+        References (m, 9), and the cost of each state (m,).
+    """
+    count = states.shape[0]
+    out = np.zeros((count, 9))
+    costs = np.empty(count)
+    last = points.shape[0] - 2
+    spacing = math.hypot(points[1, 0] - points[0, 0], points[1, 1] - points[0, 1])
+    here = start
+    for k in range(count):
+        x, y = states[k, 0], states[k, 1]
+        here, t, square = project(points, x, y, here - reach // 2, here + reach)
+        ax, ay = points[here, 0], points[here, 1]
+        dx, dy = points[here + 1, 0] - ax, points[here + 1, 1] - ay
+        length = max(math.hypot(dx, dy), 1e-9)
+        tx, ty = dx / length, dy / length
+        out[k, 0], out[k, 1] = ax + t * dx, ay + t * dy
+        # Where the path ends precision counts: a car that passes the goal by has to come again.
+        left = (last + 1 - here - t) * spacing
+        weight = contour + (final - contour) * max(0.0, 1.0 - left / NEAR_END)
+        if k == count - 1:
+            weight = final
+        costs[k] = -progress * (here + t) * spacing + 0.5 * weight * square
+        if here == last and t >= 1.0:
+            out[k, 4] = out[k, 6] = weight
+        else:
+            out[k, 2], out[k, 3] = -progress * tx, -progress * ty
+            out[k, 4] = weight * ty * ty
+            out[k, 5] = -weight * tx * ty
+            out[k, 6] = weight * tx * tx
+        if k == count - 1 and here < last:
+            out[k, 7], out[k, 8] = math.atan2(ty, tx), heading
+            costs[k] += heading * (1.0 - math.cos(states[k, 2] - out[k, 7]))
+    return out, costs

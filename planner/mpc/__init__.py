@@ -1,0 +1,1 @@
+"""MPC: plan a motion along the line that ends stopped."""

@@ -1,0 +1,86 @@
+"""casadi functions as machine code, compiled once and kept between runs."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import tempfile
+import warnings
+from pathlib import Path
+
+import casadi as ca
+
+from predictor.mapping.kernels import cache
+
+FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+"""For the compiler: no fused operations, so that the numbers are those of the interpreter."""
+
+
+class InterpretedWarning(UserWarning):
+    """A function runs interpreted."""
+
+
+def compiled(function: ca.Function) -> ca.Function:
+    """The same function, compiled by the C compiler (`$CC`, or else `cc`).
+
+    The library is kept in the user's cache under the hash of its source and of the compiler, and
+    is put there whole: processes that start together may each compile it, and all load one.
+
+    Args:
+        function: without external dependencies.
+
+    Returns:
+        The compiled function; the function itself, with an `InterpretedWarning`, where there is
+        no compiler, or where it fails.
+    """
+    generator = ca.CodeGenerator(function.name(), {"casadi_int": "long long int"})
+    generator.add(function)
+    source = generator.dump()
+    # $CC may have options, or a launcher before the compiler.
+    program, *options = shlex.split(os.environ.get("CC", "")) or ["cc"]
+    found = shutil.which(program)
+    if found is None:
+        return _interpreted(function, "no C compiler was found (cc, or what $CC names)")
+    compiler = [found, *options]
+    # A home folder may be shared by machines of different kinds.
+    made_of = (source, *compiler, platform.machine(), *FLAGS)
+    key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
+    try:
+        library = cache() / f"{function.name()}-{key}.so"
+        if not library.exists():
+            _build(compiler, source, library)
+        try:
+            return ca.external(function.name(), str(library))
+        except RuntimeError:
+            # Damaged.
+            _build(compiler, source, library)
+            return ca.external(function.name(), str(library))
+    except subprocess.CalledProcessError as error:
+        command = shlex.join(compiler)
+        return _interpreted(function, f"{command} failed: {error.stderr.strip()[-200:]}")
+    except (OSError, RuntimeError) as error:
+        return _interpreted(function, " ".join(str(error).split())[:200])
+
+
+def _build(compiler: list[str], source: str, library: Path) -> None:
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        code, made = Path(folder) / "function.c", Path(folder) / "function.so"
+        code.write_text(source)
+        command = [*compiler, *FLAGS, str(code), "-o", str(made), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        os.replace(made, library)
+
+
+def _interpreted(function: ca.Function, why: str) -> ca.Function:
+    warnings.warn(
+        f"{why}: {function.name()} runs interpreted; the results are the same, but a solve of the "
+        "MPC takes about 1.6 times as long",
+        InterpretedWarning,
+        stacklevel=3,
+    )
+    return function

@@ -1,0 +1,320 @@
+"""The kernels of the SQP: from stage derivatives to one dense QP in the controls.
+
+Row and column order of the QP's variables: a_0, κ_0, a_1, κ_1, … Sensitivities are those of the
+states to the controls. Array layouts are casadi's: one stage after the other, columns first.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from predictor.mapping.kernels import njit
+
+
+@njit(cache=True, nogil=True)
+def clearances(field, resolution, origin, states, offset):  # type: ignore[no-untyped-def]
+    """Clearance of two circles at ± `offset` [m] along the heading of each state.
+
+    The field is read by cubic convolution (Keys 1981): continuous with its gradient, and needs
+    no prefilter. Beyond the field's border its border counts.
+
+    Returns:
+        Values (n, 2) [m], and gradients by x, y, yaw (n, 2, 3).
+    """
+    n = states.shape[0]
+    rows, cols = field.shape
+    values = np.empty((n, 2))
+    gradients = np.empty((n, 2, 3))
+    wx, wy, dx, dy = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    for k in range(n):
+        cos, sin = math.cos(states[k, 2]), math.sin(states[k, 2])
+        for i in range(2):
+            o = offset if i == 0 else -offset
+            u = (states[k, 0] + o * cos - origin[0]) / resolution - 0.5
+            w = (states[k, 1] + o * sin - origin[1]) / resolution - 0.5
+            u = min(max(u, 1.0), cols - 2.001)
+            w = min(max(w, 1.0), rows - 2.001)
+            col, row = math.floor(u), math.floor(w)
+            _keys(u - col, wx, dx)
+            _keys(w - row, wy, dy)
+            f, fu, fw = 0.0, 0.0, 0.0
+            for p in range(4):
+                for q in range(4):
+                    value = field[min(row - 1 + p, rows - 1), min(col - 1 + q, cols - 1)]
+                    f += wy[p] * wx[q] * value
+                    fu += wy[p] * dx[q] * value
+                    fw += dy[p] * wx[q] * value
+            fu, fw = fu / resolution, fw / resolution
+            values[k, i] = f
+            gradients[k, i, 0] = fu
+            gradients[k, i, 1] = fw
+            gradients[k, i, 2] = o * (fw * cos - fu * sin)
+    return values, gradients
+
+
+@njit(cache=True, nogil=True)
+def merit(states, controls, last, costs, value, required, comfort, effort, smoothness, closeness,  # type: ignore[no-untyped-def]
+          violation):  # fmt: skip
+    """What a plan costs: what `solve` lowers.
+
+    Args:
+        states: (N+1, 4).
+        controls: (N, 2).
+        last: curvature before the first [1/m].
+        costs: of the states after the first, by their references (N,).
+        value: clearance of their circles (N, 2) [m].
+        required: of the clearance [m]; `comfort` more costs nothing.
+        effort: weights of a², κ².
+        smoothness: weight of a squared change of κ.
+        closeness: weight of a squared metre of comfort lacking.
+        violation: weight of a metre lacking of what is required, and of 0.1 m/s at the end.
+    """
+    total = 10.0 * violation * states[-1, 3]
+    before = last
+    for k in range(controls.shape[0]):
+        a, kappa = controls[k, 0], controls[k, 1]
+        total += costs[k] + effort[0] * a * a + effort[1] * kappa * kappa
+        total += smoothness * (kappa - before) ** 2
+        before = kappa
+        for i in range(2):
+            lacking = max(0.0, required + comfort - value[k, i])
+            total += 0.5 * closeness * lacking * lacking
+            total += violation * max(0.0, required - value[k, i])
+    return total
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
+    weight[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
+    weight[1] = (1.5 * t - 2.5) * t * t + 1.0
+    weight[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
+    weight[3] = (0.5 * t - 0.5) * t * t
+    slope[0] = (-1.5 * t + 2.0) * t - 0.5
+    slope[1] = (4.5 * t - 5.0) * t
+    slope[2] = (-4.5 * t + 4.0) * t + 0.5
+    slope[3] = (1.5 * t - 1.0) * t
+
+
+@njit(cache=True, nogil=True)
+def add_closeness(gradient, lacking, normal, weight):  # type: ignore[no-untyped-def]
+    """Add to gradients (n, 6) that of weight/2 · lacking², in place."""
+    for k in range(lacking.shape[0]):
+        for i in range(2):
+            for j in range(3):
+                gradient[k, j] -= weight * lacking[k, i] * normal[k, i, j]
+
+
+@njit(cache=True, nogil=True)
+def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-def]
+    """Add to Hessians (n, 6, 6) Gauss-Newton's of weight/2 · lacking², in place."""
+    for k in range(lacking.shape[0]):
+        for i in range(2):
+            if lacking[k, i] > 0.0:
+                for j in range(3):
+                    for m in range(3):
+                        hessian[k, j, m] += weight * normal[k, i, j] * normal[k, i, m]
+
+
+@njit(cache=True, nogil=True)
+def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-untyped-def]
+    """Multipliers of the dynamics, backwards: out[k] belongs to the step from k to k+1 (n, 4)."""
+    last = out.shape[0] - 1
+    here = np.zeros(4)
+    for k in range(last, 0, -1):
+        # `here` is ∂(cost from k+1 on)/∂x_{k+1} before, and ∂(cost from k on)/∂x_k after.
+        out[k, :] = here
+        after = np.zeros(4)
+        for j in range(4):
+            after[j] = gradient[k, j]
+            if k < last:
+                for i in range(4):
+                    after[j] += jacobian[k, j, i] * here[i]
+        for i in range(2):
+            for j in range(3):
+                after[j] -= multipliers[k, i] * normal[k, i, j]
+        here = after
+    out[0, :] = here
+
+
+@njit(cache=True, nogil=True)
+def make_positive(matrices, least):  # type: ignore[no-untyped-def]
+    """Raise the eigenvalues of symmetric matrices (n, m, m) to at least `least`, in place.
+
+    Cyclic Jacobi rotations (Golub & Van Loan 2013, §8.5): at this size quicker than LAPACK.
+    """
+    m = matrices.shape[1]
+    vectors, lower = np.empty((m, m)), np.empty((m, m))
+    for k in range(matrices.shape[0]):
+        a = matrices[k]
+        if _is_positive(a, least, lower):
+            continue
+        vectors[:] = 0.0
+        for i in range(m):
+            vectors[i, i] = 1.0
+        for _ in range(30):
+            off, size = 0.0, 0.0
+            for i in range(m):
+                size += a[i, i] * a[i, i]
+                for j in range(i):
+                    off += a[i, j] * a[i, j]
+            if off <= 1e-24 * size:
+                break
+            for p in range(m - 1):
+                for q in range(p + 1, m):
+                    if abs(a[p, q]) <= 1e-300:
+                        continue
+                    theta = 0.5 * (a[q, q] - a[p, p]) / a[p, q]
+                    t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
+                    if theta < 0.0:
+                        t = -t
+                    c = 1.0 / math.sqrt(t * t + 1.0)
+                    s = t * c
+                    for i in range(m):
+                        x, y = a[i, p], a[i, q]
+                        a[i, p], a[i, q] = c * x - s * y, s * x + c * y
+                    for i in range(m):
+                        x, y = a[p, i], a[q, i]
+                        a[p, i], a[q, i] = c * x - s * y, s * x + c * y
+                        x, y = vectors[i, p], vectors[i, q]
+                        vectors[i, p], vectors[i, q] = c * x - s * y, s * x + c * y
+        for i in range(m):
+            a[i, i] = max(a[i, i], least)
+        values = np.diag(a).copy()
+        for i in range(m):
+            for j in range(i + 1):
+                total = 0.0
+                for p in range(m):
+                    total += vectors[i, p] * values[p] * vectors[j, p]
+                a[i, j] = a[j, i] = total
+
+
+@njit(cache=True, nogil=True)
+def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
+    """Whether all eigenvalues are above `least`: whether a - least·1 has a Cholesky factor."""
+    m = a.shape[0]
+    for j in range(m):
+        for i in range(j, m):
+            total = a[i, j]
+            if i == j:
+                total -= least
+            for p in range(j):
+                total -= lower[i, p] * lower[j, p]
+            if i > j:
+                lower[i, j] = total / lower[j, j]
+            elif total > 0.0:
+                lower[j, j] = math.sqrt(total)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def condense_gradient(jacobian, gradient):  # type: ignore[no-untyped-def]
+    """The gradient (2N,) by the controls alone, of one (N+1, 6) by the stages' variables.
+
+    Args:
+        jacobian: (N+1, 6, 4): of stage k, by state and control, transposed; the last is unused.
+        gradient: (N+1, 6).
+    """
+    n = jacobian.shape[0] - 1
+    g = np.empty(2 * n)
+    costate = gradient[n, :4].copy()
+    for k in range(n - 1, -1, -1):
+        before = np.empty(4)
+        for j in range(6):
+            total = gradient[k, j]
+            for i in range(4):
+                total += jacobian[k, j, i] * costate[i]
+            if j < 4:
+                before[j] = total
+            else:
+                g[2 * k + j - 4] = total
+        costate = before
+    return g
+
+
+@njit(cache=True, nogil=True)
+def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
+    """Eliminate the states, in O(N²) (Andersson 2013, PhD thesis, §4.3).
+
+    Args:
+        jacobian: as of `condense_gradient`.
+        hessian: (N+1, 6, 6).
+
+    Returns:
+        Hessian (2N, 2N), sensitivities of the states (N+1, 4, 2N).
+    """
+    n = jacobian.shape[0] - 1
+    size = 2 * n
+    s = np.zeros((n + 1, 4, size))
+    h = np.zeros((size, size))
+    here, weighted, above = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
+    for j in range(n):
+        # How all states depend on the controls of stage j, …
+        for i in range(4):
+            s[j + 1, i, 2 * j] = jacobian[j, 4, i]
+            s[j + 1, i, 2 * j + 1] = jacobian[j, 5, i]
+        for k in range(j + 1, n):
+            for i in range(4):
+                for u in range(2):
+                    total = 0.0
+                    for m in range(4):
+                        total += jacobian[k, m, i] * s[k, m, 2 * j + u]
+                    s[k + 1, i, 2 * j + u] = total
+        # … and, backwards, the gradient's dependence: the Hessian's columns.
+        weighted[:] = 0.0
+        for k in range(n, j, -1):
+            for m in range(4):
+                for u in range(2):
+                    here[m, u] = s[k, m, 2 * j + u]
+            if k < n:
+                for i in range(2):
+                    for u in range(2):
+                        total = 0.0
+                        for m in range(4):
+                            total += jacobian[k, 4 + i, m] * weighted[m, u]
+                            total += hessian[k, 4 + i, m] * here[m, u]
+                        h[2 * k + i, 2 * j + u] = total
+                        h[2 * j + u, 2 * k + i] = total
+            for i in range(4):
+                for u in range(2):
+                    total = 0.0
+                    for m in range(4):
+                        total += hessian[k, i, m] * here[m, u]
+                        if k < n:
+                            total += jacobian[k, i, m] * weighted[m, u]
+                    above[i, u] = total
+            weighted[:] = above
+        for i in range(2):
+            for u in range(2):
+                total = hessian[j, 4 + i, 4 + u]
+                for m in range(4):
+                    total += jacobian[j, 4 + i, m] * weighted[m, u]
+                h[2 * j + i, 2 * j + u] = total
+    return h, s
+
+
+@njit(cache=True, nogil=True)
+def add_smoothness_gradient(g, controls, last, weight):  # type: ignore[no-untyped-def]
+    """Add the gradient of the cost of changing curvature, weight · Σ (κ_k - κ_{k-1})², in place."""
+    before = last
+    for k in range(controls.shape[0]):
+        i = 2 * k + 1
+        change = controls[k, 1] - before
+        before = controls[k, 1]
+        g[i] += 2 * weight * change
+        if k > 0:
+            g[i - 2] -= 2 * weight * change
+
+
+@njit(cache=True, nogil=True)
+def add_smoothness(h, weight):  # type: ignore[no-untyped-def]
+    """Add that cost's Hessian, in place."""
+    for i in range(1, h.shape[0], 2):
+        h[i, i] += 2 * weight
+        if i > 1:
+            h[i - 2, i - 2] += 2 * weight
+            h[i, i - 2] -= 2 * weight
+            h[i - 2, i] -= 2 * weight

@@ -1,0 +1,116 @@
+"""The constraints of the SQP's dense QP: the car's limits, v_N = 0, and clearance.
+
+The order of the variables is that of `planner.mpc.condense`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from predictor.mapping.kernels import njit
+
+
+@njit(cache=True, nogil=True)
+def nearby(value, limit):  # type: ignore[no-untyped-def]
+    """Which state and circle (rows, 2) has less clearance than a limit [m]; not the first state."""
+    which = np.empty((value.size, 2), dtype=np.int64)
+    count = 0
+    for k in range(1, value.shape[0]):
+        for i in range(2):
+            if value[k, i] < limit:
+                which[count, 0], which[count, 1] = k, i
+                count += 1
+    return which[:count]
+
+
+@njit(cache=True, nogil=True)
+def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-untyped-def]
+    """The QP's rows: limits of the car, v_N = 0, and clearance (soft).
+
+    Args:
+        sensitivity: of the states to the controls, (N+1, 4, 2N).
+        states: (N+1, 4).
+        controls: (N, 2).
+        normal: gradients of the clearances, (N+1, 2, 3).
+        near: which of these have a row, as `nearby`.
+        dt: step [s].
+
+    Returns:
+        A (2N + near, 2N) and daqp's sense (4N + near,) int32, bounds first. Row order: v_1 … v_N,
+        lateral 0 … N-1, clearance.
+    """
+    n = controls.shape[0]
+    size = 2 * n
+    a = np.zeros((size + near.shape[0], size))
+    sense = np.zeros(2 * size + near.shape[0], dtype=np.int32)
+    for k in range(n):
+        for j in range(k + 1):
+            a[k, 2 * j] = dt
+    sense[size + n - 1] = 5
+    for k in range(n):
+        end = _faster_end(controls, k)
+        v, kappa = states[end, 3], controls[k, 1]
+        for j in range(end):
+            a[n + k, 2 * j] = 2 * v * kappa * dt
+        a[n + k, 2 * k + 1] = v * v
+    for r in range(near.shape[0]):
+        k, i = near[r, 0], near[r, 1]
+        for j in range(2 * k):
+            total = 0.0
+            for m in range(3):
+                total += normal[k, i, m] * sensitivity[k, m, j]
+            a[size + r, j] = total
+        sense[2 * size + r] = 8
+    return a, sense
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _faster_end(controls, k):  # type: ignore[no-untyped-def]
+    """Of a step the state at which lateral acceleration v²κ is larger."""
+    return k + 1 if controls[k, 0] > 0 else k
+
+
+@njit(cache=True, nogil=True)
+def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, max_curvature,  # type: ignore[no-untyped-def]
+           required, trust):  # fmt: skip
+    """What the QP's variables and rows may be: lower and upper, (4N + near,) each.
+
+    The order is that of `rows`, after the variables'. On a second step `rows` are those of the
+    controls before, so what keeps to these bounds keeps to the limits to first order only.
+
+    Args:
+        states: (N+1, 4).
+        controls: (N, 2).
+        value: clearance of their circles, (N+1, 2) [m].
+        near: which of these have a row, as `nearby`.
+        dt: step [s].
+        v_max: top speed [m/s].
+        accel: most acceleration [m/s²].
+        braking: most deceleration [m/s²].
+        lateral: most lateral acceleration [m/s²].
+        max_curvature: tightest [1/m].
+        required: of the clearance [m].
+        trust: most that a curvature may change [1/m].
+    """
+    n = controls.shape[0]
+    size = 2 * n
+    lower = np.empty(2 * size + near.shape[0])
+    upper = np.empty(2 * size + near.shape[0])
+    for k in range(n):
+        lower[2 * k] = -braking - controls[k, 0]
+        upper[2 * k] = accel - controls[k, 0]
+        lower[2 * k + 1] = max(-max_curvature - controls[k, 1], -trust)
+        upper[2 * k + 1] = min(max_curvature - controls[k, 1], trust)
+        # A car that is measured above v_max must still have a plan: it may brake down to it.
+        top = max(v_max, states[0, 3] - braking * dt * (k + 1))
+        lower[size + k] = -states[k + 1, 3]
+        upper[size + k] = top - states[k + 1, 3]
+        end = _faster_end(controls, k)
+        now = states[end, 3] ** 2 * controls[k, 1]
+        lower[size + n + k] = min(-lateral - now, 0.0)
+        upper[size + n + k] = max(lateral - now, 0.0)
+    lower[size + n - 1] = upper[size + n - 1] = -states[n, 3]
+    for r in range(near.shape[0]):
+        lower[2 * size + r] = required - value[near[r, 0], near[r, 1]]
+        upper[2 * size + r] = 1e30
+    return lower, upper

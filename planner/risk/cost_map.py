@@ -1,0 +1,200 @@
+"""The cost map: what a metre of way costs, for finding where to go.
+
+Where to go is a matter of cost, not of safety: space not yet seen may be crossed, at a price,
+and a prediction moves that price. What may be relied upon is the risk map's business.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.risk.distance_transform import distance_field
+from predictor import GridFrame, OccupancyGrid, Prediction
+from predictor.mapping.grid import paste
+
+UNKNOWN_COST = 1.4
+"""A metre of unknown space costs as much as this many metres of free space."""
+OCCUPIED_COST = 20.0
+"""Likewise a metre of space that is believed to be occupied."""
+WALL_PRIOR, WALL_REACH = 15.0, 2.5
+"""What a metre of unknown space costs more right beside a cell seen occupied, falling to nothing at
+this distance from it [m]: walls go on, so a way turns off where an opening has been seen."""
+STUCK_REACH = 1.2
+"""Around a place where the car got stuck, unseen cells count as walls up to this distance [m]."""
+BELIEVED = 8.0
+"""Unseen cells that cost more are believed to be occupied."""
+
+
+@dataclass(frozen=True, eq=False)
+class CostMap:
+    """Cost of way, on cells of about 0.1 m.
+
+    Attributes:
+        frame: where the cells lie.
+        density: cost of a metre [1], (rows, columns).
+        clearance: distance to the nearest cell seen occupied [m], (rows, columns).
+        room: likewise, to the nearest cell that was seen or is believed to be occupied.
+        unsure: cells neither seen nor believed to be free, (rows, columns).
+        required: clearance below which the body does not fit [m].
+    """
+
+    frame: GridFrame
+    density: NDArray[np.float32]
+    clearance: NDArray[np.float32]
+    room: NDArray[np.float32]
+    unsure: NDArray[np.bool_]
+    required: float
+
+    @classmethod
+    def build(
+        cls,
+        known: OccupancyGrid,
+        belief: Belief | None,
+        half_width: float,
+        way: NDArray[np.float64] | None = None,
+        stuck: NDArray[np.float64] | None = None,
+    ) -> CostMap:
+        """From all that is known and, where it may steer, what is believed.
+
+        Args:
+            known: what has been seen.
+            belief: None: nothing steers.
+            half_width: of the body [m].
+            way: points (n, 2) [m] of a way that is the task, less than a cell apart: the unseen
+                cells on it cost what free ones do, those beside it what believed walls do, so that
+                it is left where it must be and not for a short cut through rooms. None: no such.
+            stuck: points (k, 2) [m] at which the car could not go on: the unseen cells around them
+                cost what believed walls do. None: no such.
+        """
+        factor = coarsening(known.frame)
+        frame = coarsened(known.frame)
+        rows, cols = frame.shape
+        log_odds = np.zeros((rows * factor, cols * factor), dtype=np.int8)
+        log_odds[: known.frame.shape[0], : known.frame.shape[1]] = known.log_odds
+        worst = log_odds[::factor, ::factor].copy()
+        unseen = worst == 0
+        for i in range(factor):
+            for j in range(factor):
+                part = log_odds[i::factor, j::factor]
+                np.maximum(worst, part, out=worst)
+                unseen |= part == 0
+        occupied = worst > 0
+        clearance = distance_field(occupied) * np.float32(frame.resolution)
+        unknown = UNKNOWN_COST if way is None else OCCUPIED_COST
+        prior = np.float32(WALL_PRIOR) * np.clip(1.0 - clearance / WALL_REACH, 0.0, None)
+        density = np.where(unseen, np.float32(unknown) + prior, np.float32(1.0))
+        room, unsure = clearance, unseen
+        if belief is not None:
+            believed = belief.on(frame)
+            steered = unseen & np.isfinite(believed)
+            walls = steered & (believed > BELIEVED)
+            room = distance_field(occupied | walls) * np.float32(frame.resolution)
+            unsure = unseen & ~(steered & (believed < 0.5 * (1.0 + UNKNOWN_COST)))
+            if way is None:
+                # Where a wall goes on is as much in doubt as the belief leaves it.
+                doubt = np.clip(believed - 1.0, 0.0, 1.0)
+                density[steered] = (believed + prior * doubt)[steered]
+        if way is not None:
+            near = np.arange(-2, 3)
+            cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
+            on_rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
+            on_cols = (cells[:, 0, None, None] + near).clip(0, frame.shape[1] - 1)
+            density[on_rows, on_cols] = 1.0
+        for x, y in () if stuck is None else stuck:
+            row, col = frame.cell(float(x), float(y))
+            n = round(STUCK_REACH / frame.resolution)
+            here = np.s_[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
+            density[here][unseen[here]] = OCCUPIED_COST
+        # Keep to the middle where there is room: 0.7 m and more costs nothing.
+        comfort = half_width + 0.55
+        density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
+        return cls(frame, density.astype(np.float32), clearance, room, unsure, half_width + 0.12)
+
+    def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
+        """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly.
+
+        Args:
+            points: (n, 2) [m].
+            slowness: top speed over the speed at each point, (n,).
+        """
+        cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
+        inside = ((cells >= 0) & (cells < np.array(self.frame.shape[::-1]))).all(axis=1)
+        price = np.full(len(points), UNKNOWN_COST)
+        cols, rows = cells[inside].T
+        fits = self.clearance[rows, cols] >= self.required
+        price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        return float((steps * (price * slowness)[1:]).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What has been predicted so far, as cost of way: the newest word on each cell.
+
+    It is remembered, for a car that forgot a predicted dead end as soon as it turned its back on
+    it would turn round again, for ever.
+
+    Attributes:
+        frame: where the cells lie, of a cost map's size.
+        density: cost of a metre [1], NaN where nothing was predicted, (rows, columns).
+    """
+
+    frame: GridFrame
+    density: NDArray[np.float32]
+
+    def on(self, frame: GridFrame) -> NDArray[np.float32]:
+        """The density on another frame of the same lattice."""
+        if frame == self.frame:
+            return self.density
+        return paste(self.frame, self.density, frame, np.float32(np.nan))
+
+
+def coarsening(frame: GridFrame) -> int:
+    """How many cells of a map make one of its cost map's, along each axis."""
+    return max(1, round(0.1 / frame.resolution))
+
+
+def coarsened(frame: GridFrame) -> GridFrame:
+    """The frame of a map's cost map."""
+    factor = coarsening(frame)
+    rows, cols = (-(-n // factor) for n in frame.shape)
+    return GridFrame(frame.resolution * factor, frame.origin, (rows, cols))
+
+
+def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
+    """A belief with a new prediction added; no confidence in a cell is the price of unknown.
+
+    Args:
+        belief: so far.
+        frame: of the known map.
+        prediction: on the same lattice.
+    """
+    coarse, factor = coarsened(frame), coarsening(frame)
+    density = (
+        np.full(coarse.shape, np.nan, dtype=np.float32)
+        if belief is None
+        else belief.on(coarse).copy()
+    )
+    row, col = frame.offset(prediction.frame)
+    trust = prediction.confidence
+    believed = (
+        UNKNOWN_COST
+        + (1.0 - UNKNOWN_COST) * trust * prediction.p_free
+        + (OCCUPIED_COST - UNKNOWN_COST) * trust * prediction.p_occupied
+    )
+    rows = (row + np.arange(believed.shape[0])) // factor
+    cols = (col + np.arange(believed.shape[1])) // factor
+    keep_r = (rows >= 0) & (rows < density.shape[0])
+    keep_c = (cols >= 0) & (cols < density.shape[1])
+    believed, rows, cols = believed[np.ix_(keep_r, keep_c)], rows[keep_r], cols[keep_c]
+    if believed.size:
+        top, left = rows[0], cols[0]
+        shape = (int(rows[-1] - top + 1), int(cols[-1] - left + 1))
+        flat = ((rows - top)[:, None] * shape[1] + (cols - left)[None, :]).ravel()
+        total = np.bincount(flat, believed.ravel(), shape[0] * shape[1]).reshape(shape)
+        count = np.bincount(flat, minlength=shape[0] * shape[1]).reshape(shape)
+        density[top : top + shape[0], left : left + shape[1]] = total / count
+    return Belief(coarse, density)

@@ -1,0 +1,110 @@
+"""The risk map: what a plan may rely upon, at a stated risk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.risk.distance_transform import distance_field
+from predictor import Grid, GridFrame, Prediction
+
+
+@dataclass(frozen=True, eq=False)
+class RiskMap:
+    """The safe set, and how far each place is from leaving it.
+
+    Attributes:
+        frame: where the cells lie.
+        known: what has been seen there.
+        trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
+            free, 0 where seen occupied, (rows, columns).
+        safe: cells that a plan may rely upon, (rows, columns).
+        certain: cells of the safe set that a last resort may rely upon: those seen free, and those
+            that an oracle says are free; at ε = 0 and ε = 1 it is `safe` itself, (rows, columns).
+        barred: cells seen occupied, or believed, with whatever confidence, to be rather not free:
+            a plan had better not end with its nose against them, (rows, columns).
+        clearance: distance to the edge of the safe set [m], negative outside it, (rows,
+            columns); what lies outside the frame is not safe.
+    """
+
+    frame: GridFrame
+    known: Grid
+    trust: NDArray[np.float32]
+    safe: NDArray[np.bool_]
+    certain: NDArray[np.bool_]
+    barred: NDArray[np.bool_]
+    clearance: NDArray[np.float32]
+
+    @classmethod
+    def from_prediction(
+        cls,
+        known: Grid,
+        prediction: Prediction | None,
+        epsilon: float,
+        margin: float = 0.0,
+        oracle: bool = False,
+    ) -> RiskMap:
+        """The risk map at a risk ε.
+
+        ε = 0: only what has been seen free is safe. ε = 1: all that has not been seen occupied.
+        Between them a cell not seen is safe where confidence · p_free >= 1 - ε, so that the
+        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown. No claim of a
+        predictor, whatever its confidence, makes a cell certain.
+
+        Args:
+            known: what has been seen, on the frame that the map shall have.
+            prediction: what is believed, on a frame of the same lattice; None: nothing is.
+            epsilon: the risk ε in [0, 1].
+            margin: what the safe set is eroded by [m]: 3σ + 1 cell for a LIDAR of noise σ.
+            oracle: whether the prediction is the truth: then a trust of 1 counts as seen.
+
+        Raises:
+            ValueError: if ε lies outside [0, 1].
+        """
+        if not 0.0 <= epsilon <= 1.0:
+            raise ValueError(f"risk is {epsilon}, it must lie in [0, 1]")
+        trust = known.free.astype(np.float32)
+        barred = known.occupied.copy()
+        if prediction is not None:
+            believed = np.nan_to_num(prediction.confidence * prediction.p_free, nan=0.0)
+            # A NaN compares false.
+            blocked = (prediction.p_free < 0.5) & (prediction.confidence > 0.0)
+            row, col = prediction.frame.offset(known.frame)
+            rows, cols = known.frame.shape
+            r0, r1 = max(0, row), min(prediction.frame.shape[0], row + rows)
+            c0, c1 = max(0, col), min(prediction.frame.shape[1], col + cols)
+            if r0 < r1 and c0 < c1:
+                here = (slice(r0 - row, r1 - row), slice(c0 - col, c1 - col))
+                part = trust[here]
+                unseen = known.unknown[here]
+                part[unseen] = believed[r0:r1, c0:c1][unseen]
+                barred[here] |= unseen & blocked[r0:r1, c0:c1]
+
+        def relied(risk: float) -> NDArray[np.bool_]:
+            # A single-precision product of ones must still count at its face value.
+            cells = known.free | (known.unknown & (trust >= 1.0 - risk - 1e-6))
+            if margin > 0.0:
+                cells &= distance_field(~cells) * known.frame.resolution > margin
+            return cells
+
+        # A risk of -1 asks for a trust of 2, which no belief has.
+        safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
+        certain = relied(0.0 if oracle else -1.0) if 0.0 < epsilon < 1.0 else safe
+        clearance = _clearance(safe, known.frame.resolution)
+        return cls(known.frame, known, trust, safe, certain, barred, clearance)
+
+    @cached_property
+    def obstacle_distance(self) -> NDArray[np.float32]:
+        """Distance to the edge of the nearest cell seen occupied [m], (rows, columns)."""
+        cells = distance_field(self.known.occupied) - np.float32(0.5)
+        return np.asarray(cells * np.float32(self.frame.resolution), dtype=np.float32)
+
+
+def _clearance(safe: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
+    padded = np.pad(safe, 1, constant_values=False)
+    inside, outside = distance_field(~padded), distance_field(padded)
+    cells = np.where(padded, inside - np.float32(0.5), np.float32(0.5) - outside)
+    return np.asarray(cells[1:-1, 1:-1] * np.float32(resolution), dtype=np.float32)

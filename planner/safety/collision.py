@@ -1,0 +1,88 @@
+"""Collision checking: the body, swept along its way, against every cell that it may not enter.
+
+A plan counts only once it has been tested here; the word of the solver that made it is never taken
+for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.contact import first_meeting, leads_on
+from planner.motion.dynamics import CarLimits
+from planner.motion.plan import Plan
+from planner.risk.risk_map import RiskMap
+from predictor import Body, GridFrame
+
+CONTACT_SPACING = 0.02
+"""Between the poses at which a plan's body is tested [m]."""
+ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
+"""Curvatures of the arcs by which a car may go on, as shares of the tightest."""
+ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
+"""Around the body on them, and between the poses at which they are tested [m]."""
+
+Place = tuple[NDArray[np.bool_], float, tuple[float, float], float, float]
+"""Blocked cells, their side and origin [m], and half the body's length and width [m]."""
+
+
+@dataclass(frozen=True)
+class CollisionChecker:
+    """Tests plans.
+
+    Attributes:
+        car: whose body is swept.
+        dt: step of the plans [s].
+    """
+
+    car: CarLimits
+    dt: float
+
+    def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
+        """Whether the body stays inside the safe set along a whole plan that ends stopped."""
+        if not np.isfinite(plan.states).all() or plan.states[-1, 3] > 1e-3:
+            return False
+        return self.contact(plan, ~risk.safe, risk.frame) is None
+
+    def contact(
+        self, plan: Plan, blocked: NDArray[np.bool_], frame: GridFrame
+    ) -> tuple[float, float] | None:
+        """Where and how fast the body first meets a blocked cell; what lies outside is blocked.
+
+        Args:
+            plan: whose poses are tested.
+            blocked: cells that the body must not enter, (rows, columns).
+            frame: where they lie.
+
+        Returns:
+            Distance along the plan [m] and speed there [m/s], or None if it meets none.
+        """
+        place = self.body_in(blocked, frame)
+        along, speed = first_meeting(plan.states, plan.controls, self.dt, CONTACT_SPACING, *place)
+        return None if along < 0.0 else (along, speed)
+
+    def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
+        """Return what `planner.motion.contact` needs of the cells that the body must not meet."""
+        # Half the spacing, and what a corner swings out on the tightest arc within it.
+        return _place(blocked, frame, self.car.body.inflated(0.75 * CONTACT_SPACING))
+
+    def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
+        """What `planner.motion.contact.leads_on` is told besides the pose.
+
+        Returns:
+            Curvatures of the arcs [1/m], their length and the spacing of tested poses [m], and the
+            cells that are barred.
+        """
+        car = self.car
+        place = _place(risk.barred, risk.frame, car.body.inflated(ONWARD_MARGIN))
+        return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
+
+    def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
+        """Whether from a pose (x, y, yaw, …) some arc, or straight on, meets nothing barred."""
+        return bool(leads_on(pose, *self.arcs_in(risk)))
+
+
+def _place(blocked: NDArray[np.bool_], frame: GridFrame, body: Body) -> Place:
+    return blocked, frame.resolution, frame.origin, body.half_length, body.half_width

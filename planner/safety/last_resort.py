@@ -1,0 +1,139 @@
+"""The last resort: a way to stop that lies in what is certain, kept at hand at every tick."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.contact import first_free, swerves
+from planner.motion.plan import Plan
+from planner.mpc.guess import shifted
+from planner.mpc.mpc import MPC
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CONTACT_SPACING, CollisionChecker
+
+LEVELS = 16
+"""Accelerations from a plan's own to hard braking, among which the first step is chosen."""
+SLOW = 0.2
+"""Below this a last resort need not lead on: nothing can be made of it any more, and a car that
+would not move for it stood for good [m/s]."""
+
+
+class LastResort:
+    """Sees to it that the car can stop within what is certain, should all belief prove wrong.
+
+    A plan relies on what is believed at the risk ε. After its first step, when the next scan may
+    have proved that wrong, some way to brake and swerve must still lie in what is certain. By
+    induction there is always one: that of the last tick, driven on. It is one from whose end the
+    car can go on, if there is one after the plan's own first step, or after hard braking: a car
+    that cannot reverse otherwise escapes into a corner, and stays there.
+
+    Args:
+        mpc: rolls plans out, and knows the car.
+        checker: tests them.
+    """
+
+    def __init__(self, mpc: MPC, checker: CollisionChecker) -> None:
+        self.mpc, self.checker = mpc, checker
+        self.controls: NDArray[np.float64] | None = None
+        """Of a way to stop from the next state on, (N, 2); None: none is needed."""
+        self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
+
+    def begin(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
+        """The plan, or one that begins more slowly and leaves a last resort.
+
+        Returns:
+            What to drive, and whether a last resort remains after its first step.
+        """
+        mpc, checker, braking = self.mpc, self.checker, self.mpc.limits.braking
+        if risk.certain is risk.safe:
+            self.controls = None
+            return plan, True
+        if checker.contact(plan, ~risk.certain, risk.frame) is None:
+            self.controls = shifted(plan.controls, braking)
+            return plan, True
+        ways, curvature = self.ways(plan), plan.controls[0, 1]
+        levels = np.linspace(plan.controls[0, 0], -braking, LEVELS)
+        found = None
+        if state[3] > SLOW:
+            found = self._fastest(state, levels, curvature, ways, risk, onward=True)
+        if found is None:
+            found = self._fastest(state, levels, curvature, ways, risk, onward=False)
+        if found is None:
+            braked = self.brake(state, plan, risk)
+            return braked, checker.contact(braked, ~risk.certain, risk.frame) is None
+        fastest, way = found
+        controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
+        # As they are, not as applied: once at rest the car still brakes, should it come faster.
+        self.controls = shifted(controls, braking)
+        return (plan if fastest == 0 else mpc.roll(state, controls)), True
+
+    def _fastest(
+        self,
+        state: NDArray[np.float64],
+        levels: NDArray[np.float64],
+        curvature: float,
+        ways: NDArray[np.float64],
+        risk: RiskMap,
+        onward: bool,
+    ) -> tuple[int, int] | None:
+        """Number of the first acceleration after which some way is left, and that way's.
+
+        Args:
+            state: (4,).
+            levels: accelerations, the harder the later [m/s²].
+            curvature: of the first step [1/m].
+            ways: to stop after it, (n, N, 2).
+            risk: whose certain cells they must lie in.
+            onward: whether the car must be able to go on from where they end.
+        """
+        place = self.checker.body_in(~risk.certain, risk.frame)
+        arcs = self.checker.arcs_in(risk)
+
+        def way_after(level: int) -> int:
+            first = np.array([levels[level], curvature])
+            return int(first_free(state, first, ways, self.mpc.driving, CONTACT_SPACING, place,
+                                  onward, arcs))  # fmt: skip
+
+        way = way_after(0)
+        if way >= 0:
+            return 0, way
+        too_fast, fastest = 0, LEVELS - 1
+        way = way_after(fastest)
+        while way < 0 and not onward and too_fast < fastest - 1:
+            # Odd, but a gentler beginning may leave a way where a harder one does not.
+            fastest -= 1
+            way = way_after(fastest)
+        if way < 0:
+            return None
+        # By bisection.
+        while fastest - too_fast > 1:
+            middle = (fastest + too_fast) // 2
+            found = way_after(middle)
+            if found < 0:
+                too_fast = middle
+            else:
+                fastest, way = middle, found
+        return fastest, way
+
+    def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
+        """Brake as hard as the car can, on the way that meets what was seen most slowly."""
+        ways = self.ways(plan)
+        stops = [self.mpc.roll(state, way) for way in ways]
+        badness = [self._badness(stop, risk) for stop in stops]
+        best = badness.index(min(badness))
+        self.controls = shifted(ways[best], self.mpc.limits.braking)
+        return stops[best]
+
+    def ways(self, plan: Plan) -> NDArray[np.float64]:
+        """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
+        ways = self._swerves.copy()
+        np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
+        return ways if self.controls is None else np.concatenate([self.controls[None], ways])
+
+    def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
+        """How fast a way meets what was seen, leaves the safe set, what is certain, and ends."""
+        met = (self.checker.contact(stop, blocked, risk.frame)
+               for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
+        hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
+        return hit, left, unsure, float(stop.states[-1, 3])

@@ -1,0 +1,1 @@
+"""Infrastructure: command lines, worker processes, files that are written whole, and parsers."""

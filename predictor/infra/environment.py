@@ -1,0 +1,57 @@
+"""What results were made with: the machine, its packages, and the commit of this code."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from collections.abc import Iterable
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+
+def machine() -> dict[str, Any]:
+    """What the numbers were measured on."""
+    model = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        model = next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        pass
+    packages = ("numpy", "numba", "scipy", "casadi", "daqp", "ompl", "torch")
+    return {
+        "processor": model,
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in packages},
+    }
+
+
+@lru_cache(maxsize=1)
+def commit() -> str | None:
+    """The commit of this code, with "+" if it was changed since; None outside a checkout."""
+    here = Path(__file__).resolve().parent
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", *words], cwd=here, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    try:
+        return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "-uno") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def several_states(commits: Iterable[str | None], of: str) -> str:
+    """A line of warning where results come from several states of the code; else nothing.
+
+    Args:
+        commits: of each of them.
+        of: what they are.
+    """
+    count = len(set(commits))
+    return f"mind: these {of} come from {count} states of the code; see --out" if count > 1 else ""

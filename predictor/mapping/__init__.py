@@ -1,0 +1,1 @@
+"""Mapping: grids, scans, beams and bodies. It imports nothing else of this project."""

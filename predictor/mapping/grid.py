@@ -1,0 +1,270 @@
+"""The occupancy grid: what has been seen, cell by cell.
+
+ROS conventions throughout: row = y, column = x, the origin is the lower-left corner of cell
+(0, 0), and cell values are those of nav_msgs/OccupancyGrid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from predictor.mapping.beams import trace_beams
+from predictor.mapping.body import Body, covered
+from predictor.mapping.kernels import njit
+from predictor.mapping.scan import Scan
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Cell values, as in nav_msgs/OccupancyGrid."""
+
+HIT, MISS = 17, -8
+"""What one scan adds to a cell: log-odds in steps of 0.05, after Hornung et al. 2013 (OctoMap)."""
+LOWEST, HIGHEST = -40, 70
+"""The bounds that log-odds are clamped to: the same source, the same unit."""
+
+
+@dataclass(frozen=True)
+class GridFrame:
+    """Where a grid lies: an axis-aligned lattice of square cells.
+
+    Attributes:
+        resolution: side of a cell [m].
+        origin: x, y of the lower-left corner of cell (0, 0) [m].
+        shape: rows (y), columns (x).
+    """
+
+    resolution: float
+    origin: tuple[float, float]
+    shape: tuple[int, int]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent along x and along y [m]."""
+        return self.shape[1] * self.resolution, self.shape[0] * self.resolution
+
+    def cell(self, x: float, y: float) -> tuple[int, int]:
+        """Row and column of the cell that holds a point [m]; may lie outside the grid."""
+        return (
+            math.floor((y - self.origin[1]) / self.resolution),
+            math.floor((x - self.origin[0]) / self.resolution),
+        )
+
+    def centre(self, row: float, col: float) -> tuple[float, float]:
+        """The centre x, y of a cell [m]."""
+        return (
+            self.origin[0] + (col + 0.5) * self.resolution,
+            self.origin[1] + (row + 0.5) * self.resolution,
+        )
+
+    def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All cell centres: x (columns,) and y (rows,) [m]."""
+        rows, cols = self.shape
+        x = self.origin[0] + (np.arange(cols) + 0.5) * self.resolution
+        y = self.origin[1] + (np.arange(rows) + 0.5) * self.resolution
+        return x.astype(np.float64), y.astype(np.float64)
+
+    def contains(self, x: float, y: float) -> bool:
+        """Whether a point [m] lies inside the grid."""
+        row, col = self.cell(x, y)
+        return 0 <= row < self.shape[0] and 0 <= col < self.shape[1]
+
+    def offset(self, other: GridFrame) -> tuple[int, int]:
+        """Row and column of `other`'s cell (0, 0) in this frame.
+
+        Raises:
+            ValueError: if the two frames do not share one lattice.
+        """
+        row = (other.origin[1] - self.origin[1]) / self.resolution
+        col = (other.origin[0] - self.origin[0]) / self.resolution
+        on_lattice = max(abs(row - round(row)), abs(col - round(col))) < 1e-3
+        if not math.isclose(self.resolution, other.resolution, rel_tol=1e-6) or not on_lattice:
+            raise ValueError(f"{other} is not on the lattice of {self}: same cells are needed")
+        return round(row), round(col)
+
+    def square(self, x: float, y: float, side: float) -> GridFrame:
+        """The square of a given side [m] around a point [m], snapped to this lattice."""
+        n = max(1, round(side / self.resolution))
+        row = round((y - self.origin[1]) / self.resolution - n / 2)
+        col = round((x - self.origin[0]) / self.resolution - n / 2)
+        origin = (
+            self.origin[0] + col * self.resolution,
+            self.origin[1] + row * self.resolution,
+        )
+        return GridFrame(self.resolution, origin, (n, n))
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A map: cells that are FREE, OCCUPIED or UNKNOWN, in a frame.
+
+    Attributes:
+        frame: where the cells lie.
+        cells: (rows, columns) int8.
+    """
+
+    frame: GridFrame
+    cells: NDArray[np.int8]
+
+    def __post_init__(self) -> None:
+        if self.cells.shape != self.frame.shape:
+            raise ValueError(f"cells are {self.cells.shape}, the frame says {self.frame.shape}")
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Cells seen free, (rows, columns)."""
+        return np.asarray(self.cells == FREE)
+
+    @cached_property
+    def occupied(self) -> NDArray[np.bool_]:
+        """Cells seen occupied, (rows, columns)."""
+        return np.asarray(self.cells == OCCUPIED)
+
+    @cached_property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Cells never seen, (rows, columns)."""
+        return np.asarray(self.cells == UNKNOWN)
+
+    def crop(self, frame: GridFrame) -> Grid:
+        """The part of this map inside a frame on the same lattice; outside is UNKNOWN."""
+        return Grid(frame, paste(self.frame, self.cells, frame, np.int8(UNKNOWN)))
+
+
+def paste(frame: GridFrame, values: NDArray, into: GridFrame, fill: np.generic) -> NDArray:
+    """Values given on one frame, laid onto another of the same lattice; `fill` elsewhere."""
+    row, col = frame.offset(into)
+    out = np.full(into.shape, fill, dtype=values.dtype)
+    r0, r1 = max(0, row), min(frame.shape[0], row + into.shape[0])
+    c0, c1 = max(0, col), min(frame.shape[1], col + into.shape[1])
+    if r0 < r1 and c0 < c1:
+        out[r0 - row : r1 - row, c0 - col : c1 - col] = values[r0:r1, c0:c1]
+    return out
+
+
+class OccupancyGrid:
+    """What a robot has seen so far: log-odds of occupancy that scans are integrated into.
+
+    The one long-lived value of the loop that changes in place: copying a building at every tick
+    would cost more than the rest of the cycle. It grows to hold what the window reaches.
+
+    Args:
+        frame: the first extent; its lattice is kept when the grid grows.
+        window: side of the square around the robot inside which returns are written [m].
+    """
+
+    def __init__(self, frame: GridFrame, window: float) -> None:
+        if not window > 0:
+            raise ValueError(f"window is {window} m, it must be positive")
+        self.frame = frame
+        self.window = window
+        self.log_odds = np.zeros(frame.shape, dtype=np.int8)
+        """(rows, columns) int8 in steps of 0.05; below 0 free, above 0 occupied, 0 unknown."""
+
+    @classmethod
+    def from_grid(cls, grid: Grid, window: float) -> OccupancyGrid:
+        """A grid in which a whole map counts as seen (the `full` arm's knowledge)."""
+        known = cls(grid.frame, window)
+        known.log_odds[grid.free] = LOWEST
+        known.log_odds[grid.occupied] = HIGHEST
+        return known
+
+    @property
+    def cells(self) -> NDArray[np.int8]:
+        """The whole map as FREE, OCCUPIED, UNKNOWN: (rows, columns) int8."""
+        return _classify(self.log_odds)
+
+    def crop(self, frame: GridFrame) -> Grid:
+        """What is known inside a frame on this lattice."""
+        return Grid(frame, _classify(paste(self.frame, self.log_odds, frame, np.int8(0))))
+
+    def integrate(self, scan: Scan, pose: ArrayLike) -> None:
+        """Write one scan, taken from a robot pose (x, y, yaw), into the cells of the window.
+
+        Each cell is updated once a scan: a cell that a beam ends in is a hit, one that a beam
+        crosses a miss. A range of NaN says nothing; one at or above `range_max` (+inf too) says
+        that the beam was free up to there (REP 117).
+
+        Raises:
+            ValueError: if the pose or the scan's geometry is not finite, its range not positive, or
+                there is no beam.
+        """
+        x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
+            raise ValueError(f"pose is ({x}, {y}, {yaw}), it must be finite")
+        if not len(scan.ranges):
+            raise ValueError("the scan has no beams")
+        if not scan.range_max > 0:
+            raise ValueError(f"range_max is {scan.range_max} m, it must be positive")
+        beams = (scan.angle_min, scan.angle_increment, *scan.mount)
+        if not all(map(math.isfinite, beams)):
+            raise ValueError(f"angle_min, angle_increment and mount are {beams}, not all finite")
+        window = self.cover(self.frame.square(x, y, self.window))
+        sx, sy, bearing = scan.sensor_pose(x, y, yaw)
+        row, col = self.frame.offset(window)
+        marks = np.zeros(window.shape, dtype=np.uint8)
+        trace_beams(
+            marks,
+            (sx - window.origin[0]) / window.resolution,
+            (sy - window.origin[1]) / window.resolution,
+            bearing + scan.angle_min,
+            scan.angle_increment,
+            scan.ranges / window.resolution,
+            scan.range_max / window.resolution,
+        )
+        _update(self.log_odds[row : row + window.shape[0], col : col + window.shape[1]], marks)
+
+    def mark_free(self, pose: ArrayLike, body: Body, around: float) -> None:
+        """Count a body's footprint and the space `around` it [m] as seen free (a start)."""
+        x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
+        grown = body.inflated(around)
+        self.cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
+        inside = covered(self.frame.shape, self.frame.resolution, self.frame.origin, x, y, yaw,
+                         grown.half_length, grown.half_width)  # fmt: skip
+        region = self.log_odds[tuple(inside.T)]
+        self.log_odds[tuple(inside.T)] = np.where(region == 0, MISS, region)
+
+    def cover(self, wanted: GridFrame) -> GridFrame:
+        """Grow, if need be, by whole windows until a frame fits; return that frame."""
+        row, col = self.frame.offset(wanted)
+        rows, cols = self.frame.shape
+        # A multiple of 60, so that maps of 2, 3, 4 or 5 times coarser cells keep their lattice.
+        step = 60 * math.ceil(max(wanted.shape[0], 100) / 60)
+        before = [math.ceil(max(0, -start) / step) * step for start in (row, col)]
+        after = [
+            math.ceil(max(0, start + length - have) / step) * step
+            for start, length, have in zip((row, col), wanted.shape, (rows, cols), strict=True)
+        ]
+        if any(before) or any(after):
+            self.log_odds = np.pad(self.log_odds, list(zip(before, after, strict=True)))
+            origin = (
+                self.frame.origin[0] - before[1] * self.frame.resolution,
+                self.frame.origin[1] - before[0] * self.frame.resolution,
+            )
+            shape = (self.log_odds.shape[0], self.log_odds.shape[1])
+            self.frame = GridFrame(self.frame.resolution, origin, shape)
+        return wanted
+
+
+def _classify(log_odds: NDArray[np.int8]) -> NDArray[np.int8]:
+    return _MEANING[np.ascontiguousarray(log_odds).view(np.uint8)]
+
+
+_MEANING = np.full(256, UNKNOWN, dtype=np.int8)
+_MEANING[1:128], _MEANING[128:] = OCCUPIED, FREE
+"""Cell values by log-odds, whose negative numbers are the upper half of a byte."""
+
+
+@njit(cache=True, nogil=True)
+def _update(log_odds, marks):  # type: ignore[no-untyped-def]
+    """Add one scan's marks (0 nothing, 1 crossed, 2 hit) to log-odds, clamped, in place."""
+    # Free of branches and within int8, so that it compiles to vector code.
+    for row in range(marks.shape[0]):
+        for col in range(marks.shape[1]):
+            mark = marks[row, col]
+            change = np.int8(MISS) if mark == 1 else np.int8(HIT) if mark == 2 else np.int8(0)
+            value = np.int8(log_odds[row, col] + change)
+            value = np.int8(HIGHEST) if value > HIGHEST else value
+            log_odds[row, col] = np.int8(LOWEST) if value < LOWEST else value
