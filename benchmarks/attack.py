@@ -6,7 +6,6 @@ python -m benchmarks.attack --drives 400
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -14,8 +13,9 @@ from typing import Any
 
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.settings import FAMILIES, VEHICLES, Settings
-from benchmarks.tables import markdown
-from predictor.infra.command_line import OneLineParser, UsageError
+from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
+from predictor.infra.markdown import markdown
+from predictor.infra.workers import LostError, finished
 
 COMMAND = "benchmarks.attack"
 SEED = 990_000
@@ -132,32 +132,17 @@ def main(argv: list[str] | None = None) -> int:
         "may be none. Interrupted runs go on: give the same command again.",
     )
     add = parser.add_argument
-    add("--drives", type=int, default=100, metavar="N", help="how many")
-    add("--seed", type=int, default=SEED, metavar="N", help="of the first building")
-    add("--seconds", type=float, default=20.0, metavar="S",
+    add("--drives", type=between(1, 10**9), default=100, metavar="N", help="how many")
+    add("--seed", type=between(0, 2**31), default=SEED, metavar="N", help="of the first building")
+    add("--seconds", type=between(0.1, 1e6), default=20.0, metavar="S",
         help="most that a drive lasts in simulated time")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    parser.add_jobs()
     add("--out", type=Path, default=Path("results/attack.json"), metavar="FILE",
         help="where the drives go")  # fmt: skip
-    try:
-        args = parser.parse_args(argv)
-        for name in ("drives", "jobs"):
-            if not 1 <= getattr(args, name) <= 10**9:
-                raise UsageError(f"--{name} is {getattr(args, name)}, it must be at least 1")
-        if args.seed < 0 or not 0 < args.seconds < 1e6:
-            raise UsageError("--seed must not be negative, --seconds must be positive")
-        return _run(args)
-    except UsageError as error:
-        print(f"{COMMAND}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{COMMAND}: interrupted; the same command goes on", file=sys.stderr)
-        return 130
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _run(args: argparse.Namespace) -> int:
-    # The workers' first, for it keeps libraries to one thread a process, whatever --jobs is.
-    from predictor.infra.workers import LostError, finished  # isort: skip
     from tqdm import tqdm
 
     settings = {"drives": args.drives, "seed": args.seed, "seconds": args.seconds}

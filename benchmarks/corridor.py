@@ -10,7 +10,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.settings import Place, Settings, parse
-from predictor.infra.command_line import UsageError
+from predictor.infra.command_line import UsageError, run_command
+from predictor.infra.errors import LineError
+from predictor.infra.workers import LostError, finished
 
 if TYPE_CHECKING:
     from benchmarks.runs.store import Store
@@ -20,48 +22,25 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0 when it ran, whatever the outcome; 1 if drives are missing, for processes died of them or
-        the disk is full; 2 for bad arguments or input; 130 if interrupted.
+        The exit status: 0 if it ran, whatever the outcome; 1 if drives are missing, because
+        processes died or the disk is full; 2 for bad arguments or input; 130 if interrupted.
     """
-    try:
-        return _run(*parse(argv))
-    except UsageError as error:
-        print(f"benchmarks.corridor: {error}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        from predictor.infra.errors import one_line
-
-        # Such as a full disk. Drives are on disk one by one.
-        print(f"benchmarks.corridor: {one_line(error)}; what was done is kept, the same command "
-              "goes on", file=sys.stderr)  # fmt: skip
-        return 1
-    except KeyboardInterrupt:
-        # Of what is not a drive, or a second one. Drives are on disk, packed or not.
-        print("benchmarks.corridor: interrupted; the same command goes on", file=sys.stderr)
-        return 130
+    return run_command("benchmarks.corridor", lambda: _run(*parse(argv)))
 
 
 def _run(settings: Settings, place: Place) -> int:
-    # Here and not above, so that --help and bad arguments answer at once; the workers' first, for
-    # it keeps libraries to one thread a process, whatever --jobs is.
-    import predictor.infra.workers  # noqa: F401
+    # Here and not above, so that --help and bad arguments answer at once.
     from benchmarks.figures.all_figures import draw_all
     from benchmarks.optimal.optima import optimum_of
-    from benchmarks.runs.drive import sources
+    from benchmarks.runs.drive import check_maps
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import table, title
-    from predictor import PredictorError, load_predictor
+    from predictor import load_predictor
     from predictor.infra.environment import several_states
     from predictor.provenance import fingerprint_of
-    from sim.map_server import MapError, load_world
 
-    try:
-        weights = fingerprint_of(load_predictor(settings.predictor))
-        for name in sources(settings.world):
-            if name.endswith((".yaml", ".yml")):
-                load_world(name)
-    except (PredictorError, MapError) as error:
-        raise UsageError(str(error)) from None
+    weights = fingerprint_of(load_predictor(settings.predictor))
+    check_maps(settings.world)
     optima = None if place.optimum is None else optimum_of(place.optimum, settings.v_max)
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:
@@ -94,9 +73,6 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
     from tqdm import tqdm
 
     from benchmarks.runs.drive import attempt
-    from predictor import PredictorError
-    from predictor.infra.workers import LostError, WorkersError, finished
-    from sim.map_server import MapError
 
     done = store.done()
     todo = [
@@ -122,7 +98,7 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
         except LostError as error:
             store.lost = list(error.items)
             bar.write(f"mind: {error}; the same command tries again", file=sys.stderr)
-        except (WorkersError, PredictorError, MapError, UsageError) as error:
+        except LineError as error:
             raise UsageError(f"{error}; what was done is kept") from None
     return False
 

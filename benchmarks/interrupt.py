@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.runs.drive_file import DriveFile
-from benchmarks.tables import markdown
-from predictor.infra.command_line import OneLineParser, UsageError
+from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
+from predictor.infra.markdown import markdown
+from predictor.infra.workers import finished
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,7 +45,8 @@ CASES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """The commands with arguments that keep them short. {drives} and {frames} are data made before."""
 INPUTS = {"drives": "predictor.drives", "frames": "predictor.dataset"}
-VOLATILE = {"machine", "commit", "commits", "version", "seconds", "cycle_ms", "path_ms"}
+VOLATILE = {"machine", "commit", "commits", "seconds", "ms", "cycle_ms", "cycle_ms_p50",
+            "cycle_ms_p99", "times"}  # fmt: skip
 """Times and origins, which no two runs have in common."""
 LATEST = 1.2
 """Interruptions are drawn from 0 to this multiple of the time of an uninterrupted run."""
@@ -60,6 +62,9 @@ def contents(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))
+        if "parts" in path.parts:
+            # What a command keeps for itself until it is done.
+            continue
         if path.suffix == ".json":
             found[name] = _lasting(json.loads(path.read_text()))
         elif path.suffix == ".jsonl":
@@ -157,42 +162,29 @@ def main(argv: list[str] | None = None) -> int:
         "can be interrupted and continued.",
     )
     add = parser.add_argument
-    add("--trials", type=int, default=480, metavar="N",
+    add("--trials", type=between(1, 10**9), default=480, metavar="N",
         help="number of interruptions, over all commands and kinds in turn")  # fmt: skip
-    add("--seed", type=int, default=0, metavar="N", help="of the moments")
+    add("--seed", type=between(0, 2**31), default=0, metavar="N", help="of the moments")
     add("--disk", type=Path, metavar="DIR", help="empty folder on a file system of its own with "
         "some 100 MB, which is filled up (mount -t tmpfs -o size=100m tmpfs DIR); without it no "
         "disk is filled")  # fmt: skip
-    add("--jobs", type=int, default=1, metavar="N", help="trials at a time; each uses 2 processes")
+    add("--jobs", type=between(1, 10_000), default=1, metavar="N",
+        help="trials at a time; each uses 2 processes")  # fmt: skip
     add("--work", type=Path, default=Path("results/interrupt"), metavar="DIR",
         help="data, uninterrupted runs, and what failed trials left")  # fmt: skip
     add("--out", type=Path, default=Path("results/interrupt.json"), metavar="FILE",
         help="where the trials go")  # fmt: skip
-    try:
-        args = parser.parse_args(argv)
-        for name in ("trials", "jobs"):
-            if not 1 <= getattr(args, name) <= 10**9:
-                raise UsageError(f"--{name} is {getattr(args, name)}, it must be at least 1")
-        if args.seed < 0:
-            raise UsageError(f"--seed is {args.seed}, it must be at least 0")
-        if args.disk is not None and not os.path.ismount(args.disk):
-            raise UsageError(f"--disk: {args.disk} is no file system of its own")
-        return _run(args)
-    except UsageError as error:
-        print(f"{COMMAND}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{COMMAND}: interrupted; the same command goes on", file=sys.stderr)
-        return 130
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _run(args: argparse.Namespace) -> int:
-    from predictor.infra.workers import finished  # isort: skip
     import numpy as np
     from tqdm import tqdm
 
     from predictor.infra.environment import commit
 
+    if args.disk is not None and not os.path.ismount(args.disk):
+        raise UsageError(f"--disk: {args.disk} is no file system of its own")
     kinds = [kind for kind in KINDS if kind != "disk full" or args.disk is not None]
     store = DriveFile(args.out, COMMAND, {
         "trials": args.trials, "seed": args.seed, "kinds": kinds, "commit": commit(),

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-import os
 import sys
 import time
 from functools import partial
@@ -21,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.optimal.optima import COMMAND, table
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.settings import FAMILIES, Settings
-from predictor.infra.command_line import OneLineParser, UsageError
+from predictor.infra.command_line import OneLineParser, UsageError, run_command
+from predictor.infra.workers import LostError, finished
 
 if TYPE_CHECKING:
     from benchmarks.optimal.minimum_time import Drive, MinimumTime
@@ -137,14 +137,7 @@ def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    try:
-        return _run(*_parsed(argv))
-    except UsageError as error:
-        print(f"benchmarks.optimum: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("benchmarks.optimum: interrupted; the same command goes on", file=sys.stderr)
-        return 130
+    return run_command(COMMAND, lambda: _run(*_parsed(argv)))
 
 
 def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
@@ -163,12 +156,10 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
     add("--episodes", type=int, default=default.episodes, metavar="N", help="tasks")
     add("--seed", type=int, default=default.seed, metavar="N", help="of the first task")
     add("--v-max", type=float, default=default.v_max, metavar="V", help="top speed [m/s]")
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    parser.add_jobs()
     add("--out", type=Path, default=Path("results/optimum.json"), metavar="FILE",
         help="where the drives go")  # fmt: skip
     args = parser.parse_args(argv)
-    if args.jobs < 1:
-        raise UsageError(f"--jobs is {args.jobs}, it must be at least 1")
     settings = Settings(
         world=tuple(args.world), episodes=args.episodes, seed=args.seed, v_max=args.v_max
     )
@@ -176,21 +167,13 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
 
 
 def _run(settings: Settings, out: Path, jobs: int) -> int:
-    # The workers' first, for it keeps libraries to one thread a process, whatever --jobs is.
-    from predictor.infra.workers import LostError, finished  # isort: skip
     from tqdm import tqdm
 
-    from benchmarks.runs.drive import sources
+    from benchmarks.runs.drive import check_maps
     from sim.car import CarConfig
     from sim.episode import EpisodeConfig
-    from sim.map_server import MapError, load_world
 
-    try:
-        for name in sources(settings.world):
-            if name.endswith((".yaml", ".yml")):
-                load_world(name)
-    except MapError as error:
-        raise UsageError(str(error)) from None
+    check_maps(settings.world)
     car = dataclasses.asdict(CarConfig(v_max=settings.v_max))
     wanted = {"world": list(settings.world), "episodes": settings.episodes, "seed": settings.seed}
     wanted |= car | {"goal_radius": EpisodeConfig().goal_radius}

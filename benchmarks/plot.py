@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from predictor.infra.command_line import OneLineParser
+from predictor.infra.command_line import OneLineParser, run_command
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -28,24 +28,13 @@ Exit status: 0, or 2 with one line where an argument or a run is bad.
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command; returns its exit status."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    # Only now, so that help and bad arguments need not wait for it.
-    from benchmarks.figures.video import VideoError
-    from benchmarks.runs.trace import RunError
+    """Run the command line, and return its exit status: 2 for bad arguments or input."""
+    return run_command("benchmarks.plot", lambda: _run(_parser().parse_args(arguments)))
 
-    try:
-        paths = _draw(options)
-    except (RunError, VideoError, OSError) as error:
-        print(f"{parser.prog}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{parser.prog}: interrupted", file=sys.stderr)
-        return 130
-    for path in paths:
+
+def _run(options: argparse.Namespace) -> None:
+    for path in _draw(options):
         print(path)
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:

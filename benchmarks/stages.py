@@ -12,7 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.tables import markdown
+from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
+from predictor.infra.markdown import markdown
 
 if TYPE_CHECKING:
     from argparse import Namespace
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from benchmarks.timing.parts import Part
 
+COMMAND = "benchmarks.stages"
 ARMS = ("predicted", "known", "oracle")
 PEERS = {
     "octomap": "octomap-python", "pyoctomap": "pyoctomap", "raycast2D": "raycast2D",
@@ -44,8 +46,9 @@ def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
         args: of the command line.
         report: told what is being measured.
     """
+    from benchmarks.timing import growth, rates, throughput
     from benchmarks.timing.parts import Part
-    from benchmarks.timing.timing import closed_loop, growth, rates, spread, throughput
+    from benchmarks.timing.timing import closed_loop, spread
 
     def arm(name: str) -> dict[str, dict[str, float]]:
         times = closed_loop(name, args.drives, args.seed)
@@ -73,8 +76,8 @@ def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
 
 
 def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
+    from benchmarks.timing import peers, peers_mpc
     from benchmarks.timing.parts import Part, installed
-    from benchmarks.timing.timing import peers, peers_mpc
 
     packages = {"packages": installed(PEERS.values())}
     found = [
@@ -140,9 +143,6 @@ def tables(results: dict[str, Any]) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments, 130 if interrupted."""
-    from predictor.infra.command_line import OneLineParser, UsageError
-    from predictor.infra.workers import WorkersError
-
     parser = OneLineParser(
         prog="benchmarks.stages",
         description="Time every stage of the control cycle over real drives, on one thread and "
@@ -160,63 +160,26 @@ def main(argv: list[str] | None = None) -> int:
         metavar="DIR",
         help="results.json, growth.png, and the parts they are made of (default: %(default)s)",
     )
-    add(
-        "--drives",
-        type=int,
-        default=4,
-        metavar="N",
-        help="of each arm, to time its stages (default: %(default)s)",
-    )
-    add(
-        "--episodes",
-        type=int,
-        default=6,
-        metavar="N",
-        help="of the default arms, driven by one "
-        "process and then by two, for the throughput (default: %(default)s)",
-    )
-    add(
-        "--memory",
-        type=int,
-        default=12,
-        metavar="N",
-        help="drives of one process after each of "
-        "which its memory is read; 1000 take about 40 minutes (default: %(default)s)",
-    )
-    add("--seed", type=int, default=0, metavar="N", help="of the first (default: %(default)s)")
-    add(
-        "--peers",
-        action="store_true",
-        help="beside the programs that one would pick instead: "
-        "pip install 'foresee[peers]'; takes some minutes, most of them for compiling",
-    )
-    args = parser.parse_args(argv)
-    try:
-        if min(args.drives, args.episodes) < 1 or args.memory < 6 or args.seed < 0:
-            raise UsageError("--drives and --episodes must be at least 1, --memory at least 6, "
-                             "--seed at least 0")  # fmt: skip
-        if args.peers:
-            _ask_for(PEERS)
-        print(_run(args))
-    except KeyboardInterrupt:
-        print(f"interrupted; what was measured is kept in {args.out / 'parts'}, the same command "
-              "goes on from there", file=sys.stderr)  # fmt: skip
-        return 130
-    except (UsageError, OSError) as error:
-        print(f"benchmarks.stages: {error}", file=sys.stderr)
-        return 2
-    except WorkersError as error:
-        print(f"benchmarks.stages: {error}; what was measured is kept", file=sys.stderr)
-        return 2
-    return 0
+    add("--drives", type=between(1, 10**6), default=4, metavar="N",
+        help="drives of each arm that time its stages (default: %(default)s)")  # fmt: skip
+    add("--episodes", type=between(1, 10**6), default=6, metavar="N",
+        help="episodes of the default arms, driven by one process and then by two, for the "
+        "throughput (default: %(default)s)")  # fmt: skip
+    add("--memory", type=between(6, 10**6), default=12, metavar="N",
+        help="drives of one process after each of which its memory is read; 1000 take about 40 "
+        "minutes (default: %(default)s)")  # fmt: skip
+    add("--seed", type=between(0, 2**31), default=0, metavar="N",
+        help="seed of the first drive (default: %(default)s)")  # fmt: skip
+    add("--peers", action="store_true",
+        help="also time the programs that one would use instead: pip install 'foresee[peers]'; "
+        "takes some minutes, most of them for compiling")  # fmt: skip
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _ask_for(modules: Iterable[str]) -> None:
     """Find out before anything is measured that something is missing."""
     import shutil
     from importlib.util import find_spec
-
-    from predictor.infra.command_line import UsageError
 
     missing = [name for name in modules if find_spec(name) is None]
     if missing:
@@ -225,7 +188,9 @@ def _ask_for(modules: Iterable[str]) -> None:
         raise UsageError(f"--peers needs {COMPILER}, to compile what others solve")
 
 
-def _run(args: Namespace) -> str:
+def _run(args: Namespace) -> None:
+    if args.peers:
+        _ask_for(PEERS)
     # Before numpy is there, and whatever the user's environment says.
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
     import torch
@@ -261,7 +226,7 @@ def _run(args: Namespace) -> str:
     }  # fmt: skip
     write_whole(args.out / "results.json", json.dumps(results, indent=1).encode())
     draw(found["growth"]).savefig(args.out / "growth.png")
-    return f"{tables(results)}\n\n{args.out / 'results.json'}"
+    print(tables(results), "", args.out / "results.json", sep="\n")
 
 
 if __name__ == "__main__":

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.tables import markdown
-from predictor.infra.command_line import OneLineParser
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.command_line import OneLineParser, run_command
+from predictor.infra.markdown import markdown
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
 
-COMMAND = "benchmarks.stuck"
+COMMAND, KIND = "benchmarks.stuck", "stuck"
 DESCRIPTION = """\
 Find out why drives of the dubins car got stuck. For each stuck drive of a run of
 benchmarks.corridor, a search over the true map tries to reach the goal from where the car stands,
@@ -45,25 +46,18 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("results/stuck.json"),
                         help="where the causes go (default: %(default)s)")  # fmt: skip
-    args = parser.parse_args(argv)
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> None:
     from benchmarks.runs.saved_run import Run
-    from benchmarks.runs.trace import RunError
-    from predictor.infra.atomic_file import write_whole
     from predictor.infra.environment import commit
 
-    try:
-        results = {"command": COMMAND, "commit": commit(),
-                   "runs": [causes(Run.load(path)) for path in args.runs]}  # fmt: skip
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(args.out, json.dumps(results, indent=1).encode())
-    except (RunError, OSError) as error:
-        print(f"{COMMAND}: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"{COMMAND}: interrupted", file=sys.stderr)
-        return 130
+    results = {"kind": KIND, "commit": commit(),
+               "runs": [causes(Run.load(path)) for path in args.runs]}  # fmt: skip
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(args.out, json.dumps(results, indent=1).encode())
     print(table(results), "", args.out, sep="\n")
-    return 0
 
 
 def causes(run: Run) -> dict[str, Any]:

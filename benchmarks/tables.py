@@ -9,18 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-DASH = "–"
-"""In place of an interval that is not given: there are too few worlds."""
-
-
-def markdown(rows: list[list[str]]) -> str:
-    """A table whose first row is its head, padded so that it reads well as plain text too."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = [
-        "| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |"
-        for row in rows
-    ]
-    return "\n".join([lines[0], "|" + "|".join("-" * (w + 2) for w in widths) + "|", *lines[1:]])
+from predictor.infra.markdown import DASH, figure, interval, markdown
 
 
 def tables_of(results: dict[str, Any]) -> str:
@@ -50,7 +39,7 @@ def tables_of(results: dict[str, Any]) -> str:
 
         return of_prediction(results)
     if "groups" in results:
-        from predictor.evaluate import table as every_score
+        from benchmarks.recording.evaluation import table as every_score
 
         return every_score(results)
     from benchmarks.runs.summary import table, title
@@ -146,23 +135,6 @@ def scores(runs: dict[str, dict[str, Any]]) -> str:
                     cells = ["" if value is None else f"{value:.3f}" for value in found]
                     rows.append([group, f"`{name}`", *cells])
     return markdown(rows)
-
-
-def figure(value: float | None, ends: list[float] | None, form: str) -> str:
-    """A value and the ends of its 95 % interval, or a dash in its place; blank without a value."""
-    if value is None:
-        return ""
-    told = DASH if ends is None else "–".join(format(end, form) for end in ends)
-    return f"{format(value, form)} ({told})"
-
-
-def interval(value: dict[str, Any], form: str, factor: float = 1.0) -> str:
-    """A value and its 95 % interval, or a dash in its place."""
-    mid = format(factor * value["value"], form)
-    if value["low"] is None:
-        return f"{mid} ({DASH})"
-    low, high = (format(factor * value[name], form) for name in ("low", "high"))
-    return f"{mid} ({low} to {high})"
 
 
 def main(argv: list[str] | None = None) -> int:

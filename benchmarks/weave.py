@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.tables import markdown
-from predictor.infra.command_line import OneLineParser
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.command_line import OneLineParser, between, run_command
+from predictor.infra.markdown import markdown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.runs.saved_run import Run
 
-COMMAND = "benchmarks.weave"
+COMMAND, KIND = "benchmarks.weave", "weave"
 DESCRIPTION = """\
 Count how often the car changes from one side to the other on straights, in runs of
 benchmarks.corridor on a given route. Straight is where the given way turns by less than 10° within
@@ -45,28 +46,22 @@ def main(argv: list[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
-    parser.add_argument("--episodes", metavar="N", type=int, default=100,
+    parser.add_argument("--episodes", metavar="N", type=between(1, 10**9), default=100,
                         help="the first N of each run (default: %(default)s)")  # fmt: skip
     parser.add_argument("--out", metavar="FILE", type=Path, default=Path("results/weave.json"),
                         help="where the counts go (default: %(default)s)")  # fmt: skip
-    args = parser.parse_args(argv)
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> None:
     from benchmarks.runs.saved_run import Run
-    from benchmarks.runs.trace import RunError
-    from predictor.infra.atomic_file import write_whole
     from predictor.infra.environment import commit
 
-    try:
-        results = {
-            "command": COMMAND, "commit": commit(), "thresholds": THRESHOLDS,
-            "runs": [counts(Run.load(path), args.episodes) for path in args.runs],
-        }  # fmt: skip
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(args.out, json.dumps(results, indent=1).encode())
-    except (RunError, OSError) as error:
-        print(f"{COMMAND}: {error}", file=sys.stderr)
-        return 2
+    results = {"kind": KIND, "commit": commit(), "thresholds": THRESHOLDS,
+               "runs": [counts(Run.load(path), args.episodes) for path in args.runs]}  # fmt: skip
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(args.out, json.dumps(results, indent=1).encode())
     print(table(results), "", args.out, sep="\n")
-    return 0
 
 
 def counts(run: Run, episodes: int) -> dict[str, Any]:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import sys
 
 from predictor.checking import check_predictor
+from predictor.infra.command_line import OneLineParser, run_command
 from predictor.prediction import BadPredictionError
-from predictor.registry import PredictorError, load_predictor
+from predictor.registry import load_predictor
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if the predictor breaks the contract, 2 if it cannot be loaded."""
-    # Here, as in the other commands: the parser belongs to the benchmarks.
-    from predictor.infra.command_line import OneLineParser
-
     parser = OneLineParser(
         prog="predictor.check",
         description="Check that a predictor keeps to the contract with the planner, and name what "
@@ -21,18 +19,18 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("predictor", metavar="P",
                         help="a name, package.module:Class, or a .safetensors file")  # fmt: skip
-    args = parser.parse_args(argv)
+    return run_command("predictor.check", lambda: _run(parser.parse_args(argv).predictor))
+
+
+def _run(name: str) -> int:
     try:
-        warnings = check_predictor(load_predictor(args.predictor))
-    except PredictorError as error:
-        print(f"predictor.check: {error}", file=sys.stderr)
-        return 2
+        warnings = check_predictor(load_predictor(name))
     except BadPredictionError as error:
-        print(f"{args.predictor}: error: {error}")
+        print(f"{name}: error: {error}")
         return 1
     for warning in warnings:
-        print(f"{args.predictor}: warning: {warning}")
-    print(f"{args.predictor}: keeps to the contract, {len(warnings)} warnings")
+        print(f"{name}: warning: {warning}")
+    print(f"{name}: keeps to the contract, {len(warnings)} warnings")
     return 0
 
 

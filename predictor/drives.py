@@ -9,298 +9,17 @@ of other windows and other noise, which costs a tenth of driving it.
 
 from __future__ import annotations
 
-import contextlib
-import json
-import math
+import argparse
 import sys
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from predictor.infra.errors import LineError
-from predictor.infra.plain_json import loads
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from predictor.mapping.grid import Grid, OccupancyGrid
-    from sim.lidar import LidarConfig
-    from sim.task import Task
-    from sim.world import World
-
-    Sample = tuple[Grid, NDArray[np.bool_], NDArray[np.bool_], float]
-
-SPLITS = {"train": 1_200_000, "validation": 520_000}
-"""First seed of each split. What is measured and published uses others, below 10,000 and from
-700,000 on; the 200,000 before the first and 20,000 before the second made earlier weights."""
-FAMILIES = ("corridor", "narrow", "office", "paper")
-"""Learned from by default, in turn. `trap` is not, so that there is a kind of building that the
-network never saw."""
-WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
-"""Sides of the square that the LIDAR writes into [m], drawn from."""
-JOURNEYS, APART = (1, 2, 4, 8), 2.0
-"""Of a simulated log: ways through its building, drawn from, for some robots have been through each
-door and some down one corridor; and from one of its samples to the next [m]."""
-SPREAD = 10_000_000
-"""From the seed of one of them to the next: no split has as many."""
-
-
-MOST = 1_000_000
-"""More drives, or processes, than this are a slip of the pen."""
-
-
-class DrivesError(LineError):
-    """Samples cannot be made; the message is one line."""
-
-
-@dataclass(frozen=True)
-class DrivesConfig:
-    """What a set of samples is made of.
-
-    Attributes:
-        out: folder; its splits are folders inside.
-        train: drives to learn from, each in a building of its own.
-        validation: drives to tune on.
-        longest: a drive is broken off after this [s]: many buildings teach more than long drives.
-        views: times that each drive is seen again.
-        every: ticks between two samples.
-        logs: samples of simulated robots' logs, whose truth is the map of all their scans.
-        families: of the buildings, in turn.
-    """
-
-    out: Path = Path("data/drives")
-    train: int = 2000
-    validation: int = 160
-    longest: float = 16.0
-    views: int = 2
-    every: int = 6
-    logs: bool = False
-    families: tuple[str, ...] = FAMILIES
-
-
-def record(config: DrivesConfig, item: tuple[str, int]) -> int:
-    """Make one drive's samples and write them; the number of samples.
-
-    Args:
-        config: how.
-        item: a split, and which of its drives.
-    """
-    import numpy as np
-
-    from predictor.data.samples import encoded, world_hash, write_samples
-    from sim.families import generate
-    from sim.task import NoTaskError
-    from sim.variation import varied
-
-    split, number = item
-    seed = SPLITS[split] + number
-    rng = np.random.default_rng(seed)
-    family = config.families[number % len(config.families)]
-    drawn = generate(family, seed)
-    # Half as they are: where they differ from what it learned, the network is ill calibrated.
-    world = varied(drawn, rng) if rng.random() < 0.5 else drawn
-    make = _logged if config.logs else _driven
-    try:
-        samples = [encoded(*sample) for sample in make(config, world, seed, rng)]
-    except NoTaskError:
-        samples = []
-    path = path_of(config, item)
-    about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells),
-             "original": world_hash(drawn.grid.cells)}  # fmt: skip
-    write_samples(path, samples, about)
-    return len(samples)
-
-
-def _driven(
-    config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[Sample]:
-    """A drive's samples, of which the building is the truth.
-
-    Raises:
-        NoTaskError: if there is nowhere to drive.
-    """
-    from predictor.data.samples import SIDE
-    from sim import LidarConfig
-    from sim.task import sample_task
-
-    task = sample_task(world, seed)
-    # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
-    window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
-    states = driven(task, window, risk, rng, config.longest)
-    for _ in range(config.views):
-        window = float(rng.choice(WINDOWS))
-        noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
-        lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
-        first = int(rng.integers(config.every))
-        for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
-            side = SIDE * known.frame.resolution
-            crop = known.crop(known.frame.square(state[0], state[1], side))
-            yield crop, *task.world.truth(crop.frame), float(state[2])
-
-
-def _logged(
-    config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[Sample]:
-    """A log's samples, of which the map of the whole log is the truth.
-
-    Raises:
-        NoTaskError: if there is nowhere to drive.
-    """
-    from predictor.data.frames import cells_of
-    from predictor.data.samples import SIDE
-    from predictor.data.simulated_log import ROBOT, simulated_log
-    from predictor.data.survey import REACH, clipped, frame_around, surveyed
-    from predictor.mapping.grid import FREE, OCCUPIED, Grid, OccupancyGrid
-    from sim.task import NoTaskError, sample_task
-
-    # All but the first may be missing: from some starts there is no way that long.
-    tasks = [sample_task(world, seed, ROBOT)]
-    for number in range(1, int(rng.choice(JOURNEYS))):
-        with contextlib.suppress(NoTaskError):
-            tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
-    log = simulated_log(tasks, rng)
-    scans = [clipped(scan, REACH) for scan in log.scans]
-    frame = frame_around(log.poses, REACH)
-    truth = Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
-    side = SIDE * frame.resolution
-    for _ in range(config.views):
-        window = float(rng.choice(WINDOWS))
-        first = frame.square(float(log.poses[0, 0]), float(log.poses[0, 1]), window)
-        known, gone = OccupancyGrid(first, window), float(rng.uniform(0.0, APART))
-        for number, (scan, pose) in enumerate(zip(scans, log.poses, strict=True)):
-            known.integrate(scan, pose)
-            gone += math.dist(pose[:2], log.poses[max(number - 1, 0), :2])
-            if gone >= APART:
-                # What is over is kept, but for the jump from one way to the next.
-                gone %= APART
-                square = frame.square(float(pose[0]), float(pose[1]), side)
-                true = truth.crop(square).cells
-                yield known.crop(square), true == FREE, true == OCCUPIED, float(pose[2])
-
-
-def driven(
-    task: Task,
-    window: float,
-    risk: float,
-    rng: np.random.Generator,
-    longest: float | None = None,
-) -> NDArray[np.float64]:
-    """The states (T, 4) of a drive without prediction.
-
-    Args:
-        task: where.
-        window: of the LIDAR [m].
-        risk: 0: careful; 1: relying on all that was not seen occupied.
-        rng: noise of the LIDAR.
-        longest: the drive is broken off after this [s]; None: it goes on to its end.
-    """
-    import numpy as np
-
-    from planner.navigator import Navigator, NavigatorConfig
-    from sim import DubinsCar, Lidar
-    from sim.episode import EpisodeConfig, run_episode
-
-    config = NavigatorConfig(window=window, risk=risk)
-    start, car, ending = np.array(task.start), DubinsCar(), EpisodeConfig()
-    if longest is not None:
-        ending = EpisodeConfig(timeout=longest * car.config.v_max / task.path_length)
-    navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
-    episode = run_episode(task, navigator, car, Lidar(), ending, rng)
-    states: NDArray[np.float64] = episode.trace["states"][:-1]
-    return states
-
-
-def seen_again(
-    task: Task,
-    states: NDArray[np.float64],
-    window: float,
-    lidar: LidarConfig,
-    rng: np.random.Generator,
-    every: int,
-    first: int = 0,
-) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """A drive through another LIDAR: what is known, and the state, every few ticks.
-
-    The grid is one and grows; take from it what is to be kept.
-    """
-    from planner.navigator import NavigatorConfig
-    from predictor.mapping.body import Body
-    from sim import Lidar
-
-    known, sensor = task.blank(window), Lidar(lidar)
-    known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
-    for tick, state in enumerate(states):
-        known.integrate(sensor.scan(task.world, state, rng), state)
-        if tick % every == first:
-            yield known, state
-
-
-def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
-    """Where a drive's samples are."""
-    return config.out / item[0] / f"{item[1]:06d}.npz"
-
-
-def make(config: DrivesConfig, jobs: int) -> None:
-    """Make all that is missing of a set, with a progress bar.
-
-    Raises:
-        DrivesError: if the folder holds samples that were made in another way.
-    """
-    from tqdm import tqdm
-
-    from predictor.infra.workers import finished
-
-    _claim(config)
-    items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
-    todo = [item for item in items if not path_of(config, item).exists()]
-    count = 0
-    with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
-        for _, samples in finished(partial(record, config), todo, jobs):
-            count += samples
-            bar.set_postfix_str(f"{count} samples")
-            bar.update()
-
-
-def _claim(config: DrivesConfig) -> None:
-    """Make the folders, and see to it that one folder holds samples of one recipe."""
-    from predictor.data.frames import MANIFEST
-    from predictor.data.samples import FORMAT, RECIPE
-    from predictor.data.simulated_log import LogConfig
-    from predictor.infra.atomic_file import write_whole
-
-    if (config.out / MANIFEST).exists():
-        raise DrivesError(f"{config.out} holds frames of predictor.dataset: choose another folder")
-    for split in SPLITS:
-        (config.out / split).mkdir(parents=True, exist_ok=True)
-    how = ({"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART} if config.logs else
-           {"longest": config.longest, "every": config.every})  # fmt: skip
-    recipe = {"format": FORMAT, "seeds": SPLITS, "views": config.views,
-              "families": config.families, "windows": WINDOWS}  # fmt: skip
-    recipe |= how
-    path, mine = config.out / RECIPE, json.loads(json.dumps(recipe))
-    try:
-        theirs = dict(loads(path.read_text())) if path.exists() else mine
-    except (ValueError, TypeError):
-        raise DrivesError(f"{path} cannot be read; delete it if you know that the samples beside "
-                          "it were made by this command") from None  # fmt: skip
-    differ = [key for key in mine | theirs if mine.get(key) != theirs.get(key)]
-    if differ:
-        raise DrivesError(f"{path} says that its samples were made in another way "
-                          f"({', '.join(differ)} differ); choose another folder")  # fmt: skip
-    write_whole(path, json.dumps(mine, indent=1).encode())
+from benchmarks.runs.settings import FAMILIES
+from predictor.data.drives_config import MOST, DrivesConfig
+from predictor.infra.command_line import OneLineParser, between, run_command
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    import os
-
-    from benchmarks.runs.settings import FAMILIES as ALL_FAMILIES
-    from predictor.infra.command_line import OneLineParser
-    from predictor.infra.workers import WorkersError
-
     default = DrivesConfig()
     parser = OneLineParser(
         prog="predictor.drives",
@@ -310,33 +29,29 @@ def main(argv: list[str] | None = None) -> int:
     add = parser.add_argument
     add("--out", type=Path, default=default.out, metavar="DIR",
         help="folder of the samples (default: %(default)s)")  # fmt: skip
-    add("--train", type=int, default=default.train, metavar="N", help="drives to learn from "
-        "(default: %(default)s; one gives about 50 samples)")  # fmt: skip
-    add("--validation", type=int, default=default.validation, metavar="N",
+    add(
+        "--train",
+        type=between(1, MOST),
+        default=default.train,
+        metavar="N",
+        help="drives to learn from (default: %(default)s; one gives about 50 samples)",
+    )
+    add("--validation", type=between(1, MOST), default=default.validation, metavar="N",
         help="drives to tune on (default: %(default)s)")  # fmt: skip
     add("--logs", action="store_true", help="of simulated robots' logs instead, as real ones are "
         "made: 180°, scans up to a metre apart, people, and as truth the map of all the log's "
         "scans")  # fmt: skip
-    add("--families", nargs="+", choices=ALL_FAMILIES, default=list(default.families), metavar="F",
+    add("--families", nargs="+", choices=FAMILIES, default=list(default.families), metavar="F",
         help=f"of the buildings, in turn (default: {' '.join(default.families)})")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
-        "%(default)s)")  # fmt: skip
-    args = parser.parse_args(argv)
-    for name in ("train", "validation", "jobs"):
-        if not 1 <= getattr(args, name) <= MOST:
-            print(f"predictor.drives: --{name} must lie between 1 and {MOST}", file=sys.stderr)
-            return 2
-    try:
-        config = DrivesConfig(args.out, args.train, args.validation, logs=args.logs,
-                              families=tuple(args.families))  # fmt: skip
-        make(config, args.jobs)
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except (DrivesError, OSError, WorkersError) as error:
-        print(f"predictor.drives: {error}", file=sys.stderr)
-        return 2
-    return 0
+    parser.add_jobs()
+    return run_command("predictor.drives", lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> None:
+    from benchmarks.recording.training_drives import make
+
+    make(DrivesConfig(args.out, args.train, args.validation, logs=args.logs,
+                      families=tuple(args.families)), args.jobs)  # fmt: skip
 
 
 if __name__ == "__main__":

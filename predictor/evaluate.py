@@ -6,291 +6,15 @@ python -m predictor.evaluate --help
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import sys
-from dataclasses import asdict
-from functools import partial
-from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.errors import LineError
-from predictor.infra.plain_json import loads
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from predictor.scoring.evaluate_config import EvaluateConfig
-    from predictor.scoring.scores import Scores
-
-
-class EvaluateError(LineError):
-    """An evaluation cannot be done; the message is one line."""
-
-
-def group_of(place: str) -> str:
-    """What a family or a map file is reported under: its family, or its folder."""
-    path = Path(place)
-    return path.resolve().parent.name if path.suffix else place
-
-
-class Evaluation:
-    """A folder of scores that grows drive by drive.
-
-    Args:
-        config: what is scored.
-        out: the folder.
-
-    Raises:
-        EvaluateError: if the folder holds an evaluation with other settings.
-    """
-
-    def __init__(self, config: EvaluateConfig, out: Path) -> None:
-        from benchmarks.runs.drive import sources
-        from predictor import load_predictor
-        from predictor.infra.environment import commit
-        from predictor.provenance import fingerprint_of
-        from predictor.scoring.scored_drive import MEASURES
-        from sim.map_server import load_world
-
-        self.config, self.out, self.parts = config, out, out / "parts"
-        places = sources(config.world)
-        for place in places:
-            if place.endswith((".yaml", ".yml")):
-                load_world(place)
-        if len(set(places)) < len(places) or len(set(config.predictors)) < len(config.predictors):
-            raise EvaluateError("--world and --predictors want each name once")
-        self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
-        # Scores of other weights are other scores, whatever the weights' name.
-        prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
-        kept = asdict(config) | {"weights": prints, "measures": MEASURES}
-        self.settings = mine = json.loads(json.dumps(kept))
-        self.commit = commit()
-        marker = out / "settings.json"
-        try:
-            theirs = loads(marker.read_text()) if marker.exists() else mine
-        except ValueError as error:
-            raise EvaluateError(f"{marker} cannot be read: {error}") from None
-        if theirs != mine:
-            raise EvaluateError(f"--out {out} holds an evaluation with other settings or weights; "
-                                "choose another folder")  # fmt: skip
-        self.parts.mkdir(parents=True, exist_ok=True)
-        write_whole(marker, json.dumps(mine, indent=1).encode())
-
-    def run(self, jobs: int) -> None:
-        """Score what is missing, with a progress bar."""
-        import io
-
-        import numpy as np
-        from tqdm import tqdm
-
-        from predictor.infra.workers import finished
-        from predictor.scoring import scored_drive
-
-        todo = [item for item in self.items if self._read(item) is None]
-        with tqdm(total=len(self.items), initial=len(self.items) - len(todo), unit="drive") as bar:
-            for item, scored in finished(
-                partial(scored_drive.score_drive, self.config), todo, jobs
-            ):
-                facts, arrays = ({"skipped": scored}, {}) if isinstance(scored, str) else scored
-                facts |= {"place": item[0], "seed": item[1], "commit": self.commit}
-                buffer = io.BytesIO()
-                text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
-                np.savez_compressed(buffer, allow_pickle=False, facts=text, **arrays)
-                write_whole(self._part(item), buffer.getvalue())
-                bar.update()
-
-    def finish(self) -> dict[str, Any]:
-        """Write results.json and the figures of all that was scored, and return the results."""
-        import numpy as np
-
-        from predictor.drives import FAMILIES
-        from predictor.infra.environment import machine
-        from predictor.scoring.evaluation_figures import draw
-        from predictor.scoring.scored_drive import rows_of
-        from predictor.scoring.scores import BINS, Scores
-
-        names = rows_of(self.config)
-        groups: dict[str, dict[str, Scores]] = {}
-        bins: dict[str, dict[str, dict[str, NDArray]]] = {}
-        facts: dict[str, list[dict[str, Any]]] = {}
-        pictures: list[tuple[float, NDArray]] = []
-        for item in self.items:
-            part = self._read(item)
-            if part is None:
-                continue
-            fact, arrays = part
-            group = group_of(item[0])
-            facts.setdefault(group, []).append(fact)
-            sums = groups.setdefault(group, {name: Scores() for name in names})
-            each = bins.setdefault(group, {name: {} for name in names})
-            if "skipped" in fact:
-                continue
-            for name in names:
-                scores = Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
-                sums[name] += scores
-                of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
-                of_building += scores.bins("free")
-            pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
-        summaries = {
-            group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
-        }
-        learned = [group for group in groups if group in FAMILIES]
-        if len(learned) > 1:
-            # One family may look like another; what is then true of both is true of neither.
-            pooled = {name: Scores() for name in names}
-            for group in learned:
-                for name in names:
-                    pooled[name] += groups[group][name]
-            every = [fact for group in learned for fact in facts[group]]
-            families = [bins[group] for group in learned]
-            summaries[" + ".join(learned)] = _summary(every, pooled, families)
-        results = {
-            "settings": self.settings,
-            "machine": machine(),
-            "commits": sorted({str(fact["commit"]) for every in facts.values() for fact in every}),
-            "groups": summaries,
-            "drives": facts,
-        }
-        write_whole(self.out / "results.json", json.dumps(_plain(results), indent=1).encode())
-        draw(self.out, groups, pictures, self.config.predictors)
-        return results
-
-    def _read(self, item: tuple[str, int]) -> tuple[dict[str, Any], dict[str, NDArray]] | None:
-        """What is kept of a drive; None if there is nothing, or nothing that can be read."""
-        import zipfile
-        import zlib
-
-        import numpy as np
-
-        try:
-            with np.load(self._part(item), allow_pickle=False) as part:
-                facts = loads(bytes(part["facts"]))
-                arrays = {name: part[name] for name in part.files if name != "facts"}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-            return None
-        return (facts, arrays) if [facts["place"], facts["seed"]] == [*item] else None
-
-    def _part(self, item: tuple[str, int]) -> Path:
-        return self.parts / f"{self.items.index(item):05d}.npz"
-
-
-def _summary(
-    facts: list[dict[str, Any]],
-    sums: dict[str, Scores],
-    families: list[dict[str, dict[str, NDArray]]],
-) -> dict[str, Any]:
-    """A group's scores: predictor → measures.
-
-    Args:
-        facts: of each drive.
-        sums: scores of all drives, by predictor.
-        families: of each, predictor → building → `Scores.bins` of free.
-    """
-    import numpy as np
-
-    from predictor.scoring.scored_drive import BLANK
-    from predictor.scoring.scores import EDGES, RINGS, calibration_interval
-
-    scored = [fact for fact in facts if "skipped" not in fact]
-    rows: dict[str, dict[str, Any]] = {}
-    for name in [*sums, BLANK] if scored else []:
-        row = rows[name] = {}
-        if name in scored[0]["ssim"]:
-            row["ssim"] = float(np.mean([fact["ssim"][name] for fact in scored]))
-        if name in scored[0]["ms"]:
-            row["ms"] = float(np.median([fact["ms"][name] for fact in scored]))
-        if name in sums:
-            row |= _measures(name, sums[name], slice(None))
-            row["ece_free_95"] = calibration_interval(
-                [list(family[name].values()) for family in families]
-            )
-            row["rings"] = [
-                {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}
-                for i in range(RINGS)
-            ]
-    return {
-        "drives": len(scored),
-        "skipped": len(facts) - len(scored),
-        "moments": sum(fact["moments"] for fact in scored),
-        "learned": sum(bool(fact["learned_by"]) for fact in scored),
-        "predictors": rows,
-    }
-
-
-def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
-    """Scores of a row; one of room says nothing of surfaces."""
-    from predictor.scoring.scored_drive import RELIED
-
-    measures = scores.measures(rings)
-    if name.endswith(RELIED):
-        return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
-    return measures
-
-
-def _plain(value: Any) -> Any:
-    """The same for JSON, which has no NaN: null."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and value != value else value
-
-
-def table(results: dict[str, Any]) -> str:
-    """The scores as Markdown: of each group of all cells, and by distance; a line a predictor."""
-    from benchmarks.tables import markdown
-
-    columns = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier_free",
-               "brier_occupied", "nll", "ece_free", "ece_occupied", "ssim", "ms")  # fmt: skip
-    parts = []
-    for group, entry in results["groups"].items():
-        skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
-        if entry["learned"]:
-            skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
-        head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
-        rows = [["", *(column.replace("_", " ") for column in columns)]]
-        for name, row in entry["predictors"].items():
-            rows.append([name, *(_cell(row.get(column)) for column in columns)])
-        if any(row.get("ece_free_95") for row in entry["predictors"].values()):
-            rows[0].append("ece free, 95 %")
-            for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
-                cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
-        parts.append(f"{head}\n\n{markdown(rows)}")
-        parts.append(_by_distance(entry["predictors"]))
-    return "\n\n".join(parts)
-
-
-def _by_distance(predictors: dict[str, Any]) -> str:
-    """Free cells by distance beyond the frontier, of what predictors say without confidence."""
-    from benchmarks.tables import markdown
-
-    rows: list[list[str]] = []
-    for name, row in predictors.items():
-        if "rings" in row and "(" not in name:
-            edges = [ring["from"] for ring in row["rings"]]
-            spans = [f"{low:g}–{high:g} m" for low, high in pairwise(edges)]
-            rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
-            found = [[ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
-                     for ring in row["rings"]]  # fmt: skip
-            rows.append([name, *(" / ".join(map(_cell, values)) for values in found)])
-    return markdown(rows) if rows else ""
-
-
-def _cell(value: float | None) -> str:
-    return "" if value is None or value != value else f"{value:.3f}"
+from predictor.infra.command_line import OneLineParser, between, run_command
+from predictor.scoring.evaluate_config import EvaluateConfig
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from predictor.infra.command_line import OneLineParser, UsageError
-    from predictor.infra.workers import WorkersError
-    from predictor.prediction import BadPredictionError
-    from predictor.registry import PredictorError
-    from predictor.scoring.evaluate_config import EvaluateConfig
-
     default = EvaluateConfig()
     parser = OneLineParser(
         prog="predictor.evaluate",
@@ -305,46 +29,25 @@ def main(argv: list[str] | None = None) -> int:
     add("--predictors", nargs="+", default=list(default.predictors), metavar="P",
         help="names, module:Class, FILE.safetensors (default: "
         f"{' '.join(default.predictors)})")  # fmt: skip
-    add("--drives", type=int, default=default.drives, metavar="N",
+    add("--drives", type=between(1, 10**6), default=default.drives, metavar="N",
         help="in each family, and in each map (default: %(default)s)")  # fmt: skip
-    add("--seed", type=int, default=default.seed, metavar="N",
+    add("--seed", type=between(0, 2**31), default=default.seed, metavar="N",
         help="of the first drive (default: %(default)s)")  # fmt: skip
-    add("--window", type=float, default=default.window, metavar="M",
+    add("--window", type=between(1.0, 100), default=default.window, metavar="M",
         help="side of the square in which the LIDAR is used [m] (default: "
         "%(default)s)")  # fmt: skip
-    add("--expansion", type=float, default=default.expansion, metavar="X",
+    add("--expansion", type=between(1.0, 4), default=default.expansion, metavar="X",
         help="width of the predicted square over that of the window (default: "
         "%(default)s)")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
-        "%(default)s)")  # fmt: skip
+    parser.add_jobs()
     add("--out", type=Path, default=Path("results/evaluate"), metavar="DIR", help="scores and "
         "pictures (default: %(default)s)")  # fmt: skip
-    args = parser.parse_args(argv)
-    # Only now, so that help and bad arguments need not wait for it.
-    from sim.map_server import MapError
-
-    try:
-        print(_run(args))
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except (EvaluateError, UsageError, PredictorError, BadPredictionError, MapError, OSError,
-            WorkersError) as error:  # fmt: skip
-        print(f"predictor.evaluate: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return run_command("predictor.evaluate", lambda: _run(parser.parse_args(argv)))
 
 
-def _run(args: argparse.Namespace) -> str:
-    # First: it keeps libraries to one thread a process, whatever --jobs is.
-    import predictor.infra.workers  # noqa: F401
-
-    if args.drives < 1 or args.jobs < 1 or args.seed < 0:
-        raise EvaluateError("--drives and --jobs are at least 1, --seed is not negative")
-    if not (1 <= args.window <= 100 and 1 <= args.expansion <= 4):
-        raise EvaluateError("--window lies between 1 and 100 m, --expansion between 1 and 4")
+def _run(args: argparse.Namespace) -> None:
+    from benchmarks.recording.evaluation import Evaluation, table
     from predictor.infra.environment import several_states
-    from predictor.scoring.evaluate_config import EvaluateConfig
 
     config = EvaluateConfig(tuple(args.world), tuple(args.predictors), args.drives, args.seed,
                             args.window, args.expansion)  # fmt: skip
@@ -352,7 +55,7 @@ def _run(args: argparse.Namespace) -> str:
     evaluation.run(args.jobs)
     results = evaluation.finish()
     mixed = several_states(results["commits"], "drives")
-    return "\n\n".join(filter(None, [table(results), mixed, str(args.out / "results.json")]))
+    print(*filter(None, [table(results), mixed, str(args.out / "results.json")]), sep="\n\n")
 
 
 if __name__ == "__main__":

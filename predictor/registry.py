@@ -12,8 +12,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from predictor.compact import Compact
+from predictor.fused import Fused
+from predictor.image_predictor import ImagePredictor
 from predictor.infra.errors import LineError, one_line
+from predictor.networks.compact_net import CompactNet
+from predictor.networks.image_net import ImageNet
 from predictor.prediction import Predictor
+from predictor.weights import WeightsError, facts_of
 
 GROUP = "foresee.predictors"
 """The entry point group in which a package offers predictors."""
@@ -93,12 +99,6 @@ def _named(name: str) -> Any:
 
 def _of_weights(path: Path) -> Predictor:
     """The predictor that runs the network which a file holds."""
-    from predictor.compact import Compact
-    from predictor.image_predictor import ImagePredictor
-    from predictor.networks.compact_net import CompactNet
-    from predictor.networks.image_net import ImageNet
-    from predictor.weights import WeightsError, facts_of
-
     architecture, _ = facts_of(path)
     if architecture in CompactNet.ARCHITECTURES:
         return Compact(path)
@@ -109,8 +109,6 @@ def _of_weights(path: Path) -> Predictor:
 
 
 def _fused(spec: str) -> Predictor:
-    from predictor.fused import Fused
-
     return Fused.of_study(spec)
 
 

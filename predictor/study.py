@@ -10,6 +10,7 @@ passed over, what was begun goes on, and what fails is shown and stops no other.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import math
 import multiprocessing
@@ -25,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from predictor.infra.atomic_file import write_whole
+from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
 from predictor.networks import ARCHITECTURES
@@ -236,8 +238,6 @@ class Study:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if a training failed, 2 for bad arguments, 130 if interrupted."""
-    from predictor.infra.command_line import OneLineParser
-
     parser = OneLineParser(
         prog="predictor.study",
         description="Train the paper's networks at its five expansions, what is worth most first. "
@@ -253,36 +253,38 @@ def main(argv: list[str] | None = None) -> int:
         help=f"of {', '.join(ARCHITECTURES)} (default: all)")  # fmt: skip
     add("--expansions", nargs="+", type=float, choices=EXPANSIONS, default=EXPANSIONS, metavar="X",
         help=f"of {', '.join(map(str, EXPANSIONS))} (default: all)")  # fmt: skip
-    add("--jobs", type=int, metavar="N", help="trainings at a time, of one thread each (default: "
-        "one a core; with a GPU 1)")  # fmt: skip
-    add("--minutes", type=float, default=math.inf, metavar="M", help="stop after so long; what was "
-        "begun goes on when the command is given again (default: at the end)")  # fmt: skip
+    add(
+        "--jobs",
+        type=between(1, 10_000),
+        metavar="N",
+        help="trainings at a time, of one thread each (default: one a core; with a GPU 1)",
+    )
+    add(
+        "--minutes",
+        type=between(1e-3, math.inf),
+        default=math.inf,
+        metavar="M",
+        help="stop after so long; what was "
+        "begun goes on when the command is given again (default: at the end)",
+    )
     add_arguments(parser)
     add("--batch", type=int, metavar="N", help="frames a step (default: the preset's)")
     add("--rate", type=float, metavar="R", help="learning rate (default: the preset's)")
     add("--seed", type=int, metavar="N", help="of first weights and order of frames "
         "(default: 0)")  # fmt: skip
-    args = parser.parse_args(argv)
-    try:
-        if args.jobs is not None and args.jobs < 1:
-            raise TrainError(f"--jobs is {args.jobs}, it must be at least 1")
-        if not args.minutes > 0:
-            raise TrainError(f"--minutes is {args.minutes:g}, it must be more than 0")
-        out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
-        data = Data.of(args.data)
-        runs = [
-            Run(*configured(args, arch, expansion), data, out / f"{arch}-{expansion:.1f}")
-            for arch, expansion in ORDER
-            if arch in args.archs and expansion in args.expansions
-        ]
-        study = Study(runs, out)
-        study.train(args.jobs or _at_a_time(), args.minutes)
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except (TrainError, OSError) as error:
-        print(f"predictor.study: {error}", file=sys.stderr)
-        return 2
+    return run_command("predictor.study", lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> int:
+    out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
+    data = Data.of(args.data)
+    runs = [
+        Run(*configured(args, arch, expansion), data, out / f"{arch}-{expansion:.1f}")
+        for arch, expansion in ORDER
+        if arch in args.archs and expansion in args.expansions
+    ]
+    study = Study(runs, out)
+    study.train(args.jobs or _at_a_time(), args.minutes)
     print(study.table())
     return 1 if study.failures() else 0
 

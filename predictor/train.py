@@ -16,6 +16,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.runs.settings import FAMILIES
+from predictor.data.drives_config import DrivesConfig
+from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
 from predictor.training.checkpoint import TrainError
@@ -33,24 +36,15 @@ IMAGES = ("expansion", *NAMES)
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    from predictor.data.samples import SamplesError
-    from predictor.drives import DrivesError
-    from predictor.infra.workers import WorkersError
+    return run_command("predictor.train", lambda: _run(_parser().parse_args(argv)))
 
-    args = _parser().parse_args(argv)
-    try:
-        _check(args)
-        path = _compact(args) if args.arch == "compact" else _images(args)
-        # Of those that torchrun has started, one speaks.
-        if os.environ.get("RANK", "0") == "0":
-            print(path)
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except (TrainError, DrivesError, SamplesError, OSError, WorkersError) as error:
-        print(f"predictor.train: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+def _run(args: argparse.Namespace) -> None:
+    _check(args)
+    path = _compact(args) if args.arch == "compact" else _images(args)
+    # Of the processes that torchrun has started, one speaks.
+    if os.environ.get("RANK", "0") == "0":
+        print(path)
 
 
 def _images(args: argparse.Namespace) -> Path:
@@ -63,7 +57,8 @@ def _images(args: argparse.Namespace) -> Path:
 
 
 def _compact(args: argparse.Namespace) -> Path:
-    from predictor.drives import DrivesConfig, make
+    from benchmarks.recording.training_drives import make
+    from predictor.data.drives_config import DrivesConfig
     from predictor.training.compact_training import Trainer
 
     default, drives = TrainConfig(), DrivesConfig()
@@ -110,20 +105,9 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, name) not in (None, False):
             whose = "the paper's networks'" if compact else "compact's"
             raise TrainError(f"--{name} is {whose}, not {args.arch}'s")
-    for name in ("train", "validation", "steps", "batch", "jobs"):
-        if getattr(args, name) is not None and getattr(args, name) < 1:
-            raise TrainError(f"--{name} must be at least 1")
-    if args.seed is not None and args.seed < 0:
-        raise TrainError(f"--seed is {args.seed}, it must be at least 0")
-    if args.rate is not None and not 0.0 < args.rate <= 1.0:
-        raise TrainError(f"--rate is {args.rate}, it must lie in (0, 1]")
 
 
 def _parser() -> argparse.ArgumentParser:
-    from benchmarks.runs.settings import FAMILIES
-    from predictor.drives import DrivesConfig
-    from predictor.infra.command_line import OneLineParser
-
     default, drives = TrainConfig(), DrivesConfig()
     paper, short = PRESETS["paper"], PRESETS["short"]
     parser = OneLineParser(
@@ -139,20 +123,39 @@ def _parser() -> argparse.ArgumentParser:
         "predictor.dataset (default: data/simulated), or compact's drives likewise")  # fmt: skip
     add("--out", type=Path, metavar="DIR", help="checkpoint, log, curve and weights (default: "
         "results/train, or results/networks/ARCH-EXPANSION)")  # fmt: skip
-    add("--batch", type=int, metavar="N", help=f"samples a step (default: {default.batch}; paper: "
-        f"{paper.training.batch}; short: {short.training.batch})")  # fmt: skip
-    add("--rate", type=float, metavar="R", help=f"highest learning rate (default: {default.rate:g};"
-        f" paper: {paper.training.rate:g}; short: {short.training.rate:g})")  # fmt: skip
-    add("--seed", type=int, metavar="N", help="of first weights and order of samples "
+    add(
+        "--batch",
+        type=between(1, 10**9),
+        metavar="N",
+        help=f"samples a step (default: {default.batch}; paper: "
+        f"{paper.training.batch}; short: {short.training.batch})",
+    )
+    add(
+        "--rate",
+        type=between(1e-12, 1),
+        metavar="R",
+        help=f"highest learning rate (default: {default.rate:g};"
+        f" paper: {paper.training.rate:g}; short: {short.training.rate:g})",
+    )
+    add("--seed", type=between(0, 2**63), metavar="N", help="of first weights and order of samples "
         f"(default: {default.seed})")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes, threads "
-        "(default: %(default)s)")  # fmt: skip
+    parser.add_jobs()
     group = parser.add_argument_group("compact alone")
     add = group.add_argument
-    add("--train", type=int, metavar="N", help=f"drives to learn from (default: {drives.train})")
-    add("--validation", type=int, metavar="N",
+    add(
+        "--train",
+        type=between(1, 10**9),
+        metavar="N",
+        help=f"drives to learn from (default: {drives.train})",
+    )
+    add("--validation", type=between(1, 10**9), metavar="N",
         help=f"drives to measure on (default: {drives.validation})")  # fmt: skip
-    add("--steps", type=int, metavar="N", help=f"of the optimiser (default: {default.steps})")
+    add(
+        "--steps",
+        type=between(1, 10**9),
+        metavar="N",
+        help=f"of the optimiser (default: {default.steps})",
+    )
     add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
         "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
     add("--logs", action="store_true", help="--data is of simulated robots' logs, whose truth is "

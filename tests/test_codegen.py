@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from planner.mpc import codegen
 from planner.mpc.codegen import InterpretedWarning, cache, compiled
-from planner.mpc.mpc import codegen
 
 
 @pytest.fixture(autouse=True)

@@ -11,11 +11,9 @@ import time
 import numpy as np
 import pytest
 
-from predictor.compact import LOGS, PAPER, SHIPPED
-from predictor.data import simulated
-from predictor.data.frames import MANIFEST, Frames, FramesError
-from predictor.data.samples import world_hash
-from predictor.data.simulated import (
+from benchmarks.recording import paper_drives as simulated
+from benchmarks.recording.data_sets import make_simulated
+from benchmarks.recording.paper_drives import (
     FIRST_DRIVE,
     FIRST_MAP,
     TRIES,
@@ -24,8 +22,11 @@ from predictor.data.simulated import (
     drives_of,
     truth_of,
 )
-from predictor.dataset import main, make_simulated
-from predictor.drives import SPLITS
+from benchmarks.recording.training_drives import SPLITS
+from predictor.compact import LOGS, PAPER, SHIPPED
+from predictor.data.frames import MANIFEST, Frames, FramesError
+from predictor.data.samples import world_hash
+from predictor.dataset import main
 from predictor.weights import facts_of
 from sim.families import generate
 

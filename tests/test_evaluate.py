@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.recording.evaluation import group_of, table
+from benchmarks.recording.scored_drive import score_drive
 from predictor import Prediction
-from predictor.evaluate import group_of, main, table
+from predictor.evaluate import main
 from predictor.scoring.evaluate_config import EvaluateConfig
-from predictor.scoring.scored_drive import score_drive
 from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
 
@@ -63,7 +64,7 @@ def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr("predictor.scoring.scored_drive.score_drive", refuse)
+    monkeypatch.setattr("benchmarks.recording.scored_drive.score_drive", refuse)
     assert run(*command) == 0
     after = json.loads((out / "results.json").read_text())["groups"]
     assert json.dumps(after) == json.dumps(before)

@@ -2,8 +2,8 @@
 
 import json
 
+from benchmarks.timing import parts
 from benchmarks.timing.parts import Part, Parts
-from benchmarks.timing.timing import parts
 
 
 def test_a_part_is_measured_once_and_found_by_the_next_run(tmp_path):

@@ -6,11 +6,12 @@ import pytest
 
 from benchmarks.runs.drive import task_in
 from benchmarks.stages import peers_table
+from benchmarks.timing import hall, peers, peers_mpc
 from benchmarks.timing.hall_problem import Problem
 from benchmarks.timing.peers_casadi import general
 from benchmarks.timing.sized_maps import along
-from benchmarks.timing.timing import hall, peers, peers_mpc
-from planner.mpc.mpc import MPC, condense
+from planner.mpc import condense
+from planner.mpc.mpc import MPC
 from planner.navigator import AFRESH
 from sim import CarConfig
 

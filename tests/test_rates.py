@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.runs.drive import task_in
-from benchmarks.timing.timing import rates
-from benchmarks.timing.timing import sized_maps as places
+from benchmarks.timing import rates
+from benchmarks.timing import sized_maps as places
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from sim import CarConfig, Lidar, LidarConfig
 

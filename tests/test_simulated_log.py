@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from predictor.data.samples import Samples
-from predictor.data.simulated_log import ROBOT, LogConfig, poses_along, simulated_log
-from predictor.data.survey import frame_around, surveyed
-from predictor.drives import (
+from benchmarks.recording.robot_log import ROBOT, LogConfig, poses_along, simulated_log
+from benchmarks.recording.training_drives import (
     APART,
     SPLITS,
     SPREAD,
@@ -17,6 +15,8 @@ from predictor.drives import (
     DrivesError,
     make,
 )
+from predictor.data.samples import Samples
+from predictor.data.survey import frame_around, surveyed
 from sim.families import generate
 from sim.task import sample_task
 
@@ -97,7 +97,7 @@ def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
 
 def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monkeypatch):
     ways = 4
-    monkeypatch.setattr("predictor.drives.JOURNEYS", (ways,))
+    monkeypatch.setattr("benchmarks.recording.training_drives.JOURNEYS", (ways,))
     config = DrivesConfig(tmp_path, train=1, validation=1, views=1, logs=True)
     make(config, 1)
     count = len(Samples.load(tmp_path / "train"))

@@ -11,8 +11,9 @@ import torch
 from benchmarks import stages
 from benchmarks.stages import main, measures_table, table
 from benchmarks.tables import main as show
-from benchmarks.timing.timing import growth, rates, spread, throughput, timed, timing
-from benchmarks.timing.timing import sized_maps as places
+from benchmarks.timing import growth, rates, throughput, timing
+from benchmarks.timing import sized_maps as places
+from benchmarks.timing.timing import spread, timed
 
 
 def test_spread_is_of_the_times():

@@ -8,8 +8,8 @@ import time
 import pytest
 
 from benchmarks.runs.settings import Settings
+from benchmarks.timing import throughput
 from benchmarks.timing.throughput import Driven, driven, memory, resident
-from benchmarks.timing.timing import throughput
 from predictor.infra.workers import WorkersError
 
 

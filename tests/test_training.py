@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.recording.training_drives import DrivesError, _claim, seen_again
+from predictor.data.drives_config import DrivesConfig
 from predictor.data.samples import SIDE, Samples, encoded, world_hash, write_samples
-from predictor.drives import DrivesConfig, DrivesError, _claim, seen_again
 from predictor.networks.compact_net import CompactNet
 from predictor.train import main
 from predictor.training import compact_training

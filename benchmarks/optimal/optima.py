@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive_file import read_drives
-from benchmarks.tables import markdown
 from predictor.infra.command_line import UsageError
+from predictor.infra.markdown import markdown
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""

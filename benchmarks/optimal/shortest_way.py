@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from predictor.infra.errors import LineError
 from predictor.mapping.kernels import njit
 from sim.car import CarConfig
 from sim.world import World
@@ -33,7 +34,7 @@ Room = tuple[NDArray[np.bool_], NDArray[np.float64], float, NDArray[np.float64],
 """What `sees` wants to know first: solid cells, clearance, resolution, origin, and the radius."""
 
 
-class NoWayError(ValueError):
+class NoWayError(LineError):
     """Goal and start are not connected for a disc of that radius."""
 
 

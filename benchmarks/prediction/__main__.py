@@ -6,11 +6,11 @@ python -m benchmarks.prediction --help
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks.image_config import EXPANSIONS
 
 if TYPE_CHECKING:
@@ -31,31 +31,10 @@ the same command again. More predictors and expansions may be added to a folder 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    args = _parsed(argv)
-    # First: it keeps libraries to one thread a process, whatever --jobs is.
-    import predictor.infra.workers  # noqa: F401
-    from benchmarks.prediction.scoring import ScoringError
-    from predictor.data.frames import FramesError
-    from predictor.data.laser_log import LogError
-    from predictor.infra.workers import WorkersError
-    from predictor.prediction import BadPredictionError
-    from predictor.registry import PredictorError
-
-    try:
-        print(_run(args))
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except (BadPredictionError, FramesError, LogError, PredictorError, ScoringError, OSError,
-            WorkersError) as error:  # fmt: skip
-        print(f"benchmarks.prediction: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return run_command("benchmarks.prediction", lambda: _run(_parsed(argv)))
 
 
 def _parsed(argv: list[str] | None) -> argparse.Namespace:
-    from predictor.infra.command_line import OneLineParser
-
     parser = OneLineParser(
         prog="benchmarks.prediction", description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -77,15 +56,16 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
     add("--expansions", nargs="+", type=float, default=list(EXPANSIONS), metavar="X",
         help="side of the predicted square over 5 m, of 1.02, 1.04, … 2.00 (default: "
         f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip
-    add("--apart", type=float, default=0.5, metavar="M", help="a frame is scored when the car has "
-        "driven this far since the last [m]; 0: all frames (default: %(default)s)")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: "
-        "%(default)s)")  # fmt: skip
+    add(
+        "--apart",
+        type=between(0.0, 1000),
+        default=0.5,
+        metavar="M",
+        help="a frame is scored when the car has "
+        "driven this far since the last [m]; 0: all frames (default: %(default)s)",
+    )
+    parser.add_jobs()
     args = parser.parse_args(argv)
-    if args.jobs < 1:
-        parser.error(f"--jobs is {args.jobs}, it must be at least 1")
-    if not 0.0 <= args.apart <= 1000.0:
-        parser.error(f"--apart is {args.apart:g}, it must lie between 0 and 1000 m")
     for expansion in args.expansions:
         cells = 100 * expansion
         if not 102 <= cells <= 200 or abs(cells / 2 - round(cells / 2)) > 1e-6:
@@ -93,7 +73,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
     return args
 
 
-def _run(args: argparse.Namespace) -> str:
+def _run(args: argparse.Namespace) -> None:
     import torch
 
     from benchmarks.prediction.evaluation import Evaluation
@@ -120,7 +100,7 @@ def _run(args: argparse.Namespace) -> str:
     paths.append(write_hallway(sheets["hallway"], args.out))
     paths = [args.out / "results.json", args.out / "tables.md", *paths]
     mixed = several_states(results["commits"], "scores")
-    return "\n\n".join(filter(None, [summary(results), mixed, "\n".join(map(str, paths))]))
+    print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
 
 
 def _config(args: argparse.Namespace) -> Config:
@@ -138,10 +118,10 @@ def _config(args: argparse.Namespace) -> Config:
 
 def _logs(args: argparse.Namespace) -> Path | None:
     """The folder of the physical set, which is made if logs are named."""
+    from benchmarks.recording.data_sets import make_physical
     from predictor.data.bags import BagConfig
     from predictor.data.frames import MANIFEST
     from predictor.data.survey import logs_in
-    from predictor.dataset import make_physical
 
     logs: list[Any] | None = args.logs
     if logs is None:

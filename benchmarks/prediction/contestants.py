@@ -8,8 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.recording.paper_drives import SimulatedConfig
 from predictor.data.frames import checksum
-from predictor.data.simulated import SimulatedConfig
+from predictor.image_predictor import ImagePredictor
 from predictor.networks.image_config import PRESETS
 from predictor.provenance import fingerprint_of
 from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
@@ -125,8 +126,6 @@ def _short(spec: str) -> str:
 
 def _expansion_of(predictor: Any) -> float | None:
     """The only expansion that a predictor can do; None: any."""
-    from predictor.image_predictor import ImagePredictor
-
     return predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
 
 

@@ -15,6 +15,8 @@ from benchmarks.prediction.scoring import Kept, Stretch, rates_of, score
 from benchmarks.prediction.square import Square
 from benchmarks.prediction.store import Store, read_arrays, write_arrays
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
+from predictor.infra.environment import commit
+from predictor.infra.workers import finished
 
 SPLITS = ("test", "more")
 """Of a simulated set, that are scored."""
@@ -124,9 +126,6 @@ class Evaluation:
             WorkersError: if processes keep dying.
         """
         from tqdm import tqdm
-
-        from predictor.infra.environment import commit
-        from predictor.infra.workers import finished
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.prediction.contestants import BASELINES
-from benchmarks.tables import interval, markdown
+from predictor.infra.markdown import interval, markdown
 from predictor.networks import ARCHITECTURES
 
 Rows = dict[str, dict[str, Any]]

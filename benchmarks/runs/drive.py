@@ -55,6 +55,18 @@ def sources(names: tuple[str, ...]) -> list[str]:
     return found
 
 
+def check_maps(names: tuple[str, ...]) -> None:
+    """Load each map file that `--world` names.
+
+    Raises:
+        UsageError: if a name cannot be used.
+        MapError: if a map cannot be read.
+    """
+    for place in sources(names):
+        if place not in FAMILIES:
+            load_world(place)
+
+
 @lru_cache(maxsize=2)
 def task_of(settings: Settings, index: int) -> Task:
     """The task of an episode, the same for every arm and every vehicle.

@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import UsageError
+from predictor.infra.plain_json import loads
 
 
 def read_drives(path: Path, command: str) -> dict[str, Any]:
@@ -19,8 +21,6 @@ def read_drives(path: Path, command: str) -> dict[str, Any]:
     Raises:
         UsageError: if it cannot be read, or is something else.
     """
-    from predictor.infra.plain_json import loads
-
     try:
         found = loads(path.read_text())
         if found["command"] == command:
@@ -80,8 +80,6 @@ class DriveFile:
         self._write()
 
     def _write(self) -> None:
-        from predictor.infra.atomic_file import write_whole
-
         # A line a drive, so that a change of one is a change of a line.
         lines = [_json(self.drives[index]) for index in sorted(self.drives)]
         text = f'{_json(self._head)[:-1]},"drives":[\n' + ",\n".join(lines) + "\n]}\n"

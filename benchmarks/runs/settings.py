@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -131,7 +130,7 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--vehicle", choices=tuple(VEHICLES), default=default.vehicle,
         help="dubins: forward only; reeds-shepp: with a reverse gear, at most "
         f"{VEHICLES['reeds-shepp']:g} m/s")  # fmt: skip
-    add("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    parser.add_jobs()
     add("--dask", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786: its "
         "workers drive, in place of processes here")  # fmt: skip
     add("--baselines", type=Path, metavar="DIR", help="an earlier run with another predictor, "
@@ -142,8 +141,6 @@ def parse(argv: list[str] | None) -> tuple[Settings, Place]:
     add("--out", type=Path, default=Path("results/corridor"), metavar="DIR",
         help="results.json, traces.npz and the figures go here")  # fmt: skip
     args = parser.parse_args(argv)
-    if args.jobs < 1:
-        raise UsageError(f"--jobs is {args.jobs}, it must be at least 1")
     arms = ARM_NAMES if args.arms == "all" else tuple(args.arms.split(","))
     settings = Settings(
         tuple(args.world), args.route, args.episodes, args.seed, arms, args.predictor, args.risk,

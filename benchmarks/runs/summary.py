@@ -22,7 +22,7 @@ from benchmarks.runs.statistics import (
     time_ratio,
     wilson,
 )
-from benchmarks.tables import DASH, figure, interval, markdown
+from predictor.infra.markdown import DASH, figure, interval, markdown
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 """Who found the paths that were followed, as `planner.motion.path.Path.source` names them."""

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks.figures.palette import new_figure
+from benchmarks.recording.training_drives import seen_again
 from benchmarks.runs.drive import task_in
+from benchmarks.timing import sized_maps as places
 from benchmarks.timing.timing import closed_loop, spread, timed
-from benchmarks.timing.timing import sized_maps as places
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
 from predictor import load_predictor
-from predictor.drives import seen_again
 from sim import CarConfig, Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World
@@ -110,8 +111,6 @@ def believing(task: Task, window: float, expansion: float) -> Times:
 
 def draw(measured: dict[str, list[dict[str, Any]]]) -> Figure:
     """A panel for each axis: medians as lines, up to the 99th percentile shaded."""
-    from benchmarks.figures.palette import new_figure
-
     figure = new_figure(13.0, 3.2)
     axes = figure.subplots(1, len(measured))
     for ax, (axis, entries) in zip(axes, measured.items(), strict=True):

@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.recording.training_drives import seen_again
 from benchmarks.runs.drive import task_in
 from benchmarks.timing.sized_maps import along
-from predictor.drives import seen_again
+from planner.risk.distance_transform import distance_field
+from predictor.compact import Compact
 from sim import CarConfig, Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World
@@ -195,8 +197,6 @@ def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
     import cv2
     from scipy.ndimage import distance_transform_edt
 
-    from planner.risk.distance_transform import distance_field
-
     cv2.setNumThreads(1)
     images = [np.where(mask, 0, 255).astype(np.uint8) for mask in masks]
     return {
@@ -210,8 +210,6 @@ def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
 
 def predictions(crops: list[Any], poses: NDArray[np.float64]) -> dict[str, Call]:
     """One prediction of a 10 m square: the same network, by the two runtimes."""
-    from predictor.compact import Compact
-
     ours, torch = Compact(), Compact(runtime="torch")
     return {
         OURS: lambda i: ours.predict(crops[i], poses[i]),

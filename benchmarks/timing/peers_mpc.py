@@ -1,7 +1,7 @@
 """The MPC beside other solvers: the same problem, and each solver's own closed loop.
 
 The problem is that of `planner.mpc.mpc` along a straight path through a hall with posts: once with
-its body kept off by cost alone, once with the clearance required that is required in driving. Paired
+its body kept off by cost alone, once with the clearance required that driving requires. Paired
 are the halls: from the second tick on each solver's calls are of the states that it came to itself.
 """
 
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 
 from benchmarks.runs.statistics import grouped_mean
 from benchmarks.timing.hall import Drive, Solve, Solver, Tick, drive, pursuit, segment_at, straight
+from benchmarks.timing.peers_casadi import general
+from benchmarks.timing.peers_do_mpc import do_mpc
+from benchmarks.timing.peers_mppi import mppi
 from planner.mpc.mpc import MPC, MPCConfig
 from planner.navigator import AFRESH
 
@@ -136,9 +139,6 @@ def compare(
 
 def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
     """What makes each solver; those that are compiled take minutes."""
-    from benchmarks.timing.peers_casadi import general
-    from benchmarks.timing.peers_do_mpc import do_mpc
-    from benchmarks.timing.peers_mppi import mppi
 
     def fatrop() -> Solver:
         return general(mpc, "fatrop", compiled=True)

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from benchmarks.recording.training_drives import seen_again
 from benchmarks.runs.drive import task_in
+from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
-from benchmarks.timing.timing import sized_maps as places
 from benchmarks.timing.timing import timed
 from planner.risk.distance_transform import distance_field
 from predictor import OccupancyGrid
-from predictor.drives import seen_again
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from predictor.mapping.kernels import njit
 from sim import CarConfig, Lidar, LidarConfig

@@ -15,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
 from predictor.infra.workers import WorkersError, follow_parent
+from sim.task import NoTaskError
 
 Measure = dict[str, Any]
 Item = tuple[int, str]
@@ -135,17 +137,12 @@ def driven(
 
 
 def _begin(settings: Settings, parent: int) -> None:
-    from benchmarks.runs.drive import drive
-
     follow_parent(parent)
     for arm in settings.arms:
         drive(settings, 0, arm)
 
 
 def _one(settings: Settings, item: Item) -> Driven | None:
-    from benchmarks.runs.drive import drive
-    from sim.task import NoTaskError
-
     started = time.perf_counter()
     try:
         result, _ = drive(settings, *item)

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.runs.drive import drive
+from benchmarks.runs.settings import Settings
+
 WARM_UP = 10
 """Ticks at the start of a drive that do not count: caches fill, the predictor is loaded."""
 
@@ -40,9 +43,6 @@ def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[st
         seed: of the first.
         v_max: top speed [m/s].
     """
-    from benchmarks.runs.drive import drive
-    from benchmarks.runs.settings import Settings
-
     settings = Settings(arms=(arm,), seed=seed, v_max=v_max)
     times: dict[str, list[float]] = {}
     for index in range(-1, drives):

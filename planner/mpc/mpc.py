@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from planner.motion.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions
 from planner.motion.path import SPACING, Path, references
 from planner.motion.plan import Plan
+from planner.mpc import condense, constraints
 from planner.mpc.codegen import compiled
-from planner.mpc.mpc import condense, constraints
 from planner.mpc.solution import Solution, Status
 from planner.risk.risk_map import RiskMap
 

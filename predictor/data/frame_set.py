@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from predictor.data.frames import FORMAT, MANIFEST, FramesError, checksum, read_manifest
 from predictor.data.samples import RECIPE
 from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.environment import commit
 
 
 class FrameSet:
@@ -96,8 +97,6 @@ def write_trajectory(
         arrays: as `predictor.data.frames` says.
         about: split, map, world and whatever else is worth knowing.
     """
-    from predictor.infra.environment import commit
-
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
     path = folder / f"{name}.npz"

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
 
-from predictor.infra.errors import shown
+# It keeps libraries to one thread a process, if it comes before they are imported.
+import predictor.infra.workers  # noqa: F401
+from predictor.infra.errors import LineError, one_line, shown
+
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Errors of the disk, not of what the user gave."""
 
 
-class UsageError(ValueError):
+class UsageError(LineError):
     """An argument that cannot be used; the message is one line."""
-
-    def __init__(self, said: str) -> None:
-        super().__init__(shown(said))
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -20,3 +27,59 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> None:  # type: ignore[override]
         """Print the line and exit."""
         self.exit(2, f"{self.prog}: {shown(message)}\n")
+
+    def add_jobs(self, default: int | None = None) -> None:
+        """Add --jobs, the number of worker processes; by default one a core."""
+        self.add_argument(
+            "--jobs",
+            type=between(1, 10_000),
+            default=default or os.cpu_count() or 1,
+            metavar="N",
+            help="worker processes (default: one for each core)",
+        )
+
+
+def between(low: float, high: float) -> Callable[[str], Any]:
+    """Return a converter for `add_argument(type=…)` that refuses numbers outside of a range.
+
+    Args:
+        low: least value; an int makes the argument one.
+        high: greatest value.
+    """
+    kind = type(low)
+
+    def convert(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            what = "whole number" if kind is int else "number"
+            raise argparse.ArgumentTypeError(f"{text!r} is no {what}") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} must lie between {low:g} and {high:g}")
+        return value
+
+    return convert
+
+
+def run_command(name: str, work: Callable[[], int | None]) -> int:
+    """Do a command's work, and return its exit status.
+
+    Args:
+        name: of the command, which begins each line about an error.
+        work: returns the exit status, or None for 0.
+
+    Returns:
+        What the work returns; 2 after an error of the input or of a file, 1 after an error of the
+        disk, such as a full one, 130 after Ctrl-C.
+    """
+    try:
+        return work() or 0
+    except LineError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"{name}: {one_line(error)}; what was finished is kept", file=sys.stderr)
+        return 1 if error.errno in DISK else 2
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted; the same command goes on where it was", file=sys.stderr)
+        return 130

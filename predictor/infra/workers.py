@@ -13,6 +13,8 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
+from predictor.infra.errors import LineError
+
 # Before a worker imports numpy: threads of its libraries would fight over the cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -24,7 +26,7 @@ DEATHS = 10
 """How often processes may die with nothing finished between, before what is left is given up."""
 
 
-class WorkersError(RuntimeError):
+class WorkersError(LineError):
     """Nobody is there to do the work; the message is one line."""
 
 

@@ -8,6 +8,9 @@ from torch import Tensor, nn
 from predictor.networks import ARCHITECTURES
 from predictor.networks.grey_map import literal
 from predictor.networks.image_config import ImageConfig
+from predictor.networks.mlp import MLP
+from predictor.networks.resnet_ff import ResNet
+from predictor.networks.unet_ff import UNet
 
 
 class ImageNet(nn.Module):
@@ -43,13 +46,8 @@ class ImageNet(nn.Module):
 def _network(config: ImageConfig) -> nn.Module:
     """The generator, where there is more to an architecture than that."""
     if config.arch == "mlp":
-        from predictor.networks.mlp import MLP
-
         return MLP(config.side, config.width)
     if config.arch == "resnet_ff":
-        from predictor.networks.resnet_ff import ResNet
-
         return ResNet(config.width, config.over)
-    from predictor.networks.unet_ff import UNet
 
     return UNet(config.side, config.width, config.over)

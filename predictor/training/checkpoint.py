@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError
+from predictor.weights import WeightsError, facts_of
 
 if TYPE_CHECKING:
     import torch
@@ -72,8 +73,6 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
     Raises:
         TrainError: if they are damaged, or were trained in another way.
     """
-    from predictor.weights import WeightsError, facts_of
-
     if not weights.exists():
         return False
     try:

@@ -18,12 +18,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.environment import commit
+from predictor.networks.compact_net import CompactNet
+from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
+from predictor.training.curve import draw_curve
+from predictor.training.targets import batch_of, known_of, losses
+from predictor.training.validation import validate
+from predictor.weights import save_weights
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from predictor.data.samples import Samples
-    from predictor.networks.compact_net import CompactNet
 
 
 @dataclass(frozen=True)
@@ -83,9 +89,6 @@ class Trainer:
         start: tuple[CompactNet, dict[str, Any]] | None = None,
     ) -> None:
         import torch
-
-        from predictor.networks.compact_net import CompactNet
-        from predictor.training.checkpoint import TrainError
 
         self.config, self.train, self.validation, self.out = config, train, validation, out
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -148,8 +151,6 @@ class Trainer:
         """
         from tqdm import tqdm
 
-        from predictor.infra.environment import commit
-
         steps, code = self.config.steps, commit() or "no checkout"
         saved = time.monotonic()
         with (
@@ -176,8 +177,6 @@ class Trainer:
 
     def save(self) -> None:
         """Write the checkpoint, whole or not at all."""
-        from predictor.training.checkpoint import write_checkpoint
-
         state = {
             "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
             "commits": sorted(self.commits), "net": self.net.state_dict(),
@@ -188,9 +187,6 @@ class Trainer:
 
     def export(self) -> Path:
         """Write the averaged weights, the log, and the curve."""
-        from predictor.training.curve import draw_curve
-        from predictor.weights import save_weights
-
         commits = " ".join(sorted(self.commits))
         facts = self._facts | {"commit": commits, "validation": self.log[-1]}
         path = self.out / "compact.safetensors"
@@ -202,15 +198,11 @@ class Trainer:
         """The network of averaged weights, which is what is measured and shipped."""
         import torch
 
-        from predictor.networks.compact_net import CompactNet
-
         net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         net.load_state_dict(self.averaged)
         return net.eval()
 
     def _resume(self) -> None:
-        from predictor.training.checkpoint import read_checkpoint
-
         state = read_checkpoint(self.checkpoint, self._facts, self.device)
         if state is not None:
             self.net.load_state_dict(state["net"])
@@ -230,8 +222,6 @@ class Trainer:
     def _batch(self, step: int) -> Tensor:
         import numpy as np
 
-        from predictor.training.targets import batch_of
-
         rng = np.random.default_rng([self.config.seed, step])
         side = int(rng.choice(SIDES))
         count = max(1, round(self.config.batch * (USUAL / side) ** 2))
@@ -241,8 +231,6 @@ class Trainer:
     def _learn(self, codes: Tensor) -> float:
         """One step of the optimiser; the loss before it."""
         import torch
-
-        from predictor.training.targets import known_of, losses
 
         config, step = self.config, self.step
         share = min(1.0, (step + 1) / config.warmup)
@@ -270,8 +258,6 @@ class Trainer:
 
     def _note(self) -> None:
         """Validate, and write it down."""
-        from predictor.training.validation import validate
-
         entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
         self.losses = []
         self.log.append(entry | validate(self.smoothed(), self.validation, USUAL).measures())

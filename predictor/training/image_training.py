@@ -22,8 +22,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from predictor.data.samples import RECIPE
+from predictor.data.frames import Frames, FramesError
+from predictor.data.sample_frames import SampleFrames
+from predictor.data.samples import RECIPE, Samples, SamplesError
 from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.environment import commit
 from predictor.networks.image_config import ImageConfig, ImageTraining, described
 from predictor.networks.image_net import ImageNet
 from predictor.training.checkpoint import (
@@ -32,16 +35,16 @@ from predictor.training.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
+from predictor.training.curve import draw_curve
 from predictor.training.group import Group
 from predictor.training.image_validation import fit, images_alike
 from predictor.training.learner import Adversary, Learner
 from predictor.training.pairs import Pairs
+from predictor.weights import save_weights
 
 if TYPE_CHECKING:
     from threading import Event
 
-    from predictor.data.frames import Frames
-    from predictor.data.sample_frames import SampleFrames
 
 NOTES = 20
 """Entries of the log, at least; and at least one an epoch."""
@@ -139,8 +142,6 @@ class ImageTrainer:
         """
         from tqdm import tqdm
 
-        from predictor.infra.environment import commit
-
         code = commit() or "no checkout"
         an_epoch = math.ceil(len(self.train) / self.training.batch)
         note_every = max(1, min(an_epoch, self.steps // NOTES))
@@ -186,9 +187,6 @@ class ImageTrainer:
 
     def export(self) -> None:
         """Fit what the greys mean, and write weights and curve."""
-        from predictor.training.curve import draw_curve
-        from predictor.weights import save_weights
-
         measures = fit(self.learner.net, self.validation)
         facts = self._facts | {
             "commit": " ".join(sorted(self.commits)), "seconds": self.seconds, "log": self.log,
@@ -289,8 +287,6 @@ def train_images(
 
 def _frames(data: Path) -> list[Frames]:
     """The frames of a data set, to learn from and to validate on."""
-    from predictor.data.frames import Frames, FramesError
-
     try:
         return [Frames.load(data, split) for split in ("train", "validation")]
     except FramesError as error:
@@ -299,9 +295,6 @@ def _frames(data: Path) -> list[Frames]:
 
 def _samples(data: Path) -> list[SampleFrames]:
     """The samples of drives, likewise."""
-    from predictor.data.sample_frames import SampleFrames
-    from predictor.data.samples import Samples, SamplesError
-
     try:
         return [SampleFrames(Samples.load(data / split)) for split in ("train", "validation")]
     except SamplesError as error:

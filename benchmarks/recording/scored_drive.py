@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 from skimage.metrics import structural_similarity
 
+from benchmarks.recording.training_drives import driven, seen_again
+from benchmarks.runs.drive import task_in
+from planner.navigator import NavigatorConfig
 from predictor.data.samples import world_hash
 from predictor.prediction import asked
 from predictor.provenance import has_learned
@@ -17,6 +20,9 @@ from predictor.registry import load_predictor
 from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.scores import Scores, rings_of
 from predictor.scoring.ternary import ternary
+from predictor.training.targets import REACH
+from sim import CarConfig, LidarConfig
+from sim.task import NoTaskError
 
 BLANK = "grey"
 """In the tables: an image that is grey all over, for comparing SSIM."""
@@ -43,13 +49,6 @@ def score_drive(
     Raises:
         BadPredictionError: if a predictor breaks its contract, or raises.
     """
-    from benchmarks.runs.drive import task_in
-    from planner.navigator import NavigatorConfig
-    from predictor.drives import driven, seen_again
-    from predictor.training.targets import REACH
-    from sim import CarConfig, LidarConfig
-    from sim.task import NoTaskError
-
     place, seed = item
     square_of_a_car = np.ones((2 * REACH + 1, 2 * REACH + 1), dtype=bool)
     try:

@@ -15,11 +15,25 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from planner.guide.guide import GuideConfig
+from planner.motion.dynamics import CarLimits
+from planner.navigator import Navigator, NavigatorConfig
+from predictor.data.frame_set import write_trajectory
+from predictor.data.frames import FramesError
+from predictor.data.recording import WINDOW, Recording
+from predictor.data.samples import world_hash
+from predictor.data.simulated_config import SimulatedConfig
+from predictor.infra.errors import LineError
+from sim import CarConfig, DubinsCar, Lidar, LidarConfig
+from sim.families import generate
+from sim.people import People
+from sim.task import LONGEST_LEG, NoTaskError, prolonged, sample_task
+from sim.variation import cluttered
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from predictor.data.recording import Recording
     from sim.world import World
 
 FAMILY = "paper"
@@ -41,33 +55,8 @@ CIRCLES = 1.5, 40.0
 """A car that has turned round this often within this time [s] has lost its way: it circles."""
 
 
-class DriveError(RuntimeError):
+class DriveError(LineError):
     """A drive cannot be made; the message is one line."""
-
-
-@dataclass(frozen=True)
-class SimulatedConfig:
-    """What the set is made of.
-
-    Attributes:
-        train: frames of the four drives to train on, together.
-        test: frames of the two drives to test on, together.
-        more: further drives to test on, each in a building of its own.
-        validation: drives to tune on, each in a building of its own.
-        length: frames of each of these.
-        clutter: things that stand on a square metre of floor [1/m²].
-        noise: standard deviation of the LIDAR's ranges [m].
-        people: who walk about, on a square metre of floor [1/m²].
-    """
-
-    train: int = 5221
-    test: int = 1090
-    more: int = 20
-    validation: int = 5
-    length: int = 300
-    clutter: float = 0.0
-    noise: float = 0.0
-    people: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -101,8 +90,6 @@ def check_apart(about: list[dict[str, Any]]) -> None:
     Raises:
         FramesError: if one does.
     """
-    from predictor.data.frames import FramesError
-
     homes: dict[str, set[str]] = {}
     for facts in about:
         split = "train" if facts["split"] == "test" else facts["split"]
@@ -135,12 +122,6 @@ def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str,
         DriveError: if every seed of the drive led to an end before the last frame.
     """
     import numpy as np
-
-    from predictor.data.frame_set import write_trajectory
-    from predictor.data.samples import world_hash
-    from sim.families import generate
-    from sim.task import NoTaskError
-    from sim.variation import cluttered
 
     world = generate(FAMILY, drive.map_seed)
     if config.clutter:
@@ -178,14 +159,6 @@ def driven(
         NoTaskError: if the building has no way that long.
     """
     import numpy as np
-
-    from planner.guide.guide import GuideConfig
-    from planner.motion.dynamics import CarLimits
-    from planner.navigator import Navigator, NavigatorConfig
-    from predictor.data.recording import WINDOW, Recording
-    from sim import CarConfig, DubinsCar, Lidar, LidarConfig
-    from sim.people import People
-    from sim.task import LONGEST_LEG, prolonged, sample_task
 
     car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
     # Streams of their own: who walks where does not hang on the noise.

@@ -1,0 +1,1 @@
+"""Recording: what a car or a robot sees on simulated drives, as samples, frames and scores."""

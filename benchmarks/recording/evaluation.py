@@ -1,0 +1,258 @@
+"""An evaluation of predictors along drives: a folder of scores, its results and tables."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from benchmarks.recording import scored_drive
+from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
+from benchmarks.runs.drive import check_maps, sources
+from predictor import load_predictor
+from predictor.data.drives_config import FAMILIES
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.environment import commit, machine
+from predictor.infra.errors import LineError
+from predictor.infra.markdown import markdown
+from predictor.infra.plain_json import loads
+from predictor.infra.workers import finished
+from predictor.provenance import fingerprint_of
+from predictor.scoring.evaluate_config import EvaluateConfig
+from predictor.scoring.evaluation_figures import draw
+from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
+
+
+class EvaluateError(LineError):
+    """An evaluation cannot be done; the message is one line."""
+
+
+def group_of(place: str) -> str:
+    """What a family or a map file is reported under: its family, or its folder."""
+    path = Path(place)
+    return path.resolve().parent.name if path.suffix else place
+
+
+class Evaluation:
+    """A folder of scores that grows drive by drive.
+
+    Args:
+        config: what is scored.
+        out: the folder.
+
+    Raises:
+        EvaluateError: if the folder holds an evaluation with other settings.
+    """
+
+    def __init__(self, config: EvaluateConfig, out: Path) -> None:
+        self.config, self.out, self.parts = config, out, out / "parts"
+        check_maps(config.world)
+        places = sources(config.world)
+        if len(set(places)) < len(places) or len(set(config.predictors)) < len(config.predictors):
+            raise EvaluateError("--world and --predictors want each name once")
+        self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
+        # Scores of other weights are other scores, whatever the weights' name.
+        prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
+        kept = asdict(config) | {"weights": prints, "measures": MEASURES}
+        self.settings = mine = json.loads(json.dumps(kept))
+        self.commit = commit()
+        marker = out / "settings.json"
+        try:
+            theirs = loads(marker.read_text()) if marker.exists() else mine
+        except ValueError as error:
+            raise EvaluateError(f"{marker} cannot be read: {error}") from None
+        if theirs != mine:
+            raise EvaluateError(f"--out {out} holds an evaluation with other settings or weights; "
+                                "choose another folder")  # fmt: skip
+        self.parts.mkdir(parents=True, exist_ok=True)
+        write_whole(marker, json.dumps(mine, indent=1).encode())
+
+    def run(self, jobs: int) -> None:
+        """Score what is missing, with a progress bar."""
+        import io
+
+        import numpy as np
+        from tqdm import tqdm
+
+        todo = [item for item in self.items if self._read(item) is None]
+        with tqdm(total=len(self.items), initial=len(self.items) - len(todo), unit="drive") as bar:
+            for item, scored in finished(
+                partial(scored_drive.score_drive, self.config), todo, jobs
+            ):
+                facts, arrays = ({"skipped": scored}, {}) if isinstance(scored, str) else scored
+                facts |= {"place": item[0], "seed": item[1], "commit": self.commit}
+                buffer = io.BytesIO()
+                text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+                np.savez_compressed(buffer, allow_pickle=False, facts=text, **arrays)
+                write_whole(self._part(item), buffer.getvalue())
+                bar.update()
+
+    def finish(self) -> dict[str, Any]:
+        """Write results.json and the figures of all that was scored, and return the results."""
+        import numpy as np
+
+        names = rows_of(self.config)
+        groups: dict[str, dict[str, Scores]] = {}
+        bins: dict[str, dict[str, dict[str, NDArray]]] = {}
+        facts: dict[str, list[dict[str, Any]]] = {}
+        pictures: list[tuple[float, NDArray]] = []
+        for item in self.items:
+            part = self._read(item)
+            if part is None:
+                continue
+            fact, arrays = part
+            group = group_of(item[0])
+            facts.setdefault(group, []).append(fact)
+            sums = groups.setdefault(group, {name: Scores() for name in names})
+            each = bins.setdefault(group, {name: {} for name in names})
+            if "skipped" in fact:
+                continue
+            for name in names:
+                scores = Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
+                sums[name] += scores
+                of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
+                of_building += scores.bins("free")
+            pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
+        summaries = {
+            group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
+        }
+        learned = [group for group in groups if group in FAMILIES]
+        if len(learned) > 1:
+            # One family may look like another; what is then true of both is true of neither.
+            pooled = {name: Scores() for name in names}
+            for group in learned:
+                for name in names:
+                    pooled[name] += groups[group][name]
+            every = [fact for group in learned for fact in facts[group]]
+            families = [bins[group] for group in learned]
+            summaries[" + ".join(learned)] = _summary(every, pooled, families)
+        results = {
+            "settings": self.settings,
+            "machine": machine(),
+            "commits": sorted({str(fact["commit"]) for every in facts.values() for fact in every}),
+            "groups": summaries,
+            "drives": facts,
+        }
+        write_whole(self.out / "results.json", json.dumps(_plain(results), indent=1).encode())
+        draw(self.out, groups, pictures, self.config.predictors)
+        return results
+
+    def _read(self, item: tuple[str, int]) -> tuple[dict[str, Any], dict[str, NDArray]] | None:
+        """What is kept of a drive; None if there is nothing, or nothing that can be read."""
+        import zipfile
+        import zlib
+
+        import numpy as np
+
+        try:
+            with np.load(self._part(item), allow_pickle=False) as part:
+                facts = loads(bytes(part["facts"]))
+                arrays = {name: part[name] for name in part.files if name != "facts"}
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+            return None
+        return (facts, arrays) if [facts["place"], facts["seed"]] == [*item] else None
+
+    def _part(self, item: tuple[str, int]) -> Path:
+        return self.parts / f"{self.items.index(item):05d}.npz"
+
+
+def _summary(
+    facts: list[dict[str, Any]],
+    sums: dict[str, Scores],
+    families: list[dict[str, dict[str, NDArray]]],
+) -> dict[str, Any]:
+    """A group's scores: predictor → measures.
+
+    Args:
+        facts: of each drive.
+        sums: scores of all drives, by predictor.
+        families: of each, predictor → building → `Scores.bins` of free.
+    """
+    import numpy as np
+
+    scored = [fact for fact in facts if "skipped" not in fact]
+    rows: dict[str, dict[str, Any]] = {}
+    for name in [*sums, BLANK] if scored else []:
+        row = rows[name] = {}
+        if name in scored[0]["ssim"]:
+            row["ssim"] = float(np.mean([fact["ssim"][name] for fact in scored]))
+        if name in scored[0]["ms"]:
+            row["ms"] = float(np.median([fact["ms"][name] for fact in scored]))
+        if name in sums:
+            row |= _measures(name, sums[name], slice(None))
+            row["ece_free_95"] = calibration_interval(
+                [list(family[name].values()) for family in families]
+            )
+            row["rings"] = [
+                {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}
+                for i in range(RINGS)
+            ]
+    return {
+        "drives": len(scored),
+        "skipped": len(facts) - len(scored),
+        "moments": sum(fact["moments"] for fact in scored),
+        "learned": sum(bool(fact["learned_by"]) for fact in scored),
+        "predictors": rows,
+    }
+
+
+def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
+    """Scores of a row; one of room says nothing of surfaces."""
+    measures = scores.measures(rings)
+    if name.endswith(RELIED):
+        return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
+    return measures
+
+
+def _plain(value: Any) -> Any:
+    """The same for JSON, which has no NaN: null."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return None if isinstance(value, float) and value != value else value
+
+
+def table(results: dict[str, Any]) -> str:
+    """The scores as Markdown: of each group of all cells, and by distance; a line a predictor."""
+    columns = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier_free",
+               "brier_occupied", "nll", "ece_free", "ece_occupied", "ssim", "ms")  # fmt: skip
+    parts = []
+    for group, entry in results["groups"].items():
+        skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
+        if entry["learned"]:
+            skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
+        head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
+        rows = [["", *(column.replace("_", " ") for column in columns)]]
+        for name, row in entry["predictors"].items():
+            rows.append([name, *(_cell(row.get(column)) for column in columns)])
+        if any(row.get("ece_free_95") for row in entry["predictors"].values()):
+            rows[0].append("ece free, 95 %")
+            for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
+                cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
+        parts.append(f"{head}\n\n{markdown(rows)}")
+        parts.append(_by_distance(entry["predictors"]))
+    return "\n\n".join(parts)
+
+
+def _by_distance(predictors: dict[str, Any]) -> str:
+    """Free cells by distance beyond the frontier, of what predictors say without confidence."""
+    rows: list[list[str]] = []
+    for name, row in predictors.items():
+        if "rings" in row and "(" not in name:
+            edges = [ring["from"] for ring in row["rings"]]
+            spans = [f"{low:g}–{high:g} m" for low, high in pairwise(edges)]
+            rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
+            found = [[ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
+                     for ring in row["rings"]]  # fmt: skip
+            rows.append([name, *(" / ".join(map(_cell, values)) for values in found)])
+    return markdown(rows) if rows else ""
+
+
+def _cell(value: float | None) -> str:
+    return "" if value is None or value != value else f"{value:.3f}"
