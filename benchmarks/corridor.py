@@ -31,13 +31,13 @@ def main(argv: list[str] | None = None) -> int:
 def _run(settings: Settings, place: Place) -> int:
     # Here and not above, so that --help and bad arguments answer at once.
     from benchmarks.figures.all_figures import draw_all
-    from benchmarks.optimal.optima import optimum_of
     from benchmarks.runs.drive import check_maps
+    from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import table, title
-    from predictor import load_predictor
     from predictor.infra.environment import several_states
     from predictor.provenance import fingerprint_of
+    from predictor.registry import load_predictor
 
     weights = fingerprint_of(load_predictor(settings.predictor))
     check_maps(settings.world)

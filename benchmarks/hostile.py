@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor import Grid, Prediction
+from predictor.mapping.grid import Grid
+from predictor.prediction import Prediction
 
 DEADLINE = 0.05
 """The deadline that the late ones miss [s]."""

@@ -105,7 +105,8 @@ def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
         words = _words(command, work, ours, folder / "out")
         moment = share * seconds[command]
         with (ours / "first.txt").open("w") as file:
-            process = subprocess.Popen(words, stdout=file, stderr=file, start_new_session=True)
+            process = subprocess.Popen(words, stdout=file, stderr=file, start_new_session=True,
+                                       preexec_fn=_heed_ctrl_c)  # fmt: skip
             try:
                 process.wait(moment)
                 in_time = False
@@ -293,6 +294,11 @@ def _full(disk: Path) -> Iterator[None]:
         yield
     finally:
         filler.unlink()
+
+
+def _heed_ctrl_c() -> None:
+    """In the child: Ctrl-C counts, even if a shell began this command in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _left_behind(session: int) -> int:

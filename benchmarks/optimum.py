@@ -17,8 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.optimal.optima import COMMAND, table
 from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.optima import COMMAND, table
 from benchmarks.runs.settings import FAMILIES, Settings
 from predictor.infra.command_line import OneLineParser, UsageError, run_command
 from predictor.infra.workers import LostError, finished

@@ -23,7 +23,7 @@ def tables_of(results: dict[str, Any]) -> str:
 
         return tables(results)
     if results.get("command") == "benchmarks.optimum":
-        from benchmarks.optimal.optima import table as optima
+        from benchmarks.runs.optima import table as optima
 
         return optima(results)
     if results.get("command") == "benchmarks.attack":

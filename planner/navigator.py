@@ -22,15 +22,10 @@ from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
 from planner.safety.speed_limits import Limit, what_limits
 from planner.safety.sweep import swept_cells
-from predictor import (
-    BadPredictionError,
-    Grid,
-    OccupancyGrid,
-    Prediction,
-    Predictor,
-    Scan,
-)
 from predictor.mapping.finite import check_finite
+from predictor.mapping.grid import Grid, OccupancyGrid
+from predictor.mapping.scan import Scan
+from predictor.prediction import BadPredictionError, Prediction, Predictor
 
 FIRST_DEADLINE = 180.0
 """The first answer may have to load and compile first, on a busy machine [s]."""

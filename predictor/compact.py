@@ -16,9 +16,9 @@ from torch import Tensor, nn
 from predictor.data.samples import quarters
 from predictor.mapping.grid import Grid
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactNet
+from predictor.networks.room import question, widened
 from predictor.prediction import Prediction
 from predictor.runtime import Run, runner
-from predictor.training.targets import question, widened
 from predictor.weights import load_weights
 
 SHIPPED = Path(__file__).with_name("compact.safetensors")

@@ -13,7 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor import OccupancyGrid, Scan
+from predictor.mapping.grid import OccupancyGrid
+from predictor.mapping.scan import Scan
 from sim.car import DubinsCar
 from sim.lidar import Lidar
 from sim.task import Task

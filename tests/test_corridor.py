@@ -589,7 +589,7 @@ def test_a_plug_in_in_a_file_of_ones_own_runs_from_any_folder(short_map, tmp_pat
 
 STUDENT = '''
 from predictor import NoPrediction
-from predictor.data.samples import world_hash
+from predictor.mapping.grid import world_hash
 from sim.map_server import load_world
 from sim.world import sealed
 

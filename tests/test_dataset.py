@@ -25,8 +25,8 @@ from benchmarks.recording.paper_drives import (
 from benchmarks.recording.training_drives import SPLITS
 from predictor.compact import LOGS, PAPER, SHIPPED
 from predictor.data.frames import MANIFEST, Frames, FramesError
-from predictor.data.samples import world_hash
 from predictor.dataset import main
+from predictor.mapping.grid import world_hash
 from predictor.weights import facts_of
 from sim.families import generate
 

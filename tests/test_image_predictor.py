@@ -18,8 +18,8 @@ from predictor import (
     load_predictor,
 )
 from predictor.compact import SHIPPED, Compact
-from predictor.data.samples import world_hash
 from predictor.image_predictor import SUREST, ImagePredictor
+from predictor.mapping.grid import world_hash
 from predictor.networks import ARCHITECTURES
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_config import ImageConfig

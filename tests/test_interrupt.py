@@ -41,12 +41,12 @@ def case(tmp_path, monkeypatch):
     return write
 
 
-@pytest.mark.parametrize("kind", ["SIGKILL", "SIGTERM"])
+@pytest.mark.parametrize("kind", ["SIGKILL", "SIGTERM", "SIGINT"])
 def test_a_command_that_goes_on_where_it_was_has_the_same_results(tmp_path, case, kind):
     seconds = case(COUNTS)
     found = interrupt.interrupted(tmp_path, None, seconds, (0, "counting", kind, 0.7))
     assert found["interrupted"]
-    assert found["status"] < 0
+    assert found["status"] != 0
     assert found["status again"] == 0
     assert found["differences"] == []
     assert not (tmp_path / "trial-0").exists()

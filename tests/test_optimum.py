@@ -12,11 +12,11 @@ import pytest
 from benchmarks import optimum as command
 from benchmarks.optimal.first_guesses import STEP, timed, ways
 from benchmarks.optimal.minimum_time import MARGINS, signed_distance
-from benchmarks.optimal.optima import COMMAND, optimum_of, read_optima, task_key
 from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
 from benchmarks.optimum import main, quickest
 from benchmarks.runs.drive import task_of
 from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.optima import COMMAND, optimum_of, read_optima, task_key
 from benchmarks.runs.settings import Settings
 from predictor.infra.command_line import UsageError
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame

@@ -8,7 +8,6 @@ import pytest
 
 from predictor.data.frames import Frames, cells_of
 from predictor.data.laser_log import LaserLog, LogError
-from predictor.data.samples import world_hash
 from predictor.data.survey import (
     clipped,
     frame_around,
@@ -18,7 +17,7 @@ from predictor.data.survey import (
     sources_of,
     surveyed,
 )
-from predictor.mapping.grid import GridFrame
+from predictor.mapping.grid import GridFrame, world_hash
 from predictor.mapping.scan import Scan
 from sim import Lidar, LidarConfig, generate
 from sim.task import sample_task

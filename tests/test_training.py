@@ -13,7 +13,8 @@ import torch
 
 from benchmarks.recording.training_drives import DrivesError, _claim, seen_again
 from predictor.data.drives_config import DrivesConfig
-from predictor.data.samples import SIDE, Samples, encoded, world_hash, write_samples
+from predictor.data.samples import SIDE, Samples, encoded, write_samples
+from predictor.mapping.grid import world_hash
 from predictor.networks.compact_net import CompactNet
 from predictor.train import main
 from predictor.training import compact_training

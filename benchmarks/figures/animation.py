@@ -30,8 +30,8 @@ from benchmarks.figures.palette import (
     scale_bar,
 )
 from benchmarks.runs.saved_run import Run
-from predictor import Body, GridFrame
-from predictor.mapping.grid import FREE, paste
+from predictor.mapping.body import Body
+from predictor.mapping.grid import FREE, GridFrame, paste
 from sim.car import along_arc
 
 DPI = 100

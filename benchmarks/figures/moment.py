@@ -32,8 +32,8 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import frame_of
-from predictor import Body, Grid, GridFrame
-from predictor.mapping.grid import paste
+from predictor.mapping.body import Body
+from predictor.mapping.grid import Grid, GridFrame, paste
 
 BELIEVED_FREE, BELIEVED_OCCUPIED = "#A6CEE3", "#B2182B"
 SEEN_SAFE = "#D6ECD2"

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from predictor import Body, GridFrame
-from predictor.mapping.grid import FREE, OCCUPIED
+from predictor.mapping.body import Body
+from predictor.mapping.grid import FREE, OCCUPIED, GridFrame
 
 ARM_COLOURS = {
     "known": "#0072B2",

@@ -24,7 +24,7 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.saved_run import Run, verdict
 from benchmarks.runs.trace import Trace
-from predictor import Grid
+from predictor.mapping.grid import Grid
 
 MARGIN = 2.5
 """Shown of the building around the drives [m]."""

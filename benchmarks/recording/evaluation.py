@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from benchmarks.recording import scored_drive
 from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
 from benchmarks.runs.drive import check_maps, sources
-from predictor import load_predictor
 from predictor.data.drives_config import FAMILIES
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import commit, machine
@@ -23,6 +22,7 @@ from predictor.infra.markdown import markdown
 from predictor.infra.plain_json import loads
 from predictor.infra.workers import finished
 from predictor.provenance import fingerprint_of
+from predictor.registry import load_predictor
 from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.evaluation_figures import draw
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval

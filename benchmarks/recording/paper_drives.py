@@ -21,9 +21,9 @@ from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frame_set import write_trajectory
 from predictor.data.frames import FramesError
 from predictor.data.recording import WINDOW, Recording
-from predictor.data.samples import world_hash
 from predictor.data.simulated_config import SimulatedConfig
 from predictor.infra.errors import LineError
+from predictor.mapping.grid import world_hash
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.families import generate
 from sim.people import People

@@ -13,14 +13,14 @@ from skimage.metrics import structural_similarity
 from benchmarks.recording.training_drives import driven, seen_again
 from benchmarks.runs.drive import task_in
 from planner.navigator import NavigatorConfig
-from predictor.data.samples import world_hash
+from predictor.mapping.grid import world_hash
+from predictor.networks.room import REACH
 from predictor.prediction import asked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
 from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.scores import Scores, rings_of
 from predictor.scoring.ternary import ternary
-from predictor.training.targets import REACH
 from sim import CarConfig, LidarConfig
 from sim.task import NoTaskError
 

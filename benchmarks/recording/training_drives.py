@@ -19,14 +19,14 @@ from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.drives_config import DrivesConfig
 from predictor.data.frames import MANIFEST, cells_of
-from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, world_hash, write_samples
+from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError
 from predictor.infra.plain_json import loads
 from predictor.infra.workers import finished
 from predictor.mapping.body import Body
-from predictor.mapping.grid import FREE, OCCUPIED, Grid, OccupancyGrid
+from predictor.mapping.grid import FREE, OCCUPIED, Grid, OccupancyGrid, world_hash
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.families import generate

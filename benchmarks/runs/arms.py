@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor import Grid, Prediction, Predictor
+from predictor.mapping.grid import Grid
+from predictor.prediction import Prediction, Predictor
 from sim.world import World
 
 

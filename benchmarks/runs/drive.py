@@ -15,11 +15,13 @@ from benchmarks.runs.arms import ARMS, Arm, predictor_for
 from benchmarks.runs.settings import VEHICLES, Settings
 from planner.motion.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
-from predictor import OccupancyGrid, Predictor, load_predictor
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit
 from predictor.infra.workers import WorkersError
+from predictor.mapping.grid import OccupancyGrid
+from predictor.prediction import Predictor
 from predictor.provenance import fingerprint_of, has_learned
+from predictor.registry import load_predictor
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
 from sim.families import FAMILIES, generate

@@ -9,9 +9,9 @@ from typing import Any
 
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.trace import FARTHEST, Archive, RunError, Trace, frame_of
-from predictor import Grid
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
+from predictor.mapping.grid import Grid
 
 RESULTS, TRACES = "results.json", "traces.npz"
 """The files of a run."""

@@ -19,8 +19,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.optimal.optima import Key, task_key
 from benchmarks.runs.arms import ARMS
+from benchmarks.runs.optima import Key, task_key
 from benchmarks.runs.saved_run import RESULTS, TRACES, UNNAMED, Run, is_episode
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import Result

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from predictor import GridFrame
 from predictor.infra.errors import LineError, one_line
+from predictor.mapping.grid import GridFrame
 
 FARTHEST = 1e9
 """Of any number of a drive: beyond it nothing can be drawn."""

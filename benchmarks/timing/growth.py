@@ -14,7 +14,7 @@ from benchmarks.timing import sized_maps as places
 from benchmarks.timing.timing import closed_loop, spread, timed
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
-from predictor import load_predictor
+from predictor.registry import load_predictor
 from sim import CarConfig, Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World

@@ -21,8 +21,7 @@ from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
 from benchmarks.timing.timing import timed
 from planner.risk.distance_transform import distance_field
-from predictor import OccupancyGrid
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
 from sim import CarConfig, Lidar, LidarConfig
 from sim.lidar import cast_rays

@@ -20,7 +20,8 @@ from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.cost_map import Belief, CostMap, remember
 from planner.risk.risk_map import RiskMap
-from predictor import OccupancyGrid, Prediction
+from predictor.mapping.grid import OccupancyGrid
+from predictor.prediction import Prediction
 
 REST = 1e-6
 """A car slower than this stands, and may change its gear [m/s]."""

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from planner.guide.route import cost_to_go
 from planner.motion.dynamics import CarLimits, pose_along
 from planner.risk.cost_map import STUCK_REACH, CostMap
-from predictor import OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.body import meets
+from predictor.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
 
 HEADINGS = 48

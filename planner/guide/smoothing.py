@@ -13,7 +13,7 @@ from planner.motion.dynamics import CarLimits
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
-from predictor import GridFrame
+from predictor.mapping.grid import GridFrame
 
 NEAR_GOAL = 0.3
 """A path that passes within this distance of the goal leads there [m]."""

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor import Body
+from predictor.mapping.body import Body
 from predictor.mapping.finite import check_finite
 from predictor.mapping.kernels import njit
 

@@ -9,7 +9,8 @@ from copy import deepcopy
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor import BadPredictionError, Grid, Prediction, Predictor, checked
+from predictor.mapping.grid import Grid
+from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
 
 
 class LateError(Exception):

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.risk.distance_transform import distance_field
-from predictor import GridFrame, OccupancyGrid, Prediction
-from predictor.mapping.grid import paste
+from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
+from predictor.prediction import Prediction
 
 UNKNOWN_COST = 1.4
 """A metre of unknown space costs as much as this many metres of free space."""

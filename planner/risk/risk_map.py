@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.risk.distance_transform import distance_field
-from predictor import Grid, GridFrame, Prediction
+from predictor.mapping.grid import Grid, GridFrame
+from predictor.prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False)

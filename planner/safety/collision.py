@@ -15,7 +15,8 @@ from planner.motion.contact import first_meeting, leads_on
 from planner.motion.dynamics import CarLimits
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
-from predictor import Body, GridFrame
+from predictor.mapping.body import Body
+from predictor.mapping.grid import GridFrame
 
 CONTACT_SPACING = 0.02
 """Between the poses at which a plan's body is tested [m]."""

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.motion.plan import Plan
-from predictor import Body, GridFrame
-from predictor.mapping.body import covered
+from predictor.mapping.body import Body, covered
+from predictor.mapping.grid import GridFrame
 from predictor.mapping.kernels import njit
 
 

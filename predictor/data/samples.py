@@ -64,13 +64,6 @@ def encoded(known: Grid, free: NDArray[np.bool_], surface: NDArray[np.bool_], ya
     return zlib.compress(np.ascontiguousarray(codes).tobytes(), 2)
 
 
-def world_hash(cells: NDArray[np.int8]) -> str:
-    """Of a building's cells, by which splits are kept apart."""
-    digest = hashlib.sha256(np.array(cells.shape, dtype=np.int64).tobytes())
-    digest.update(np.ascontiguousarray(cells).tobytes())
-    return digest.hexdigest()[:32]
-
-
 def write_samples(path: Path, samples: list[bytes], about: dict[str, Any]) -> None:
     """Write the samples of a drive, whole or not at all."""
     buffer = io.BytesIO()

@@ -24,9 +24,8 @@ from predictor.data.frame_set import write_trajectory
 from predictor.data.frames import NOTHING, RESOLUTION, cells_of, checksum
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.recording import WINDOW, Recording
-from predictor.data.samples import world_hash
 from predictor.mapping.beams import trace_beams
-from predictor.mapping.grid import GridFrame, OccupancyGrid
+from predictor.mapping.grid import GridFrame, OccupancyGrid, world_hash
 from predictor.mapping.kernels import njit
 from predictor.mapping.scan import Scan
 

@@ -6,6 +6,7 @@ ROS conventions throughout: row = y, column = x, the origin is the lower-left co
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -268,3 +269,10 @@ def _update(log_odds, marks):  # type: ignore[no-untyped-def]
             value = np.int8(log_odds[row, col] + change)
             value = np.int8(HIGHEST) if value > HIGHEST else value
             log_odds[row, col] = np.int8(LOWEST) if value < LOWEST else value
+
+
+def world_hash(cells: NDArray[np.int8]) -> str:
+    """Return a hash of a building's cells, by which the splits of data are kept apart."""
+    digest = hashlib.sha256(np.array(cells.shape, dtype=np.int64).tobytes())
+    digest.update(np.ascontiguousarray(cells).tobytes())
+    return digest.hexdigest()[:32]
