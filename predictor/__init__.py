@@ -6,6 +6,9 @@ not wait for the packages that only its work needs.
 """
 
 import importlib
+import importlib.util
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -57,6 +60,31 @@ __all__ = [
     "checked",
     "load_predictor",
 ]
+
+
+def _refuse_hidden_packages() -> None:
+    """Say in one line which file of the user's hides a package of this project.
+
+    `python -m` looks into the working folder first, where a `sim.py` may lie.
+
+    Raises:
+        ImportError: if one does and this is no command.
+        SystemExit: if one does and this is a command.
+    """
+    root = Path(__file__).resolve().parents[1]
+    for name in ("planner", "sim", "benchmarks"):
+        spec = importlib.util.find_spec(name)
+        if spec is None or spec.origin is None or root in Path(spec.origin).resolve().parents:
+            continue
+        line = (f"{spec.origin} hides the package {name} of foresee: give the command in another "
+                "folder, or as `foresee` followed by its name")  # fmt: skip
+        if sys.argv[:1] == ["-m"]:
+            print(line, file=sys.stderr)
+            raise SystemExit(2)
+        raise ImportError(line)
+
+
+_refuse_hidden_packages()
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,45 @@
+"""The console script: `foresee corridor`, `foresee train` and so on."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+COMMANDS = {
+    "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
+    "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
+    "tables": ("benchmarks.tables", "print the tables of results files"),
+    "optimum": ("benchmarks.optimum", "compute time-optimal drives"),
+    "stuck": ("benchmarks.stuck", "find out why drives got stuck"),
+    "weave": ("benchmarks.weave", "count how often the car changes sides on straights"),
+    "stages": ("benchmarks.stages", "time the stages of the control cycle"),
+    "attack": ("benchmarks.attack", "drive with hostile predictors"),
+    "interrupt": ("benchmarks.interrupt", "interrupt long commands, and compare what they resume"),
+    "prediction": ("benchmarks.prediction.__main__", "score predictors on frames, as the paper"),
+    "check": ("predictor.check", "check a predictor of your own"),
+    "dataset": ("predictor.dataset", "make the frames of the paper's study"),
+    "drives": ("predictor.drives", "make samples to train on"),
+    "train": ("predictor.train", "train a network"),
+    "study": ("predictor.study", "train all of the paper's networks"),
+    "evaluate": ("predictor.evaluate", "score predictors along drives"),
+}
+"""Command → its module, and what it does."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command by its name; return its exit status, 2 if there is none of that name."""
+    words = sys.argv[1:] if argv is None else argv
+    if words and words[0] in COMMANDS:
+        # A script's own folder is searched in place of the working one. Last, so that nothing there
+        # hides a package, but a predictor of the user's is found.
+        sys.path.append("")
+        status: int = importlib.import_module(COMMANDS[words[0]][0]).main(words[1:])
+        return status
+    listed = [f"  {name:<11} {what}" for name, (_, what) in COMMANDS.items()]
+    print("usage: foresee COMMAND [options]", "", *listed, "", sep="\n")
+    print("foresee COMMAND --help explains each. `python -m` with the module's name does the same.")
+    return 0 if words in ([], ["-h"], ["--help"]) else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())
