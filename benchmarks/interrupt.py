@@ -30,17 +30,16 @@ if TYPE_CHECKING:
 
 COMMAND = "benchmarks.interrupt"
 KINDS = ("SIGKILL", "SIGTERM", "SIGINT", "disk full")
-SMALL = ("--train", "3", "--validation", "2")
+SMALL = ("--train", "2", "--validation", "1")
 CASES: dict[str, tuple[str, ...]] = {
-    "benchmarks.corridor": ("--episodes", "2", "--arms", "known,predicted", "--seed", "1000"),
+    "benchmarks.corridor": ("--episodes", "1", "--arms", "known,full", "--seed", "1000"),
     "predictor.drives": SMALL,
     "predictor.dataset": ("--train", "80", "--test", "40", "--more", "1", "--validation", "1",
                           "--length", "40"),
-    "predictor.train": ("--data", "{drives}", *SMALL, "--steps", "30", "--batch", "4"),
-    "predictor.evaluate": ("--drives", "1", "--world", "corridor", "trap", "--predictors", "none",
+    "predictor.train": ("--data", "{drives}", *SMALL, "--steps", "20", "--batch", "4"),
+    "predictor.evaluate": ("--drives", "1", "--world", "corridor", "--predictors", "none",
                            "extend"),
-    "predictor.study": ("--data", "{frames}", "--archs", "unet_ff", "mlp", "--expansions", "1.1",
-                        "1.3", "--preset", "short", "--width", "0.0625", "--side", "64",
+    "predictor.study": ("--data", "{frames}", "--archs", "unet_ff", "mlp", "--expansions", "1.1", "--preset", "short", "--width", "0.0625", "--side", "64",
                         "--epochs", "1"),
 }  # fmt: skip
 """The commands with arguments that keep them short. {drives} and {frames} are data made before."""
