@@ -39,7 +39,8 @@ CASES: dict[str, tuple[str, ...]] = {
     "predictor.train": ("--data", "{drives}", *SMALL, "--steps", "20", "--batch", "4"),
     "predictor.evaluate": ("--drives", "1", "--world", "corridor", "--predictors", "none",
                            "extend"),
-    "predictor.study": ("--data", "{frames}", "--archs", "unet_ff", "mlp", "--expansions", "1.1", "--preset", "short", "--width", "0.0625", "--side", "64",
+    "predictor.study": ("--data", "{frames}", "--archs", "unet_ff", "mlp", "--expansions", "1.1",
+                        "--preset", "short", "--width", "0.0625", "--side", "64",
                         "--epochs", "1"),
 }  # fmt: skip
 """The commands with arguments that keep them short. {drives} and {frames} are data made before."""

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from predictor.checking import check_predictor
 from predictor.infra.command_line import OneLineParser, run_command
-from predictor.prediction import BadPredictionError
-from predictor.registry import load_predictor
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -23,6 +20,10 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(name: str) -> int:
+    from predictor.checking import check_predictor
+    from predictor.prediction import BadPredictionError
+    from predictor.registry import load_predictor
+
     try:
         warnings = check_predictor(load_predictor(name))
     except BadPredictionError as error:

@@ -18,12 +18,15 @@ out = Path(sys.argv[sys.argv.index("--out") + 1])
 out.mkdir(parents=True, exist_ok=True)
 path = out / "results.json"
 found = json.loads(path.read_text()) if path.exists() else {"values": [], "seconds": 0.0}
-while len(found["values"]) < 10:
-    time.sleep(0.05)
-    found["values"].append(len(found["values"]))
-    found["seconds"] = time.time()
-    (out / "part").write_text(json.dumps(found))
-    (out / "part").replace(path)
+try:
+    while len(found["values"]) < 10:
+        time.sleep(0.05)
+        found["values"].append(len(found["values"]))
+        found["seconds"] = time.time()
+        (out / "part").write_text(json.dumps(found))
+        (out / "part").replace(path)
+except KeyboardInterrupt:
+    sys.exit(130)
 """
 
 

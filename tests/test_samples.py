@@ -11,9 +11,9 @@ from predictor.data.samples import (
     check_apart,
     encoded,
     quarters,
-    world_hash,
     write_samples,
 )
+from predictor.mapping.grid import world_hash
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
 

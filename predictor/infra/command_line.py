@@ -7,12 +7,14 @@ import errno
 import os
 import sys
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 # It keeps libraries to one thread a process, if it comes before they are imported.
 import predictor.infra.workers  # noqa: F401
-from predictor.infra.errors import LineError, one_line, shown
+from predictor.infra.errors import LineError, one_line
 
+ENDLESS = 10**6
+"""A bound from which on a message about a range leaves it out."""
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Errors of the disk, not of what the user gave."""
 
@@ -22,11 +24,15 @@ class UsageError(LineError):
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Says what is wrong in one line, and exits with 2."""
+    """Says what is wrong in one line; use it inside of `run_command`."""
 
-    def error(self, message: str) -> None:  # type: ignore[override]
-        """Print the line and exit."""
-        self.exit(2, f"{self.prog}: {shown(message)}\n")
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments.
+
+        Raises:
+            UsageError: always.
+        """
+        raise UsageError(message)
 
     def add_jobs(self, default: int | None = None) -> None:
         """Add --jobs, the number of worker processes; by default one a core."""
@@ -55,7 +61,8 @@ def between(low: float, high: float) -> Callable[[str], Any]:
             what = "whole number" if kind is int else "number"
             raise argparse.ArgumentTypeError(f"{text!r} is no {what}") from None
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} must lie between {low:g} and {high:g}")
+            wanted = f"at least {low}" if high >= ENDLESS else f"between {low} and {high}"
+            raise argparse.ArgumentTypeError(f"{text} is not {wanted}")
         return value
 
     return convert
