@@ -14,11 +14,11 @@ import pytest
 
 from benchmarks import tables
 from benchmarks.corridor import main
-from benchmarks.runs import store
 from benchmarks.runs.drive import attempt, drive, score
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.store import Store
 from predictor import PredictorError
+from predictor.infra import resumable
 from predictor.infra.workers import LostError
 from sim import CarConfig, empty_straight, save_world
 from sim.map_server import MapError
@@ -136,7 +136,7 @@ def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
 ):
     command = ("--world", short_map, "--episodes", 2, "--jobs", 1, "--predictor", "none", "--arms",
                "known", "--out", tmp_path / "run")  # fmt: skip
-    plain, written = store.write_whole, []
+    plain, written = resumable.write_whole, []
 
     def full(path, data):
         if written.count(".npz") == 1:
@@ -145,7 +145,7 @@ def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
         plain(path, data)
 
     with monkeypatch.context() as patched:
-        patched.setattr(store, "write_whole", full)
+        patched.setattr(resumable, "write_whole", full)
         assert run(*command) == 1
     said = capsys.readouterr().err.splitlines()[-1]
     assert "No space left on device; what was done is kept" in said

@@ -229,8 +229,8 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, counted, capsys):
         (["--jobs", "0"], "--jobs: 0 is not between 1 and 10000"),
         (["--episodes", "0"], "--episodes is 0"),
         (["--v-max", "nan"], "--v-max is nan"),
-        (["--v-max", "3", "--out", str(out)], "made with another v_max"),
-        (["--world", "trap", "--seed", "4", "--out", str(out)], "made with another seed, world"),
+        (["--v-max", "3", "--out", str(out)], "holds a run with v_max 4.0"),
+        (["--world", "trap", "--seed", "4", "--out", str(out)], "seed 0; choose another"),
         (["--out", str(plain / "optimum.json")], "cannot be"),
     ):
         assert main(arguments) == 2

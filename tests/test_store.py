@@ -10,6 +10,7 @@ import pytest
 from benchmarks.runs import store
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.store import Store
+from predictor.infra import resumable
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import several_states
 
@@ -75,7 +76,7 @@ def interrupted(*_):
 
 
 def test_a_drive_that_was_written_but_not_noted_is_there_the_next_time(tmp_path, monkeypatch):
-    plain = store.write_whole
+    plain = resumable.write_whole
 
     def written(path, data):
         plain(path, data)
@@ -84,7 +85,7 @@ def test_a_drive_that_was_written_but_not_noted_is_there_the_next_time(tmp_path,
     with Store(tmp_path, TWO, None) as run:
         run.add(*driven(0, "known"))
         with monkeypatch.context() as patched:
-            patched.setattr(store, "write_whole", written)
+            patched.setattr(resumable, "write_whole", written)
             with pytest.raises(KeyboardInterrupt):
                 run.add(*driven(1, "known"))
         assert keys(run.pack()["episodes"]) == [(0, "known")]

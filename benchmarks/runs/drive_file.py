@@ -9,6 +9,7 @@ from typing import Any
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import UsageError
 from predictor.infra.plain_json import loads
+from predictor.infra.resumable import refuse_other_settings
 
 
 def read_drives(path: Path, command: str) -> dict[str, Any]:
@@ -55,12 +56,7 @@ class DriveFile:
         if path.exists():
             found = read_drives(path, command)
             theirs = found["settings"]
-            other = sorted(
-                name for name in settings.keys() | theirs.keys()
-                if name != grows and settings.get(name) != theirs.get(name)
-            )  # fmt: skip
-            if other:
-                raise UsageError(f"--out: {path} was made with another {', '.join(other)}")
+            refuse_other_settings(path, settings, theirs, (grows,))
             self.drives = {drive["index"]: drive for drive in found["drives"]}
             self._head["settings"] = settings | {grows: max(settings[grows], theirs[grows])}
         try:

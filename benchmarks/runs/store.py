@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import fcntl
-import io
-import itertools
 import json
 import os
 import shutil
@@ -16,7 +13,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.runs.arms import ARMS
@@ -31,7 +27,10 @@ from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
+from predictor.infra.resumable import SETTINGS, ResumableFolder
 
+PARTS = "parts"
+"""Folder of the drives that are not packed yet."""
 GROWS = ("episodes", "arms")
 """Settings that a run may be continued with more of."""
 
@@ -55,35 +54,20 @@ class Store:
     def __init__(
         self, out: Path, settings: Settings, weights: str | None, baselines: Path | None = None
     ) -> None:
-        self.out, self.settings, self.parts = out, settings, out / "parts"
+        self.out, self.settings = out, settings
         self.skipped: dict[int, str] = {}
-        self.notes: list[str] = []
         self.lost: list[tuple[int, str]] = []
-        self._marked = mine = _plain(settings) | {"weights": weights}
+        self._marked = _plain(settings) | {"weights": weights}
         adopted = None if baselines is None else self._checked(baselines)
-        try:
-            self.parts.mkdir(parents=True, exist_ok=True)
-            self._lock = (self.parts / "lock").open("w")
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UsageError(f"--out {out}: another run is at work there") from None
-        except OSError as error:
-            raise UsageError(f"--out {out}: {error.strerror}") from None
-        marker = out / "settings.json"
-        # Without it a file that cannot be read may be anybody's.
-        self._ours = marker.exists()
-        if self._ours:
-            try:
-                theirs = UNNAMED | dict(loads(marker.read_text()))
-            except (ValueError, TypeError, OSError) as error:
-                raise UsageError(f"--out: {marker} cannot be read: {error}") from None
-            other = [k for k in mine if k not in GROWS and mine[k] != theirs.get(k)]
-            if other:
-                what = ", ".join(f"{k} {theirs.get(k)}" for k in other)
-                raise UsageError(f"--out {out} holds a run with {what}; choose another folder")
-        packed = self._packed()
-        write_whole(marker, json.dumps(mine, indent=1).encode())
+        if not (out / SETTINGS).exists() and (out / RESULTS).exists():
+            # Without settings, results that cannot be read may be anybody's.
+            _results(out / RESULTS)
+        self._folder = ResumableFolder(
+            out, self._marked, grows=GROWS, absent=UNNAMED, exclusive=True
+        )
+        self.notes = self._folder.notes
         self.commit = commit()
+        packed = self._packed()
         self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
         if adopted is not None:
             self._adopt(adopted)
@@ -91,8 +75,8 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._lock.close()
+    def __exit__(self, *error: object) -> None:
+        self._folder.__exit__(*error)
 
     def done(self) -> set[tuple[int, str]]:
         """Episodes and arms that need not be driven again."""
@@ -100,10 +84,7 @@ class Store:
 
     def add(self, result: dict[str, Any], arrays: dict[str, NDArray]) -> None:
         """Keep a finished drive; after this a kill cannot lose it."""
-        buffer = io.BytesIO()
-        text = np.frombuffer(json.dumps(result).encode(), dtype=np.uint8)
-        np.savez_compressed(buffer, allow_pickle=False, __result__=text, **arrays)
-        write_whole(self.parts / _part(result), buffer.getvalue())
+        self._folder.write(_part(result), result, arrays)
         self.episodes.append(result)
 
     def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
@@ -121,8 +102,8 @@ class Store:
             chosen = [e | {"t_opt": optima.get(k)} for e, k in zip(chosen, keys, strict=True)]
         chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
         # An interrupt may have left a drive on disk alone, for the next time.
-        known = {_part(e) for e in self.episodes}
-        loose = sorted(path for path in self.parts.glob("*.npz") if path.name in known)
+        known = {self.out / _part(e) for e in self.episodes}
+        loose = [path for path in self._parts() if path in known]
         if loose:
             self._pack_traces(loose)
         results = {
@@ -203,7 +184,7 @@ class Store:
             for path in loose:
                 with zipfile.ZipFile(path) as part:
                     for name in part.namelist():
-                        if name not in names and not name.startswith("__"):
+                        if name not in names and name != "facts.npy":
                             names.add(name)
                             packed.writestr(name, part.read(name))
 
@@ -213,20 +194,13 @@ class Store:
         if not path.exists() and not traces.exists():
             return []
         try:
-            results = loads(path.read_text())
-            skipped = {int(k): str(v) for k, v in results["skipped"].items()}
-            drives = [*results["episodes"], *results["unused"]]
-            if any(not is_episode(drive) for drive in drives):
-                raise ValueError("its drives are not of this version")
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
-            if not self._ours:
-                raise UsageError(f"--out: {path} cannot be read: {one_line(error)}") from None
+            drives, self.skipped = _results(path)
+        except UsageError as error:
             # Nobody can tell of what drives the traces are.
             for damaged in (path, traces):
                 if damaged.exists():
-                    self._set_aside(damaged, one_line(error))
+                    self._folder.set_aside(damaged, str(error))
             return []
-        self.skipped = skipped
         good = self._good_traces()
         kept = [drive for drive in drives if f"e{drive['index']}/{drive['arm']}/states" in good]
         if len(kept) < len(drives):
@@ -259,9 +233,11 @@ class Store:
                     and name[1:].partition("/")[0] not in worlds
                 }  # fmt: skip
         except (OSError, zipfile.BadZipFile) as error:
-            self._set_aside(traces, one_line(error))
+            self._folder.set_aside(traces, one_line(error))
             return set()
-        self._set_aside(traces, f"{len(names) - len(good)} of its {len(names)} arrays do not read")
+        self._folder.set_aside(
+            traces, f"{len(names) - len(good)} of its {len(names)} arrays do not read"
+        )
         temporary = traces.with_suffix(".tmp")
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=4) as anew:
             for name, data in good.items():
@@ -270,31 +246,35 @@ class Store:
         return set(good)
 
     def _loose(self, packed: set[tuple[int, str]]) -> list[dict[str, Any]]:
+        """Return the drives in files of their own that are not packed."""
         found = []
-        for path in sorted(self.parts.glob("*.npz")):
-            try:
-                with zipfile.ZipFile(path) as file:
-                    bad = file.testzip()
-                if bad is not None:
-                    raise ValueError(f"{bad} does not read")
-                with np.load(path, allow_pickle=False) as part:
-                    result = loads(bytes(part["__result__"]))
-                if not is_episode(result):
-                    raise ValueError("its drive is not of this version")
-            except (ValueError, KeyError, OSError, EOFError, RecursionError, zlib.error,
-                    zipfile.BadZipFile, NotImplementedError) as error:  # fmt: skip
-                self._set_aside(path, one_line(error))
-                continue
-            if (result["index"], result["arm"]) not in packed:
-                found.append(result)
+        for path in self._parts():
+            part = self._folder.read(f"{PARTS}/{path.name}")
+            if part is not None and not is_episode(part[0]):
+                self._folder.set_aside(path, "its drive is not of this version")
+            elif part is not None and (part[0]["index"], part[0]["arm"]) not in packed:
+                found.append(part[0])
         return found
 
-    def _set_aside(self, path: Path, why: str) -> None:
-        """Keep a damaged file under another name."""
-        names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in itertools.count())
-        target = next(name for name in names if not name.exists())
-        path.rename(target)
-        self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
+    def _parts(self) -> list[Path]:
+        return sorted((self.out / PARTS).glob("*.npz"))
+
+
+def _results(path: Path) -> tuple[list[dict[str, Any]], dict[int, str]]:
+    """Return the drives of a results.json and why episodes are left out.
+
+    Raises:
+        UsageError: if it is damaged or of another version.
+    """
+    try:
+        results = loads(path.read_text())
+        skipped = {int(k): str(v) for k, v in results["skipped"].items()}
+        drives = [*results["episodes"], *results["unused"]]
+        if any(not is_episode(drive) for drive in drives):
+            raise ValueError("its drives are not of this version")
+    except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+        raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
+    return drives, skipped
 
 
 def _reads(packed: zipfile.ZipFile, name: str) -> bool:
@@ -307,7 +287,7 @@ def _reads(packed: zipfile.ZipFile, name: str) -> bool:
 
 
 def _part(episode: dict[str, Any]) -> str:
-    return f"{episode['index']}-{episode['arm']}.npz"
+    return f"{PARTS}/{episode['index']}-{episode['arm']}.npz"
 
 
 def _plain(settings: Settings) -> dict[str, Any]:

@@ -12,9 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import machine
-from predictor.infra.plain_json import loads
+from predictor.infra.resumable import ResumableFolder
 
 PACKAGES = ("benchmarks", "planner", "predictor", "sim")
 RUNTIME = "openvino"
@@ -47,27 +46,22 @@ class Parts:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = ResumableFolder(folder)
 
     def find(self, part: Part) -> Any:
-        """What was measured, or None."""
-        try:
-            kept = loads(self._path(part).read_text())
-            return kept["measured"] if kept["of"] == _of(part) else None
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
+        """Return what was measured, or None."""
+        kept = self._folder.read(_file(part))
+        return kept[0]["measured"] if kept is not None and kept[0].get("of") == _of(part) else None
 
     def measure(self, part: Part) -> Any:
         """Measure a part and keep it."""
         measured = part.measure()
-        kept = {"of": _of(part), "measured": measured}
-        write_whole(self._path(part), json.dumps(kept, indent=1).encode())
+        self._folder.write(_file(part), {"of": _of(part), "measured": measured}, {})
         return measured
 
-    def _path(self, part: Part) -> Path:
-        slug = "".join(c if c.isalnum() else "-" for c in part.name)
-        return self.folder / f"{slug}.json"
+
+def _file(part: Part) -> str:
+    return "".join(c if c.isalnum() else "-" for c in part.name) + ".npz"
 
 
 def _of(part: Part) -> dict[str, Any]:

@@ -18,8 +18,8 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def clear(folder: Path) -> None:
-    """Remove what processes of this machine that are no more were writing into a folder."""
-    for path in folder.glob("*.tmp"):
+    """Remove the unfinished files of processes that have ended from a folder and those inside."""
+    for path in folder.rglob("*.tmp"):
         pid = path.suffixes[-2][1:] if len(path.suffixes) > 1 else ""
         if pid.isdecimal() and not _runs(int(pid)):
             path.unlink(missing_ok=True)

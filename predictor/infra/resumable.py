@@ -1,0 +1,149 @@
+"""Results that the same command continues after an interruption: folders of parts, and settings."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import itertools
+import json
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.command_line import UsageError
+from predictor.infra.errors import one_line
+from predictor.infra.plain_json import loads
+
+SETTINGS = "settings.json"
+"""The file of a folder that says what its results were made with."""
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError,
+              NotImplementedError, zlib.error, zipfile.BadZipFile)  # fmt: skip
+"""What reading a damaged file may raise."""
+
+Part = tuple[dict[str, Any], dict[str, NDArray]]
+"""Facts, fit for JSON, and named arrays."""
+
+
+class ResumableFolder:
+    """A folder in which each finished part of a long computation is a file.
+
+    Parts are written whole, so a kill loses only what is under way. A part that does not read is
+    renamed to `.damaged`, noted, and counts as missing.
+
+    Args:
+        folder: made if it is missing.
+        settings: all that decides the results, fit for JSON; None if each part says so itself.
+        marker: name of the file that keeps the settings.
+        grows: settings that may differ from those of an earlier run.
+        absent: settings that older folders do not name, with their values.
+        exclusive: whether other processes are refused until this one closes the folder or ends.
+
+    Attributes:
+        notes: a line for each damaged file.
+        is_new: whether the folder had no settings before.
+
+    Raises:
+        UsageError: if the folder holds results with other settings, cannot be written, or is in
+            use by another process.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: Mapping[str, Any] | None = None,
+        *,
+        marker: str = SETTINGS,
+        grows: Iterable[str] = (),
+        absent: Mapping[str, Any] | None = None,
+        exclusive: bool = False,
+    ) -> None:
+        self.folder, self.notes = folder, list[str]()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = (folder / ".lock").open("w") if exclusive else None
+            if self._lock is not None:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f"{folder} is in use: another run is at work there") from None
+        except OSError as error:
+            raise UsageError(f"{folder} cannot be used: {error.strerror}") from None
+        clear(folder)
+        path = folder / marker
+        self.is_new = not path.exists()
+        if settings is None:
+            return
+        if not self.is_new:
+            try:
+                theirs = dict(absent or {}) | dict(loads(path.read_text()))
+            except (OSError, ValueError, TypeError) as error:
+                raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
+            refuse_other_settings(folder, settings, theirs, grows)
+        write_whole(path, json.dumps(settings, indent=1).encode())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._lock is not None:
+            self._lock.close()
+
+    def write(self, name: str, facts: dict[str, Any], arrays: Mapping[str, NDArray]) -> None:
+        """Write a part; after this a kill cannot lose it.
+
+        Args:
+            name: of its file inside the folder, such as "parts/1.npz".
+            facts: fit for JSON.
+            arrays: by name.
+        """
+        path, buffer = self.folder / name, io.BytesIO()
+        text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+        np.savez_compressed(buffer, allow_pickle=False, facts=text, **arrays)
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, buffer.getvalue())
+
+    def read(self, name: str) -> Part | None:
+        """Return a part, or None if it is missing or damaged; a damaged one is set aside."""
+        path = self.folder / name
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            return dict(loads(bytes(arrays.pop("facts")))), arrays
+        except FileNotFoundError:
+            return None
+        except UNREADABLE as error:
+            self.set_aside(path, one_line(error))
+            return None
+
+    def set_aside(self, path: Path, why: str) -> None:
+        """Rename a damaged file, and note it."""
+        names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in itertools.count())
+        target = next(name for name in names if not name.exists())
+        path.rename(target)
+        self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
+
+
+def refuse_other_settings(
+    where: Path, mine: Mapping[str, Any], theirs: Mapping[str, Any], grows: Iterable[str] = ()
+) -> None:
+    """Raise an error that names the settings in which earlier results differ.
+
+    Args:
+        where: folder or file of the results.
+        mine: settings of this run.
+        theirs: settings of the results, as read from JSON.
+        grows: settings that may differ.
+
+    Raises:
+        UsageError: if there are any.
+    """
+    plain = json.loads(json.dumps(mine))
+    other = [k for k in plain | theirs if k not in grows and plain.get(k) != theirs.get(k)]
+    if other:
+        told = ", ".join(f"{k} {theirs[k]}" if k in theirs else f"no {k}" for k in other)
+        raise UsageError(f"{where} holds a run with {told}; choose another place")
