@@ -146,7 +146,7 @@ def _run(args: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     settings = {"drives": args.drives, "seed": args.seed, "seconds": args.seconds}
-    store = DriveFile(args.out, COMMAND, settings, grows="drives")
+    store = DriveFile(args.out, "attack", settings, grows="drives")
     todo = [index for index in range(args.drives) if index not in store.drives]
     with tqdm(total=args.drives, initial=args.drives - len(todo), unit="drive") as bar:
         try:

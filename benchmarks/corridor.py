@@ -34,7 +34,7 @@ def _run(settings: Settings, place: Place) -> int:
     from benchmarks.runs.drive import check_maps
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
-    from benchmarks.runs.summary import table, title
+    from benchmarks.runs.summary import comparison
     from predictor.infra.environment import several_states
     from predictor.provenance import fingerprint_of
     from predictor.registry import load_predictor
@@ -48,8 +48,7 @@ def _run(settings: Settings, place: Place) -> int:
             print(f"mind: {note}", file=sys.stderr)
         interrupted = _drive_all(store, settings, weights, place)
         results = store.pack(optima)
-    print(f"\n{title(results['settings'])}\n")
-    print(table(results["summary"], results["gap"]))
+    print(f"\n{comparison(results)}")
     for index, why in store.skipped.items():
         print(f"episode {index} left out: {why}")
     mixed = several_states((e.get("commit") for e in results["episodes"]), "drives")
@@ -99,7 +98,7 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
             store.lost = list(error.items)
             bar.write(f"mind: {error}; the same command tries again", file=sys.stderr)
         except LineError as error:
-            raise UsageError(f"{error}; what was done is kept") from None
+            raise UsageError(f"{error}; what was finished is kept") from None
     return False
 
 

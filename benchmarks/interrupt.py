@@ -136,8 +136,9 @@ def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
     return found
 
 
-def table(trials: list[dict[str, Any]]) -> str:
+def table(results: dict[str, Any]) -> str:
     """Return the trials of each command and kind of interruption as Markdown."""
+    trials = results["drives"]
     rows = [["command", "interrupted by", "trials", "while it ran", "same results after",
              "tracebacks", "processes left"]]  # fmt: skip
     for command in CASES:
@@ -187,7 +188,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.disk is not None and not os.path.ismount(args.disk):
         raise UsageError(f"--disk: {args.disk} is no file system of its own")
     kinds = [kind for kind in KINDS if kind != "disk full" or args.disk is not None]
-    store = DriveFile(args.out, COMMAND, {
+    store = DriveFile(args.out, "interrupt", {
         "trials": args.trials, "seed": args.seed, "kinds": kinds, "commit": commit(),
     }, grows="trials")  # fmt: skip
     work = args.work.absolute()
@@ -203,7 +204,7 @@ def _run(args: argparse.Namespace) -> int:
             bar.set_postfix_str(f"{found['command']}, {found['kind']}")
             bar.update()
     trials = [store.drives[i] for i in range(args.trials)]
-    print(table(trials), "", args.out, sep="\n")
+    print(table({"drives": trials}), "", args.out, sep="\n")
     bad = [trial for trial in trials if not _good(trial)]
     for trial in bad:
         print(f"trial {trial['index']}, {trial['command']}, {trial['kind']}: {trial}")

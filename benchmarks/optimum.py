@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.runs.drive_file import DriveFile
-from benchmarks.runs.optima import COMMAND, table
+from benchmarks.runs.optima import KIND, table
 from benchmarks.runs.settings import FAMILIES, Settings
 from predictor.infra.command_line import OneLineParser, UsageError, run_command
 from predictor.infra.workers import LostError, finished
@@ -137,7 +137,7 @@ def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    return run_command(COMMAND, lambda: _run(*_parsed(argv)))
+    return run_command("benchmarks.optimum", lambda: _run(*_parsed(argv)))
 
 
 def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
@@ -177,7 +177,7 @@ def _run(settings: Settings, out: Path, jobs: int) -> int:
     car = dataclasses.asdict(CarConfig(v_max=settings.v_max))
     wanted = {"world": list(settings.world), "episodes": settings.episodes, "seed": settings.seed}
     wanted |= car | {"goal_radius": EpisodeConfig().goal_radius}
-    store = DriveFile(out, COMMAND, wanted, grows="episodes")
+    store = DriveFile(out, KIND, wanted, grows="episodes")
     todo = [index for index in range(settings.episodes) if index not in store.drives]
     notes = []
     with tqdm(total=settings.episodes, initial=settings.episodes - len(todo), unit="drive") as bar:

@@ -5,7 +5,6 @@ python -m benchmarks.stages --help
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from functools import partial
@@ -198,8 +197,8 @@ def _run(args: Namespace) -> None:
 
     from benchmarks.timing.growth import draw
     from benchmarks.timing.parts import RUNTIME, Parts, installed
-    from predictor.infra.atomic_file import write_whole
     from predictor.infra.environment import commit, machine
+    from predictor.infra.results_file import write_results
 
     torch.set_num_threads(THREADS)
     kept = Parts(args.out / "parts")
@@ -224,7 +223,7 @@ def _run(args: Namespace) -> None:
         "seed": args.seed, "stages": found["arms"]["predicted"],
         "peak_memory_mib": found["measures"]["worker, peak memory"]["value"], **found,
     }  # fmt: skip
-    write_whole(args.out / "results.json", json.dumps(results, indent=1).encode())
+    write_results(args.out / "results.json", "stages", results)
     draw(found["growth"]).savefig(args.out / "growth.png")
     print(tables(results), "", args.out / "results.json", sep="\n")
 

@@ -6,21 +6,20 @@ python -m benchmarks.stuck results/real --out stuck.json
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import OneLineParser, run_command
 from predictor.infra.markdown import markdown
+from predictor.infra.results_file import write_results
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
 
-COMMAND, KIND = "benchmarks.stuck", "stuck"
+COMMAND = "benchmarks.stuck"
 DESCRIPTION = """\
 Find out why drives of the dubins car got stuck. For each stuck drive of a run of
 benchmarks.corridor, a search over the true map tries to reach the goal from where the car stands,
@@ -53,10 +52,9 @@ def _run(args: argparse.Namespace) -> None:
     from benchmarks.runs.saved_run import Run
     from predictor.infra.environment import commit
 
-    results = {"kind": KIND, "commit": commit(),
+    results = {"commit": commit(),
                "runs": [causes(Run.load(path)) for path in args.runs]}  # fmt: skip
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(args.out, json.dumps(results, indent=1).encode())
+    write_results(args.out, "stuck", results)
     print(table(results), "", args.out, sep="\n")
 
 

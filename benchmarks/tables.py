@@ -7,44 +7,35 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any
 
+from predictor.infra.command_line import OneLineParser, UsageError, run_command
+from predictor.infra.errors import one_line
 from predictor.infra.markdown import DASH, figure, interval, markdown
+from predictor.infra.results_file import COMMANDS, read_results
+
+if TYPE_CHECKING:
+    import argparse
+
+
+TABLES = {
+    "comparison": "benchmarks.runs.summary:comparison",
+    "optimum": "benchmarks.runs.optima:table",
+    "attack": "benchmarks.attack:table",
+    "interrupt": "benchmarks.interrupt:table",
+    "stuck": "benchmarks.stuck:table",
+    "weave": "benchmarks.weave:table",
+    "stages": "benchmarks.stages:tables",
+    "prediction": "benchmarks.prediction.tables:tables_of",
+    "evaluation": "benchmarks.recording.evaluation:table",
+}
+"""The function that turns each kind of results into Markdown; imported when it is needed."""
 
 
 def tables_of(results: dict[str, Any]) -> str:
-    """The tables of one file, of a benchmark or of `predictor.evaluate`.
-
-    Raises:
-        KeyError: if it is a file of none.
-    """
-    if "stages" in results:
-        from benchmarks.stages import tables
-
-        return tables(results)
-    if results.get("command") == "benchmarks.optimum":
-        from benchmarks.runs.optima import table as optima
-
-        return optima(results)
-    if results.get("command") == "benchmarks.attack":
-        from benchmarks.attack import table as attack
-
-        return attack(results)
-    if results.get("command") == "benchmarks.stuck":
-        from benchmarks.stuck import table as stuck
-
-        return stuck(results)
-    if "simulated" in results:
-        from benchmarks.prediction.tables import tables_of as of_prediction
-
-        return of_prediction(results)
-    if "groups" in results:
-        from benchmarks.recording.evaluation import table as every_score
-
-        return every_score(results)
-    from benchmarks.runs.summary import table, title
-
-    return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
+    """Return the tables of one file, of a benchmark or of `predictor.evaluate`."""
+    return str(resolve_name(TABLES[results["kind"]])(results))
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
@@ -138,42 +129,27 @@ def scores(runs: dict[str, dict[str, Any]]) -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 2 for bad input."""
-    from predictor.infra.command_line import OneLineParser
-
+    """Run the command line; return its exit status, 2 for bad input."""
     parser = OneLineParser(
         prog="benchmarks.tables",
         description="Print the tables of results.json files as Markdown.",
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results, of "
-        "benchmarks.corridor, .optimum, .attack, .stuck, .stages, .prediction, "
-        "or predictor.evaluate")  # fmt: skip
-    parser.add_argument("--overview", action="store_true", help="print one line a comparison alone")
-    args = parser.parse_args(argv)
-    from predictor.infra.plain_json import loads
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results of "
+        f"{', '.join(COMMANDS.values())}")  # fmt: skip
+    parser.add_argument("--overview", action="store_true",
+                        help="print one table alone, with a line for each comparison")  # fmt: skip
+    return run_command("benchmarks.tables", lambda: _run(parser.parse_args(argv)))
 
-    runs: dict[str, dict[str, Any]] = {}
-    relied: dict[str, dict[str, Any]] = {}
-    scored: dict[str, dict[str, Any]] = {}
-    parts: list[str] = []
-    for path in args.files:
-        try:
-            results = loads(path.read_text())
-            if "episodes" in results:
-                results = summarised(results)
-            parts.append(f"## {path.stem}\n\n{tables_of(results)}\n")
-            if {"known", "predicted"} <= results.get("summary", {}).keys():
-                runs[path.stem] = results
-            if "predicted" in results.get("summary", {}):
-                relied[path.stem] = results
-            if "groups" in results:
-                scored[path.stem] = results
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            print(f"benchmarks.tables: {path} is no results file: {error!r}", file=sys.stderr)
-            return 2
+
+def _run(args: argparse.Namespace) -> None:
+    files = [(path.stem, _read(path)) for path in args.files]
+    relied = {name: of for name, of in files if "predicted" in of.get("summary", {})}
+    runs = {name: of for name, of in relied.items() if "known" in of["summary"]}
+    scored = {name: of for name, of in files if of["kind"] == "evaluation"}
     if args.overview:
         print(overview(runs))
-        return 0
+        return
+    parts = [f"## {name}\n\n{of['tables']}\n" for name, of in files]
     if scored:
         parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
     if len(relied) > 1:
@@ -181,7 +157,17 @@ def main(argv: list[str] | None = None) -> int:
     if len(runs) > 1:
         parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
     print("\n".join(parts), end="")
-    return 0
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Read a file of results, and add its `tables`."""
+    results = read_results(path)
+    try:
+        if results["kind"] == "comparison":
+            results = summarised(results)
+        return results | {"tables": tables_of(results)}
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{path} is no results file: {one_line(error)}") from None
 
 
 if __name__ == "__main__":

@@ -6,23 +6,22 @@ python -m benchmarks.weave results/corridor --out weave.json
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.infra.markdown import markdown
+from predictor.infra.results_file import write_results
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from benchmarks.runs.saved_run import Run
 
-COMMAND, KIND = "benchmarks.weave", "weave"
+COMMAND = "benchmarks.weave"
 DESCRIPTION = """\
 Count how often the car changes from one side to the other on straights, in runs of
 benchmarks.corridor on a given route. Straight is where the given way turns by less than 10° within
@@ -57,10 +56,9 @@ def _run(args: argparse.Namespace) -> None:
     from benchmarks.runs.saved_run import Run
     from predictor.infra.environment import commit
 
-    results = {"kind": KIND, "commit": commit(), "thresholds": THRESHOLDS,
+    results = {"commit": commit(), "thresholds": THRESHOLDS,
                "runs": [counts(Run.load(path), args.episodes) for path in args.runs]}  # fmt: skip
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(args.out, json.dumps(results, indent=1).encode())
+    write_results(args.out, "weave", results)
     print(table(results), "", args.out, sep="\n")
 
 

@@ -148,7 +148,7 @@ def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
         patched.setattr(resumable, "write_whole", full)
         assert run(*command) == 1
     said = capsys.readouterr().err.splitlines()[-1]
-    assert "No space left on device; what was done is kept" in said
+    assert "No space left on device; what was finished is kept" in said
     assert [path.name for path in (tmp_path / "run" / "parts").glob("*.npz")] == ["0-known.npz"]
     assert run(*command) == 0
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
@@ -184,7 +184,7 @@ def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
     found = [{"index": e["index"], "world": e["world"], "seed": e["seed"], "start": e["start"],
               "goal": e["goal"], "t_opt": t_opt, "t_bound": e["t_bound"]}
              for e in episodes]  # fmt: skip
-    head = {"command": "benchmarks.optimum", "settings": {"v_max": v_max}, "drives": found}
+    head = {"kind": "optimum", "settings": {"v_max": v_max}, "drives": found}
     path.write_text(json.dumps(head))
     return path
 
@@ -301,7 +301,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
     monkeypatch.setattr("benchmarks.runs.drive.attempt", failing)
     assert run(*command) == 2
     said = capsys.readouterr().err
-    assert said.splitlines()[-1] == "benchmarks.corridor: it has gone; what was done is kept"
+    assert said.splitlines()[-1] == "benchmarks.corridor: it has gone; what was finished is kept"
     assert "Traceback" not in said
     assert (tmp_path / "run/parts/0-known.npz").exists()
 

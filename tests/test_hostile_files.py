@@ -35,7 +35,7 @@ PGM = b"P5\n4 3\n255\n" + bytes(range(0, 240, 20))
 FLASER = b"FLASER 180 " + b"2.5 " * 180 + b"0 0 0 0 0 0 12.5 host 12.5\n"
 SIDECAR = b'{"angle_min_deg": -90, "angle_inc_deg": 1, "no_return_at_or_above_m": 80}'
 RESULTS = json.dumps({
-    "settings": {}, "summary": {}, "episodes": [
+    "kind": "optimum", "settings": {}, "summary": {}, "episodes": [
         {"arm": "known", "index": 0, "world": "w", "start": [], "goal": [], "outcome": "reached",
          "time": 1.0, "path_length": 1.0, "mean_speed": 1.0}]}).encode()  # fmt: skip
 DEEP = b"[" * 100_000
@@ -120,7 +120,7 @@ def test_facts_of_weights_may_be_anything(folder, facts):
 def test_results_of_any_bytes(folder, data):
     (folder / "results.json").write_bytes(data)
     said_in_one_line(lambda: Run.load(folder), RunError)
-    said_in_one_line(lambda: read_drives(folder / "results.json", "x"), UsageError)
+    said_in_one_line(lambda: read_drives(folder / "results.json", "optimum"), UsageError)
 
 
 def shard(path, codes=None, ends=None, about=None):

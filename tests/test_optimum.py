@@ -16,7 +16,7 @@ from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
 from benchmarks.optimum import main, quickest
 from benchmarks.runs.drive import task_of
 from benchmarks.runs.drive_file import DriveFile
-from benchmarks.runs.optima import COMMAND, optimum_of, read_optima, task_key
+from benchmarks.runs.optima import KIND, optimum_of, read_optima, task_key
 from benchmarks.runs.settings import Settings
 from predictor.infra.command_line import UsageError
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
@@ -199,14 +199,17 @@ def test_times_are_found_by_task_whatever_the_rounding(tmp_path, counted):
 
 @pytest.mark.parametrize(
     "text",
-    ["{", "{}", "[]", "[" * 100_000, '{"command": "x"}',
-     '{"command": "benchmarks.optimum", "settings": {}, "drives": [{}]}'],
-    ids=["{", "{}", "[]", "deep", "other", "empty"],
+    ["{", "{}", "[]", "[" * 100_000, '{"kind": "attack"}', '{"kind": "x"}',
+     '{"command": "benchmarks.optimum", "settings": {}, "drives": []}',
+     '{"kind": "optimum", "settings": {}, "drives": [{}]}'],
+    ids=["{", "{}", "[]", "deep", "other", "strange", "old", "empty"],
 )  # fmt: skip
 def test_a_file_of_something_else_is_named_in_one_line(tmp_path, capsys, text):
     out = tmp_path / "optimum.json"
     out.write_text(text)
-    with pytest.raises(UsageError, match="is no file of"):
+    with pytest.raises(
+        UsageError, match=r"is no file of|is no results file|does not say what kind"
+    ):
         optimum_of(out)
     assert main(["--out", str(out)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
@@ -240,7 +243,7 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, counted, capsys):
 
 
 def test_a_file_holds_a_drive_a_line(tmp_path):
-    store = DriveFile(tmp_path / "o.json", COMMAND, {"v_max": 4.0, "episodes": 2}, grows="episodes")
+    store = DriveFile(tmp_path / "o.json", KIND, {"v_max": 4.0, "episodes": 2}, grows="episodes")
     store.add(result(1))
     store.add(result(0))
     lines = (tmp_path / "o.json").read_text().splitlines()

@@ -23,6 +23,7 @@ from benchmarks.runs.statistics import grouped_mean
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import machine
 from predictor.infra.plain_json import loads
+from predictor.infra.results_file import write_results
 from predictor.networks import ARCHITECTURES
 from predictor.registry import load_predictor
 from predictor.scoring.scores import EDGES, RINGS, Scores
@@ -67,7 +68,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "physical": places,
     }  # fmt: skip
     results = _plain(results)
-    write_whole(evaluation.out / "results.json", json.dumps(results, indent=1).encode())
+    write_results(evaluation.out / "results.json", "prediction", results)
     return results
 
 

@@ -20,6 +20,7 @@ from predictor.infra.environment import commit, machine
 from predictor.infra.errors import LineError
 from predictor.infra.markdown import markdown
 from predictor.infra.plain_json import loads
+from predictor.infra.results_file import write_results
 from predictor.infra.workers import finished
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
@@ -138,7 +139,7 @@ class Evaluation:
             "groups": summaries,
             "drives": facts,
         }
-        write_whole(self.out / "results.json", json.dumps(_plain(results), indent=1).encode())
+        write_results(self.out / "results.json", "evaluation", _plain(results))
         draw(self.out, groups, pictures, self.config.predictors)
         return results
 

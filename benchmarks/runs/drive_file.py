@@ -8,32 +8,26 @@ from typing import Any
 
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import UsageError
-from predictor.infra.plain_json import loads
+from predictor.infra.results_file import COMMANDS, read_results
 from predictor.infra.resumable import refuse_other_settings
 
 
-def read_drives(path: Path, command: str) -> dict[str, Any]:
-    """Read a file of drives: `command`, `settings` and `drives`.
-
-    Args:
-        path: of the file.
-        command: that must have written it.
+def read_drives(path: Path, kind: str) -> dict[str, Any]:
+    """Read a file of drives: `kind`, `settings` and `drives`.
 
     Raises:
-        UsageError: if it cannot be read, or is something else.
+        UsageError: if it cannot be read, or is of another kind.
     """
+    found = read_results(path)
     try:
-        found = loads(path.read_text())
-        if found["command"] == command:
+        if found["kind"] == kind:
             # A drive without a number, or settings that are none, are somebody else's.
             [int(drive["index"]) for drive in found["drives"]]
             found["settings"].keys()
-            return dict(found)
-    except OSError as error:
-        raise UsageError(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return found
+    except (ValueError, KeyError, TypeError, AttributeError):
         pass
-    raise UsageError(f"{path} is no file of {command}")
+    raise UsageError(f"{path} is no file of {COMMANDS[kind]}")
 
 
 class DriveFile:
@@ -41,7 +35,7 @@ class DriveFile:
 
     Args:
         path: of the file; made if need be.
-        command: that writes it.
+        kind: of the results.
         settings: of the run, plain values.
         grows: the setting that may differ in a file that is continued: the number of drives.
 
@@ -49,12 +43,12 @@ class DriveFile:
         UsageError: if the file is of other settings or cannot be written.
     """
 
-    def __init__(self, path: Path, command: str, settings: dict[str, Any], grows: str) -> None:
+    def __init__(self, path: Path, kind: str, settings: dict[str, Any], grows: str) -> None:
         self.path = path
         self.drives: dict[int, dict[str, Any]] = {}
-        self._head = {"command": command, "settings": settings}
+        self._head = {"kind": kind, "settings": settings}
         if path.exists():
-            found = read_drives(path, command)
+            found = read_drives(path, kind)
             theirs = found["settings"]
             refuse_other_settings(path, settings, theirs, (grows,))
             self.drives = {drive["index"]: drive for drive in found["drives"]}

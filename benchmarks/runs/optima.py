@@ -12,8 +12,7 @@ from predictor.infra.markdown import markdown
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
-COMMAND = "benchmarks.optimum"
-"""Writes the files."""
+KIND = "optimum"
 
 
 def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
@@ -58,13 +57,13 @@ def read_optima(path: Path) -> dict[str, Any]:
     Raises:
         UsageError: if it cannot be read, or is something else.
     """
-    found = read_drives(path, COMMAND)
+    found = read_drives(path, KIND)
     try:
         # What others rely on is there.
         [(d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
         float(found["settings"]["v_max"])
     except (ValueError, KeyError, TypeError):
-        raise UsageError(f"{path} is no file of {COMMAND}") from None
+        raise UsageError(f"{path} is no file of benchmarks.optimum") from None
     return found
 
 

@@ -22,11 +22,11 @@ from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import Result
 from benchmarks.runs.summary import gap, summarise
 from benchmarks.runs.trace import RunError
-from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
+from predictor.infra.results_file import write_results
 from predictor.infra.resumable import SETTINGS, ResumableFolder
 
 PARTS = "parts"
@@ -118,7 +118,7 @@ class Store:
             "episodes": chosen,
             "unused": [e for e in self.episodes if not self._wanted(e)],
         }
-        write_whole(self.out / RESULTS, json.dumps(results, indent=1).encode())
+        write_results(self.out / RESULTS, "comparison", results)
         for path in loose:
             path.unlink()
         return results

@@ -150,6 +150,11 @@ def title(settings: dict[str, Any]) -> str:
     )
 
 
+def comparison(results: dict[str, Any]) -> str:
+    """Return the title and the table of a comparison's results.json as Markdown."""
+    return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
+
+
 def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     """The summary as a Markdown table and what there is to say beside it.
 
