@@ -90,7 +90,7 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
                 else:
                     result, arrays = driven
                     store.add(result, arrays)
-                    bar.set_postfix_str(f"{arm} {result['outcome']} in {result['time']:.1f} s")
+                    bar.set_postfix_str(f"{arm} {result.outcome} in {result.time:.1f} s")
                 bar.update()
         except KeyboardInterrupt:
             return True

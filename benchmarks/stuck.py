@@ -17,6 +17,7 @@ from predictor.infra.markdown import markdown
 from predictor.infra.results_file import write_results
 
 if TYPE_CHECKING:
+    from benchmarks.runs.drive_result import DriveResult
     from benchmarks.runs.saved_run import Run
 
 COMMAND = "benchmarks.stuck"
@@ -71,13 +72,13 @@ def causes(run: Run) -> dict[str, Any]:
     if run.settings["vehicle"] != "dubins":
         raise RunError(f"{run.directory}: drives of {run.settings['vehicle']}; the search knows "
                        "the dubins car alone")  # fmt: skip
-    stuck = [episode for episode in run.episodes if episode["outcome"] == "stuck"]
-    drives = {arm: sum(e["arm"] == arm for e in run.episodes) for arm in run.arms}
+    stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
+    drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
     found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
     return {"label": run.label, "settings": run.settings, "drives": drives, "stuck": found}
 
 
-def cause(run: Run, episode: dict[str, Any]) -> dict[str, Any]:
+def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     """Return when a stuck drive could last have reached its goal.
 
     Raises:
@@ -87,10 +88,10 @@ def cause(run: Run, episode: dict[str, Any]) -> dict[str, Any]:
     from sim.task import reachable
     from sim.world import World
 
-    index, arm = episode["index"], episode["arm"]
-    world = World(episode["world"], run.truth(index))
+    index, arm = episode.index, episode.arm
+    world = World(episode.world, run.truth(index))
     states = run.trace(index, arm).states
-    car, goal = CarConfig(v_max=run.setting("v_max", 4.0)), np.array(episode["goal"][:2])
+    car, goal = CarConfig(v_max=run.setting("v_max", 4.0)), np.array(episode.goal)
     # Standing still is no way back.
     moved = np.flatnonzero(states[:, 3] > 0)
     end = min(int(moved[-1]) + 1, len(states) - 1) if len(moved) else 0
@@ -101,7 +102,7 @@ def cause(run: Run, episode: dict[str, Any]) -> dict[str, Any]:
         if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
             before, speed = (end - tick) * run.setting("dt", 0.1), v
             break
-    return {"index": index, "arm": arm, "world": episode["world"], "seconds": before,
+    return {"index": index, "arm": arm, "world": episode.world, "seconds": before,
             "speed": speed}  # fmt: skip
 
 
@@ -111,7 +112,7 @@ def table(results: dict[str, Any]) -> str:
              "speed there [m/s]", "in a pocket for longer", "none found"]]  # fmt: skip
     for run in results["runs"]:
         for arm, drives in run["drives"].items():
-            stuck = [one for one in run["stuck"] if one["arm"] == arm]
+            stuck = [one for one in run["stuck"] if one.arm == arm]
             times = [one["seconds"] for one in stuck if one["seconds"] is not None]
             late = [one["speed"] for one in stuck
                     if one["seconds"] is not None and 0 < one["seconds"] <= LATE]  # fmt: skip

@@ -40,9 +40,10 @@ def tables_of(results: dict[str, Any]) -> str:
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
     """A comparison with its summary made again of its episodes: old files have fewer figures."""
+    from benchmarks.runs.drive_result import DriveResult
     from benchmarks.runs.summary import gap, summarise
 
-    episodes, arms = run["episodes"], tuple(run["settings"]["arms"])
+    episodes, arms = [*map(DriveResult.from_json, run["episodes"])], tuple(run["settings"]["arms"])
     route = run["settings"]["route"]
     return run | {"summary": summarise(episodes, arms), "gap": gap(episodes, arms, route)}
 

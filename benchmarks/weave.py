@@ -84,7 +84,7 @@ def counts(run: Run, episodes: int) -> dict[str, Any]:
                 for i, threshold in enumerate(THRESHOLDS):
                     changes[i] += sign_changes(curvature[first:end], threshold)
         arms[arm] = {"metres": metres, "changes": changes}
-    commits = sorted({str(episode.get("commit")) for episode in run.episodes})
+    commits = sorted({str(episode.commit) for episode in run.episodes})
     return {"label": run.label, "settings": run.settings, "commits": commits, "arms": arms}
 
 

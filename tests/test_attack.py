@@ -92,7 +92,7 @@ def test_the_command_goes_on_where_it_was_and_prints_a_table(tmp_path, capsys):
     assert [d["index"] for d in both] == [0, 1]
     assert "| all " in capsys.readouterr().out
     assert attack.main([*common, "--seed", "1"]) == 2
-    assert "another seed" in capsys.readouterr().err
+    assert "holds a run with seed 990000" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("bad", [["--drives", "0"], ["--seconds", "nan"], ["--seed", "-1"]])

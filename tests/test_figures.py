@@ -1,7 +1,9 @@
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
+from drive_results import a_result
 from PIL import Image
 
 from benchmarks import plot
@@ -35,16 +37,12 @@ def write_run(directory, arms=("known", "predicted"), outcomes=None, episodes=2)
         for number, arm in enumerate(arms):
             for name, value in trace(cells, 1.0 + number, arm).items():
                 arrays[f"e{index}/{arm}/{name}"] = value
-            entries.append(
-                {
-                    "arm": arm, "index": index, "world": "corridor-0", "seed": index,
-                    "start": [1.0, 2.0, 0.0], "goal": [10.0, 2.0],
-                    "outcome": (outcomes or {}).get((index, arm), "reached"),
-                    "time": TICKS * 0.1, "path_length": 1.0 + number, "mean_speed": 1.0 + number,
-                    "max_speed": 2.0, "min_clearance": 0.5, "stops": 0, "impact_speed": None,
-                    "sct": 0.25 * (1 + number),
-                }
+            result = a_result(
+                arm=arm, index=index, world="corridor-0", seed=index, goal=[10.0, 2.0],
+                outcome=(outcomes or {}).get((index, arm), "reached"), time=TICKS * 0.1,
+                path_length=1.0 + number, mean_speed=1.0 + number, sct=0.25 * (1 + number),
             )  # fmt: skip
+            entries.append(asdict(result))
     np.savez_compressed(directory / "traces.npz", **arrays)
     results = {
         "settings": {"v_max": 4.0, "window": 5.0, "dt": 0.1},

@@ -3,10 +3,12 @@
 import json
 import struct
 import zlib
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 import torch
+from drive_results import a_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -34,10 +36,14 @@ free_thresh: 0.196
 PGM = b"P5\n4 3\n255\n" + bytes(range(0, 240, 20))
 FLASER = b"FLASER 180 " + b"2.5 " * 180 + b"0 0 0 0 0 0 12.5 host 12.5\n"
 SIDECAR = b'{"angle_min_deg": -90, "angle_inc_deg": 1, "no_return_at_or_above_m": 80}'
-RESULTS = json.dumps({
-    "kind": "optimum", "settings": {}, "summary": {}, "episodes": [
-        {"arm": "known", "index": 0, "world": "w", "start": [], "goal": [], "outcome": "reached",
-         "time": 1.0, "path_length": 1.0, "mean_speed": 1.0}]}).encode()  # fmt: skip
+RESULTS = json.dumps(
+    {
+        "kind": "optimum",
+        "settings": {},
+        "summary": {},
+        "episodes": [asdict(a_result())],
+    }
+).encode()
 DEEP = b"[" * 100_000
 
 

@@ -1,9 +1,11 @@
 """Intervals and tests against known values, and the laws of paired comparison."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from drive_results import a_result
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,8 +27,8 @@ OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
 def result(world="w", length=10.0, time=5.0, outcome="reached", broken=0, promises=0):
-    return {"world": world, "path_length": length, "time": time, "outcome": outcome,
-            "promises_broken": broken, "promises": promises}  # fmt: skip
+    return a_result(world=world, path_length=length, time=time, outcome=outcome,
+                    promises_broken=broken, promises=promises)  # fmt: skip
 
 
 def drives(lengths, time=10.0):
@@ -36,7 +38,7 @@ def drives(lengths, time=10.0):
 def scored(scts, times=None):
     """A drive in each of as many worlds."""
     times = times or [10.0] * len(scts)
-    return [result(f"w{i}", time=time) | {"sct": sct}
+    return [replace(result(f"w{i}", time=time), sct=sct)
             for i, (sct, time) in enumerate(zip(scts, times, strict=True))]  # fmt: skip
 
 
@@ -111,7 +113,7 @@ def test_one_world_driven_twice_gives_no_interval():
 def test_an_interval_takes_five_distinct_worlds(worlds):
     names = [f"w{i % worlds}" for i in range(14)]
     arms = {
-        name: [result(world, promises=4, broken=1, time=time) | {"sct": sct} for world in names]
+        name: [replace(result(world, promises=4, broken=1, time=time), sct=sct) for world in names]
         for name, sct, time in (("known", 0.3, 9), ("predicted", 0.4, 7), ("oracle", 0.5, 6))
     }
     given = [
@@ -134,7 +136,7 @@ def test_the_sct_of_an_arm_is_the_mean_over_all_its_episodes():
 def test_an_episode_without_an_sct_in_one_arm_counts_in_none():
     arms = {"known": scored([0.5] * 6), "oracle": scored([0.7] * 5 + [None])}
     assert success(arms, "known")["value"] == pytest.approx(0.5)
-    arms["known"][5]["sct"] = 0.0
+    arms["known"][5] = replace(arms["known"][5], sct=0.0)
     assert success(arms, "known")["value"] == pytest.approx(0.5)
     older = {"known": drives([20] * 6)}
     assert success(older, "known") is None
@@ -143,11 +145,11 @@ def test_an_episode_without_an_sct_in_one_arm_counts_in_none():
 def test_the_time_ratio_is_of_the_episodes_that_both_reached():
     known = scored([0.5] * 6, [10, 20, 30, 10, 10, 99])
     arm = scored([0.5] * 6, [8, 16, 24, 8, 8, 1])
-    known[5]["outcome"] = "stuck"
+    known[5] = replace(known[5], outcome="stuck")
     arms = {"known": known, "arm": arm}
     found = time_ratio(arms, "arm", "known")
     assert found == pytest.approx({"value": 0.8, "low": 0.8, "high": 0.8, "episodes": 5})
-    arm[0]["outcome"] = "collided"
+    arm[0] = replace(arm[0], outcome="collided")
     assert time_ratio(arms, "arm", "known")["episodes"] == 4
     assert time_ratio(arms, "arm", "known")["low"] is None
     assert time_ratio({"known": known, "arm": [known[5]] * 6}, "arm", "known") is None
@@ -177,7 +179,7 @@ def test_the_share_of_the_gap_is_where_predicted_stands_between_known_and_oracle
 def test_speed_bought_by_a_detour_closes_no_gap():
     # Twice the way at twice the speed: as late as `known`.
     known, oracle = scored([0.4] * 6), scored([0.8] * 6)
-    predicted = [drive | {"path_length": 2 * drive["path_length"]} for drive in known]
+    predicted = [replace(drive, path_length=2 * drive.path_length) for drive in known]
     arms = {"known": known, "predicted": predicted, "oracle": oracle}
     assert difference(arms, "predicted", "known")["value"] == pytest.approx(1.0)
     assert share_of_gap(arms)["value"] == 0.0
@@ -187,7 +189,7 @@ def test_a_drive_that_did_not_arrive_counts_in_sct_and_not_in_time():
     drives = {"known": (0.4, 20), "predicted": (0.5, 16), "oracle": (0.8, 10)}
     arms = {name: scored([sct] * 6, [time] * 6) for name, (sct, time) in drives.items()}
     before = share_of_gap(arms), share_of_time(arms)
-    arms["predicted"][0] |= {"sct": 0.0, "outcome": "stuck", "time": 40.0}
+    arms["predicted"][0] = replace(arms["predicted"][0], sct=0.0, outcome="stuck", time=40.0)
     assert share_of_gap(arms)["value"] < before[0]["value"]
     assert share_of_time(arms) == pytest.approx(before[1])
 

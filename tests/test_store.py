@@ -3,9 +3,11 @@
 import subprocess
 import sys
 import zipfile
+from dataclasses import asdict
 
 import numpy as np
 import pytest
+from drive_results import a_result
 
 from benchmarks.runs import store
 from benchmarks.runs.settings import Settings
@@ -19,14 +21,9 @@ TWO = Settings(episodes=2, arms=("known",))
 
 def driven(index, arm):
     """A drive that nobody drove: its result and trace."""
-    result = {
-        "arm": arm, "vehicle": "dubins", "index": index, "world": f"w{index % 5}", "seed": index,
-        "start": [1.0, 2.0, 0.0], "goal": [9.0, 2.0], "outcome": "reached", "time": 10.0,
-        "t_opt": None, "path_length": 20.0 + index % 7,
-        "mean_speed": 2.0, "max_speed": 3.0, "min_clearance": 0.5, "stops": 0,
-        "impact_speed": None, "promises": 1, "promises_broken": 0, "faults": {},
-        "paths": {}, "cycle_ms": [1.0, 2.0],
-    }  # fmt: skip
+    result = a_result(
+        arm=arm, index=index, world=f"w{index % 5}", seed=index, path_length=20.0 + index % 7
+    )
     return result, {f"e{index}/{arm}/states": np.array([index, len(arm)]),
                     f"w{index}/cells": np.array([index])}  # fmt: skip
 
@@ -47,7 +44,7 @@ def test_thousands_of_drives_are_packed_in_pieces_and_each_is_there_once(tmp_pat
                 run.add(*driven(*key))
             results = run.pack()
     assert keys(results["episodes"]) == everything
-    assert results["episodes"] == [driven(*key)[0] for key in everything]
+    assert results["episodes"] == [asdict(driven(*key)[0]) for key in everything]
     assert results["unused"] == []
     assert results["summary"]["oracle"]["episodes"] == count
     assert not list((tmp_path / "parts").glob("*.npz"))
@@ -239,4 +236,4 @@ def test_a_loose_drive_with_a_flipped_byte_is_set_aside_and_driven_again(tmp_pat
     missing, notes, results = again(tmp_path, episodes=2)
     assert missing == [1]
     assert len(notes) == 1
-    assert_whole(tmp_path, results, {"episodes": [driven(i, "known")[0] for i in range(2)]})
+    assert_whole(tmp_path, results, {"episodes": [asdict(driven(i, "known")[0]) for i in range(2)]})

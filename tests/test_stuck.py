@@ -1,9 +1,11 @@
 """Why drives got stuck: when the goal could last be reached."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
+from drive_results import a_result
 
 from benchmarks import stuck
 from benchmarks.runs.saved_run import Run
@@ -23,9 +25,7 @@ def a_run(folder, goal, vehicle="dubins"):
     np.savez_compressed(folder / "traces.npz", **{
         "e0/known/states": states, "w0/cells": cells, "w0/frame": np.array([0.1, 0.0, 0.0])
     })  # fmt: skip
-    episode = {"arm": "known", "index": 0, "world": "w", "start": states[0, :3].tolist(),
-               "goal": goal, "outcome": "stuck", "time": 8.0, "path_length": 20.0,
-               "mean_speed": 2.0}  # fmt: skip
+    episode = asdict(a_result(start=states[0, :3].tolist(), goal=goal, outcome="stuck"))
     settings = {"dt": 0.1, "v_max": 4.0, "vehicle": vehicle}
     results = {"settings": settings, "summary": {}, "episodes": [episode]}
     (folder / "results.json").write_text(json.dumps(results))

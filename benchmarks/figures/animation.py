@@ -102,16 +102,16 @@ class Animation:
         self.stride = max(1, math.ceil(total / most)) if stride is None else stride
         # The last tick is always shown: that is where a drive ends well or badly.
         self.ticks = sorted({*range(0, total, self.stride), *range(total - 1, total)})
-        episode = run.episode(self.index, self.arm) or {}
-        self._outcome = str(episode["outcome"])
-        self._goal = episode["goal"]
+        episode = run.drives[self.index, self.arm]
+        self._outcome = episode.outcome
+        self._goal = episode.goal
         self._figure = Figure(figsize=SIZE, dpi=DPI)
         self._canvas = FigureCanvasAgg(self._figure)
         self._title = self._figure.text(0.02, 0.965, "", fontsize=11, color=INK, va="center")
         about = "white: seen · orange: relied on unseen · line: plan to a stop"
         self._figure.text(0.98, 0.965, about,
                           fontsize=8, color=INK, va="center", ha="right")  # fmt: skip
-        self._name = f"{self.arm} · episode {self.index} · {episode.get('world', '')}"
+        self._name = f"{self.arm} · episode {self.index} · {episode.world}"
         self._near = _Near(self._figure.add_axes((0.02, 0.31, 0.46, 0.623)), self)
         self._far = _Far(self._figure.add_axes((0.50, 0.31, 0.48, 0.623)), self)
         self._speed = _Speed(self._figure, self)

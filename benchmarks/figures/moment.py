@@ -93,10 +93,9 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
         bare(ax)
     scale_bar(axes[0, 0], 2.0)
     dt = run.setting("dt", 0.1)
-    episode: dict[str, Any] = run.episode(index, arm) or {}
     figure.suptitle(
-        f"{arm} · episode {index} · {episode.get('world', '')} · {now.tick * dt:.1f} s into the "
-        f"drive, at {now.plan[0, 3]:.2f} m/s",
+        f"{arm} · episode {index} · {run.drives[index, arm].world} · {now.tick * dt:.1f} s into "
+        f"the drive, at {now.plan[0, 3]:.2f} m/s",
         fontsize=12, color=INK, x=0.015, y=0.98, ha="left",
     )  # fmt: skip
     return figure
@@ -105,7 +104,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
 def _choose(run: Run, index: int | None, arm: str | None) -> tuple[str, int]:
     arm = run.pick_arm(index, arm)
     if index is None:
-        driven = [i for i in run.indices if run.episode(i, arm) is not None]
+        driven = [i for i in run.indices if (i, arm) in run.drives]
         index = max(driven, key=lambda i: int(run.trace(i, arm)["relied_count"].max(initial=0)))
     return arm, index
 

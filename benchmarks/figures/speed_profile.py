@@ -18,7 +18,7 @@ from benchmarks.figures.palette import (
     limit_colour,
     new_figure,
 )
-from benchmarks.runs.saved_run import Run, verdict
+from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RunError, Trace
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
@@ -52,7 +52,7 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     if index is None:
         index = runs[0].showcase
     drives = _drives(runs, index)
-    scored = all(episode.get("sct") is not None for run in runs for episode in run.episodes)
+    scored = all(episode.sct is not None for run in runs for episode in run.episodes)
     many = scored and max(len(run.indices) for run in runs) > 1
     strip = 0.27
     figure = new_figure(10, 3.9 + strip * len(drives) + 0.5)
@@ -64,7 +64,7 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     v_max = max(run.setting("v_max", 4.0) for run in runs)
     _profiles(axes[0, 0], drives, v_max)
     _strips(axes[1, 0], drives, room=many)
-    world = (runs[0].episode(index, runs[0].arms_of(index)[0]) or {}).get("world", "")
+    world = runs[0].drives[index, runs[0].arms_of(index)[0]].world
     # Above the legend, where that is too wide to stand beside it.
     pad = 22 if len(drives) > 3 else 6
     axes[0, 0].set_title(f"Episode {index} · {world}", loc="left", fontsize=11, color=INK, pad=pad)
@@ -89,7 +89,7 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
     drives = []
     for number, run in enumerate(runs):
         for arm in run.arms_of(index):
-            episode = run.episode(index, arm)
+            episode = run.drives.get((index, arm))
             if episode is None:
                 raise RunError(f"{run.directory} has no episode {index} of arm {arm!r}")
             drives.append(
@@ -97,8 +97,8 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
                     label=arm if len(runs) == 1 else f"{labels[number]}: {arm}",
                     arm=arm,
                     run=number,
-                    outcome=episode["outcome"],
-                    verdict=verdict(episode),
+                    outcome=episode.outcome,
+                    verdict=episode.verdict,
                     trace=run.trace(index, arm),
                 )
             )
@@ -161,14 +161,15 @@ def _all_episodes(ax: Axes, runs: Sequence[Run], drives: list[_Drive]) -> None:
     """SCT of each episode, a column for each line, so that one drive is not all one sees."""
     rng = np.random.default_rng(0)
     for column, drive in enumerate(drives):
-        episodes = [e for e in runs[drive.run].episodes if e["arm"] == drive.arm]
+        episodes = [e for e in runs[drive.run].episodes if e.arm == drive.arm]
         x = column + rng.uniform(-0.2, 0.2, len(episodes))
+        scores = np.array([np.nan if e.sct is None else e.sct for e in episodes])
         for mark in sorted(set(OUTCOME_MARKS.values())):
-            here = [i for i, e in enumerate(episodes) if OUTCOME_MARKS.get(e["outcome"]) == mark]
-            ax.scatter(x[here], [episodes[i]["sct"] for i in here], marker=mark,
+            here = [i for i, e in enumerate(episodes) if OUTCOME_MARKS.get(e.outcome) == mark]
+            ax.scatter(x[here], scores[here], marker=mark,
                        s=30 if mark == "X" else 12, color=arm_colour(drive.arm), alpha=0.55,
                        linewidths=0)  # fmt: skip
-        mean = np.mean([e["sct"] for e in episodes])
+        mean = np.mean(scores)
         ax.plot([column - 0.35, column + 0.35], [mean, mean], color=INK, linewidth=1.6)
     count = max(len(run.indices) for run in runs)
     ax.set_title(f"SCT,\nall {count} episodes", fontsize=9, color=INK)

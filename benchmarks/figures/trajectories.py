@@ -22,7 +22,8 @@ from benchmarks.figures.palette import (
     scale_bar,
     speed_line,
 )
-from benchmarks.runs.saved_run import Run, verdict
+from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import Trace
 from predictor.mapping.grid import Grid
 
@@ -57,7 +58,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
         for ax in across[len(row) :]:
             ax.set_visible(False)
         for ax, (arm, trace) in zip(across, row, strict=False):
-            episode = run.episode(index, arm) or {}
+            episode = run.drives[index, arm]
             line = _drive(ax, truth, trace, episode, v_max)
             ax.set_xlim(box[0], box[1])
             ax.set_ylim(box[2], box[3])
@@ -82,7 +83,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
 
 def _marks(run: Run, indices: Sequence[int]) -> list[Line2D]:
     """The legend: only the marks that occur."""
-    seen = {e["outcome"] for e in run.episodes if e["index"] in indices}
+    seen = {e.outcome for e in run.episodes if e.index in indices}
     marks = [("o", START_COLOUR, 7, "start"), ("*", GOAL_COLOUR, 13, "goal")]
     if any(len(run.trace(i, arm).cusps) for i in indices for arm in run.arms_of(i)):
         marks.append((CUSP_MARK, INK, 5, "change of gear"))
@@ -98,13 +99,12 @@ def _marks(run: Run, indices: Sequence[int]) -> list[Line2D]:
 
 
 def _name(run: Run, index: int) -> str:
-    episode = run.episode(index, run.arms_of(index)[0]) or {}
-    return str(episode.get("world", ""))
+    return run.drives[index, run.arms_of(index)[0]].world
 
 
 def _box(run: Run, index: int, row: list[tuple[str, Trace]]) -> NDArray[np.float64]:
     """Left, right, bottom, top of what an episode's panels show [m]."""
-    goal = (run.episode(index, row[0][0]) or {})["goal"]
+    goal = run.drives[index, row[0][0]].goal
     points = np.vstack([np.array([goal])] + [trace.states[:, :2] for _, trace in row])
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     # Neither a sliver: a straight drive still gets a panel with some room.
@@ -114,7 +114,7 @@ def _box(run: Run, index: int, row: list[tuple[str, Trace]]) -> NDArray[np.float
 
 
 def _drive(
-    ax: Axes, truth: Grid, trace: Trace, episode: dict[str, Any], v_max: float
+    ax: Axes, truth: Grid, trace: Trace, episode: DriveResult, v_max: float
 ) -> LineCollection:
     draw_image(ax, map_image(truth.cells), truth.frame)
     states = trace.states
@@ -127,22 +127,22 @@ def _drive(
     }
     ax.plot(*states[trace.cusps, :2].T, CUSP_MARK, color=INK, markersize=5, **style)
     ax.plot(*states[0, :2], "o", color=START_COLOUR, markersize=7, **style)
-    ax.plot(*episode["goal"], "*", color=GOAL_COLOUR, markersize=13, **style)
-    if episode["outcome"] == "collided":
+    ax.plot(*episode.goal, "*", color=GOAL_COLOUR, markersize=13, **style)
+    if episode.outcome == "collided":
         ax.plot(*states[-1, :2], "X", color=CRASH_COLOUR, markersize=11, **style)
-    elif episode["outcome"] != "reached":
+    elif episode.outcome != "reached":
         ax.plot(*states[-1, :2], "s", color=INK, markersize=7, **style)
     bare(ax)
     return line
 
 
-def _title(ax: Axes, arm: str, episode: dict[str, Any]) -> None:
+def _title(ax: Axes, arm: str, episode: DriveResult) -> None:
     # One above the other: side by side they would run into each other where panels are narrow.
     ax.set_title(arm, loc="left", fontsize=10, color=arm_colour(arm), fontweight="bold", pad=17)
-    word = str(episode["outcome"]).replace("_", " ")
-    impact = episode.get("impact_speed")
-    if episode["outcome"] == "collided" and impact is not None:
+    word = episode.outcome.replace("_", " ")
+    impact = episode.impact_speed
+    if episode.outcome == "collided" and impact is not None:
         word += f" at {impact:.1f} m/s"
-    colour = INK if episode["outcome"] == "reached" else CRASH_COLOUR
-    ax.annotate(f"{word} · {verdict(episode)}", (0, 1), (0, 4), xycoords="axes fraction",
+    colour = INK if episode.outcome == "reached" else CRASH_COLOUR
+    ax.annotate(f"{word} · {episode.verdict}", (0, 1), (0, 4), xycoords="axes fraction",
                 textcoords="offset points", fontsize=9, color=colour)  # fmt: skip

@@ -5,13 +5,13 @@ from __future__ import annotations
 import ctypes
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
 from benchmarks.runs.arms import ARMS, Arm, predictor_for
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import VEHICLES, Settings
 from planner.motion.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
@@ -144,7 +144,7 @@ def score(
 
 def attempt(
     settings: Settings, weights: str | None, item: tuple[int, str]
-) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
+) -> tuple[DriveResult, dict[str, NDArray]] | str:
     """As `drive`, or a line why the episode cannot be driven.
 
     Args:
@@ -207,9 +207,7 @@ def navigator_for(
     )
 
 
-def drive(
-    settings: Settings, index: int, arm_name: str
-) -> tuple[dict[str, Any], dict[str, NDArray]]:
+def drive(settings: Settings, index: int, arm_name: str) -> tuple[DriveResult, dict[str, NDArray]]:
     """Drive one episode with one arm.
 
     Returns:
@@ -232,35 +230,40 @@ def drive(
     trace = episode.trace
     times = trace["times"][:, list(trace["time_names"]).index("cycle")]
     promised = trace["kept"] >= 0
-    result = {
-        "arm": arm_name,
-        "vehicle": settings.vehicle,
-        "index": index,
-        "world": task.world.name,
-        "seed": task.seed,
-        "start": [float(v) for v in task.start],
-        "goal": [float(v) for v in task.goal],
-        "learned": has_learned(predictor, task.world.grid.cells),
-        "shortest": float(task.path_length),
-        "outcome": str(episode.outcome),
-        "time": float(episode.time),
-        "path_length": float(episode.path_length),
-        **score(episode.outcome, episode.time, episode.path_length,
-                shortest_length(settings, index), car),
-        "mean_speed": float(episode.mean_speed),
-        "max_speed": float(episode.max_speed),
-        "min_clearance": float(episode.min_clearance),
-        "stops": int(episode.stops),
-        "impact_speed": episode.impact_speed,
-        "promises": int(promised.sum()),
-        "promises_broken": int((trace["kept"] == 0).sum()),
-        "ticks": len(trace["kept"]),
-        "faults": {str(k): int(v) for k, v in episode.faults.items()},
-        "paths": {str(k): int(v) for k, v in episode.paths.items()},
+    result = DriveResult(
+        arm=arm_name,
+        vehicle=settings.vehicle,
+        index=index,
+        world=task.world.name,
+        seed=task.seed,
+        start=[float(v) for v in task.start],
+        goal=[float(v) for v in task.goal],
+        learned=has_learned(predictor, task.world.grid.cells),
+        shortest=float(task.path_length),
+        outcome=str(episode.outcome),
+        time=float(episode.time),
+        path_length=float(episode.path_length),
+        **score(
+            episode.outcome,
+            episode.time,
+            episode.path_length,
+            shortest_length(settings, index),
+            car,
+        ),
+        mean_speed=float(episode.mean_speed),
+        max_speed=float(episode.max_speed),
+        min_clearance=float(episode.min_clearance),
+        stops=int(episode.stops),
+        impact_speed=episode.impact_speed,
+        promises=int(promised.sum()),
+        promises_broken=int((trace["kept"] == 0).sum()),
+        ticks=len(trace["kept"]),
+        faults={str(k): int(v) for k, v in episode.faults.items()},
+        paths={str(k): int(v) for k, v in episode.paths.items()},
         # Of the code that drove, which may be another machine's.
-        "commit": commit(),
-        "cycle_ms": [float(np.percentile(times, q)) for q in (50, 99)],
-    }  # fmt: skip
+        commit=commit(),
+        cycle_ms=[float(np.percentile(times, q)) for q in (50, 99)],
+    )
     frame = task.world.grid.frame
     arrays = {f"e{index}/{arm_name}/{name}": values for name, values in trace.items()}
     arrays[f"w{index}/cells"] = task.world.grid.cells

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.arms import ARMS
-from benchmarks.runs.trace import FARTHEST, Archive, RunError, Trace, frame_of
+from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.trace import Archive, RunError, Trace, frame_of
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
 from predictor.mapping.grid import Grid
@@ -19,12 +20,6 @@ RESULTS, TRACES = "results.json", "traces.npz"
 UNNAMED = {"vehicle": "dubins"}
 """Settings that older runs do not name, and what they were driven with."""
 
-NEEDED: dict[str, type | tuple[type, ...]] = {
-    "arm": str, "index": int, "world": str, "start": list, "goal": list, "outcome": str,
-    "time": (int, float), "path_length": (int, float), "mean_speed": (int, float),
-}  # fmt: skip
-"""What an episode in the results must hold to be drawn."""
-
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -34,14 +29,14 @@ class Run:
         directory: where it was saved.
         settings: of the run.
         summary: arm → its measures.
-        episodes: one dict a drive, as in results.json.
+        episodes: the result of each drive.
         archive: the traces.
     """
 
     directory: Path
     settings: dict[str, Any]
     summary: dict[str, dict[str, Any]]
-    episodes: list[dict[str, Any]]
+    episodes: list[DriveResult]
     archive: Archive
 
     @classmethod
@@ -66,16 +61,17 @@ class Run:
         for key, kind in (("settings", dict), ("summary", dict), ("episodes", list)):
             if not isinstance(results.get(key), kind):
                 raise RunError(f"{path} is broken: {key!r} is missing or of the wrong kind")
-        for number, episode in enumerate(results["episodes"]):
-            if not is_episode(episode):
-                raise RunError(f"{path} is broken: episode entry {number} lacks a proper field")
-        if not results["episodes"]:
+        try:
+            episodes = [DriveResult.from_json(episode) for episode in results["episodes"]]
+        except ValueError as error:
+            raise RunError(f"{path} is broken: {error}") from None
+        if not episodes:
             raise RunError(f"{path} holds no episodes")
         return cls(
             directory,
             UNNAMED | results["settings"],
             results["summary"],
-            results["episodes"],
+            episodes,
             Archive(directory / TRACES),
         )
 
@@ -87,25 +83,23 @@ class Run:
     @cached_property
     def arms(self) -> list[str]:
         """Arms that drove, in the order in which they are shown."""
-        driven = {episode["arm"] for episode in self.episodes}
+        driven = {episode.arm for episode in self.episodes}
         return [arm for arm in ARMS if arm in driven] + sorted(driven - set(ARMS))
 
     @cached_property
     def indices(self) -> list[int]:
         """Numbers of the episodes, ascending."""
-        return sorted({episode["index"] for episode in self.episodes})
+        return sorted({episode.index for episode in self.episodes})
 
     def setting(self, name: str, default: float) -> float:
         """A setting that is a number, or the default where the run does not say."""
         value = self.settings.get(name)
         return float(value) if isinstance(value, int | float) else default
 
-    def episode(self, index: int, arm: str) -> dict[str, Any] | None:
-        """The result of one drive; None if that arm has not driven that episode."""
-        for episode in self.episodes:
-            if episode["index"] == index and episode["arm"] == arm:
-                return episode
-        return None
+    @cached_property
+    def drives(self) -> dict[tuple[int, str], DriveResult]:
+        """The result of each drive, by number of the episode and arm."""
+        return {(episode.index, episode.arm): episode for episode in self.episodes}
 
     def arms_of(self, index: int) -> list[str]:
         """Arms that have driven an episode.
@@ -113,7 +107,7 @@ class Run:
         Raises:
             RunError: if none has.
         """
-        arms = [arm for arm in self.arms if self.episode(index, arm) is not None]
+        arms = [arm for arm in self.arms if (index, arm) in self.drives]
         if not arms:
             raise RunError(
                 f"{self.directory} has no episode {index}: it has "
@@ -143,8 +137,8 @@ class Run:
     def showcase(self) -> int:
         """The first episode that all arms reached the goal in, else the first of all."""
         for index in self.indices:
-            drives = [self.episode(index, arm) for arm in self.arms]
-            if all(drive is not None and drive["outcome"] == "reached" for drive in drives):
+            drives = [self.drives.get((index, arm)) for arm in self.arms]
+            if all(drive is not None and drive.outcome == "reached" for drive in drives):
                 return index
         return self.indices[0]
 
@@ -169,25 +163,3 @@ class Run:
         return Grid(
             frame_of(self.archive.path, self.archive.array(f"w{index}/frame"), cells), cells
         )
-
-
-def is_episode(found: Any) -> bool:
-    """Whether what was read is the result of a drive."""
-    if not isinstance(found, dict):
-        return False
-    if not all(isinstance(found.get(key), needed) for key, needed in NEEDED.items()):
-        return False
-    numbers = [found[key] for key in ("time", "path_length", "mean_speed")]
-    # Older results lack SCT, and where the shortest way is not known there is none.
-    numbers += [found.get("sct") or 0.0, *found["start"], *found["goal"]]
-    return all(map(_is_finite, numbers)) and len(found["start"]) == 3 and len(found["goal"]) == 2
-
-
-def _is_finite(found: Any) -> bool:
-    return isinstance(found, int | float) and abs(found) <= FARTHEST
-
-
-def verdict(episode: dict[str, Any]) -> str:
-    """A drive's time and, where it is known, its SCT."""
-    sct = episode.get("sct")
-    return f"{episode['time']:.1f} s" + ("" if sct is None else f" · SCT {sct:.2f}")

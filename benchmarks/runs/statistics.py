@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-Result = dict[str, Any]
-Arms = dict[str, list[Result]]
+from benchmarks.runs.drive_result import DriveResult
+
+Arms = dict[str, list[DriveResult]]
 """arm → its results on the paired episodes, in one order."""
 
 MIN_WORLDS = 5
@@ -131,7 +132,7 @@ def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
     both = _reached(arms, (arm, baseline))
     if not both[arm]:
         return None
-    times = np.array([[result["time"] for result in both[name]] for name in (arm, baseline)])
+    times = np.array([[result.time for result in both[name]] for name in (arm, baseline)])
     ratio = estimate(_worlds(both), times, lambda sums: sums[0] / np.maximum(sums[1], 1e-9))
     return ratio | {"episodes": len(both[arm])}
 
@@ -177,7 +178,7 @@ def _share(arms: Arms, key: str, gap: dict[str, Any]) -> dict[str, Any] | None:
         known, predicted, oracle = sums
         return np.asarray((predicted - known) / np.where(oracle == known, np.nan, oracle - known))
 
-    values = np.array([[result[key] for result in arms[name]] for name in GAP])
+    values = np.array([[getattr(result, key) for result in arms[name]] for name in GAP])
     return estimate(_worlds(arms), values, share)
 
 
@@ -185,31 +186,31 @@ def _mean_difference(
     arms: Arms, arm: str, baseline: str | None = None, key: str = "sct"
 ) -> dict[str, Any]:
     """Mean over episodes of a figure of an arm, less that of a baseline if there is one."""
-    values = np.array([result[key] for result in arms[arm]], dtype=np.float64)
+    values = np.array([getattr(result, key) for result in arms[arm]], dtype=np.float64)
     if baseline is not None:
-        values = values - [result[key] for result in arms[baseline]]
+        values = values - [getattr(result, key) for result in arms[baseline]]
     entries = np.stack([values, np.ones(len(values))])
     return estimate(_worlds(arms), entries, lambda sums: sums[0] / sums[1])
 
 
 def _scored(arms: Arms) -> Arms:
     """Only the episodes that have an SCT in every arm."""
-    return _only(arms, lambda result: result.get("sct") is not None)
+    return _only(arms, lambda result: result.sct is not None)
 
 
 def _reached(arms: Arms, names: tuple[str, ...]) -> Arms:
     """Only some arms, and only the episodes that all of them reached."""
     chosen = {name: arms[name] for name in names}
-    return _only(chosen, lambda result: bool(result["outcome"] == "reached"))
+    return _only(chosen, lambda result: result.outcome == "reached")
 
 
-def _only(arms: Arms, wanted: Callable[[Result], bool]) -> Arms:
+def _only(arms: Arms, wanted: Callable[[DriveResult], bool]) -> Arms:
     keep = [all(map(wanted, results)) for results in zip(*arms.values(), strict=True)]
     return {name: list(compress(results, keep)) for name, results in arms.items()}
 
 
 def _worlds(arms: Arms) -> list[str]:
-    return [result["world"] for result in next(iter(arms.values()))]
+    return [result.world for result in next(iter(arms.values()))]
 
 
 def _of_speeds(
@@ -218,9 +219,9 @@ def _of_speeds(
     of_speeds: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> dict[str, Any]:
     # Of the speeds of some arms, (arms, resamplings).
-    entries = np.array([
-        [result[key] for result in arms[name]] for key in ("path_length", "time") for name in names
-    ])  # fmt: skip
+    lengths = [[result.path_length for result in arms[name]] for name in names]
+    times = [[result.time for result in arms[name]] for name in names]
+    entries = np.array(lengths + times)
 
     def value(sums: NDArray[np.float64]) -> NDArray[np.float64]:
         return of_speeds(sums[: len(names)] / np.maximum(sums[len(names) :], 1e-9))
@@ -228,22 +229,22 @@ def _of_speeds(
     return estimate(_worlds(arms), entries, value)
 
 
-def mcnemar(first: list[Result], second: list[Result], outcome: str) -> float:
+def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -> float:
     """Exact two-sided p that two arms end in an outcome equally often, on paired episodes."""
     pairs = list(zip(first, second, strict=True))
-    a = sum(x["outcome"] == outcome != y["outcome"] for x, y in pairs)
-    b = sum(y["outcome"] == outcome != x["outcome"] for x, y in pairs)
+    a = sum(x.outcome == outcome != y.outcome for x, y in pairs)
+    b = sum(y.outcome == outcome != x.outcome for x, y in pairs)
     return float(binomtest(a, a + b).pvalue) if a + b else 1.0
 
 
-def realised_risk(results: Sequence[Result]) -> dict[str, Any] | None:
+def realised_risk(results: Sequence[DriveResult]) -> dict[str, Any] | None:
     """Mean over worlds of the share of relying ticks whose promise broke; None if none relied."""
-    made = dict.fromkeys((r["world"] for r in results if r["promises"]), 0)
+    made = dict.fromkeys((r.world for r in results if r.promises), 0)
     broken = dict(made)
     for r in results:
-        if r["world"] in made:
-            made[r["world"]] += r["promises"]
-            broken[r["world"]] += r["promises_broken"]
+        if r.world in made:
+            made[r.world] += r.promises
+            broken[r.world] += r.promises_broken
     if not made:
         return None
     shares = np.array([broken[world] / made[world] for world in made])

@@ -16,10 +16,10 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from benchmarks.runs.arms import ARMS
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.optima import Key, task_key
-from benchmarks.runs.saved_run import RESULTS, TRACES, UNNAMED, Run, is_episode
+from benchmarks.runs.saved_run import RESULTS, TRACES, UNNAMED, Run
 from benchmarks.runs.settings import Settings
-from benchmarks.runs.statistics import Result
 from benchmarks.runs.summary import gap, summarise
 from benchmarks.runs.trace import RunError
 from predictor.infra.command_line import UsageError
@@ -68,7 +68,7 @@ class Store:
         self.notes = self._folder.notes
         self.commit = commit()
         packed = self._packed()
-        self.episodes = packed + self._loose({(e["index"], e["arm"]) for e in packed})
+        self.episodes = packed + self._loose({(e.index, e.arm) for e in packed})
         if adopted is not None:
             self._adopt(adopted)
 
@@ -80,11 +80,11 @@ class Store:
 
     def done(self) -> set[tuple[int, str]]:
         """Episodes and arms that need not be driven again."""
-        return {(e["index"], e["arm"]) for e in self.episodes}
+        return {(e.index, e.arm) for e in self.episodes}
 
-    def add(self, result: dict[str, Any], arrays: dict[str, NDArray]) -> None:
+    def add(self, result: DriveResult, arrays: dict[str, NDArray]) -> None:
         """Keep a finished drive; after this a kill cannot lose it."""
-        self._folder.write(_part(result), result, arrays)
+        self._folder.write(_part(result), dataclasses.asdict(result), arrays)
         self.episodes.append(result)
 
     def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
@@ -94,13 +94,14 @@ class Store:
             optima: T_opt of tasks [s]; by default episodes keep the one that they have.
         """
         arms = self.settings.arms
-        # Older drives lack these.
-        given: Result = {"vehicle": self.settings.vehicle, "t_opt": None}
-        chosen = [given | e for e in self.episodes if self._wanted(e)]
+        chosen = [e for e in self.episodes if self._wanted(e)]
         if optima is not None:
-            keys = [task_key(e["world"], e["seed"], e["start"], e["goal"]) for e in chosen]
-            chosen = [e | {"t_opt": optima.get(k)} for e, k in zip(chosen, keys, strict=True)]
-        chosen.sort(key=lambda e: (e["index"], arms.index(e["arm"])))
+            keys = [task_key(e.world, e.seed, e.start, e.goal) for e in chosen]
+            chosen = [
+                dataclasses.replace(e, t_opt=optima.get(key))
+                for e, key in zip(chosen, keys, strict=True)
+            ]
+        chosen.sort(key=lambda e: (e.index, arms.index(e.arm)))
         # An interrupt may have left a drive on disk alone, for the next time.
         known = {self.out / _part(e) for e in self.episodes}
         loose = [path for path in self._parts() if path in known]
@@ -115,16 +116,16 @@ class Store:
             "gap": gap(chosen, arms, self.settings.route),
             "skipped": {str(k): v for k, v in self.skipped.items()},
             "lost": self.lost,
-            "episodes": chosen,
-            "unused": [e for e in self.episodes if not self._wanted(e)],
+            "episodes": [dataclasses.asdict(e) for e in chosen],
+            "unused": [dataclasses.asdict(e) for e in self.episodes if not self._wanted(e)],
         }
         write_results(self.out / RESULTS, "comparison", results)
         for path in loose:
             path.unlink()
         return results
 
-    def _wanted(self, episode: dict[str, Any]) -> bool:
-        return episode["index"] < self.settings.episodes and episode["arm"] in self.settings.arms
+    def _wanted(self, episode: DriveResult) -> bool:
+        return episode.index < self.settings.episodes and episode.arm in self.settings.arms
 
     def _checked(self, baselines: Path) -> Run:
         try:
@@ -153,7 +154,7 @@ class Store:
             for name in run.archive.names:
                 arrays.setdefault(name.rpartition("/")[0], []).append(name)
             for episode in run.episodes:
-                index, arm = episode["index"], episode["arm"]
+                index, arm = episode.index, episode.arm
                 if (self._wanted(episode) and (index, arm) not in done
                         and ARMS[arm].drives_alike(other)):  # fmt: skip
                     names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
@@ -188,7 +189,7 @@ class Store:
                             names.add(name)
                             packed.writestr(name, part.read(name))
 
-    def _packed(self) -> list[dict[str, Any]]:
+    def _packed(self) -> list[DriveResult]:
         """The drives that are packed, with results and traces; what is damaged is set aside."""
         path, traces = self.out / RESULTS, self.out / TRACES
         if not path.exists() and not traces.exists():
@@ -202,7 +203,7 @@ class Store:
                     self._folder.set_aside(damaged, str(error))
             return []
         good = self._good_traces()
-        kept = [drive for drive in drives if f"e{drive['index']}/{drive['arm']}/states" in good]
+        kept = [drive for drive in drives if f"e{drive.index}/{drive.arm}/states" in good]
         if len(kept) < len(drives):
             self.notes.append(f"{len(drives) - len(kept)} of {len(drives)} drives have lost their "
                               "traces and are driven again")  # fmt: skip
@@ -245,22 +246,25 @@ class Store:
         os.replace(temporary, traces)
         return set(good)
 
-    def _loose(self, packed: set[tuple[int, str]]) -> list[dict[str, Any]]:
+    def _loose(self, packed: set[tuple[int, str]]) -> list[DriveResult]:
         """Return the drives in files of their own that are not packed."""
         found = []
         for path in self._parts():
             part = self._folder.read(f"{PARTS}/{path.name}")
-            if part is not None and not is_episode(part[0]):
-                self._folder.set_aside(path, "its drive is not of this version")
-            elif part is not None and (part[0]["index"], part[0]["arm"]) not in packed:
-                found.append(part[0])
+            try:
+                result = None if part is None else DriveResult.from_json(part[0])
+            except ValueError as error:
+                self._folder.set_aside(path, str(error))
+                continue
+            if result is not None and (result.index, result.arm) not in packed:
+                found.append(result)
         return found
 
     def _parts(self) -> list[Path]:
         return sorted((self.out / PARTS).glob("*.npz"))
 
 
-def _results(path: Path) -> tuple[list[dict[str, Any]], dict[int, str]]:
+def _results(path: Path) -> tuple[list[DriveResult], dict[int, str]]:
     """Return the drives of a results.json and why episodes are left out.
 
     Raises:
@@ -269,9 +273,7 @@ def _results(path: Path) -> tuple[list[dict[str, Any]], dict[int, str]]:
     try:
         results = loads(path.read_text())
         skipped = {int(k): str(v) for k, v in results["skipped"].items()}
-        drives = [*results["episodes"], *results["unused"]]
-        if any(not is_episode(drive) for drive in drives):
-            raise ValueError("its drives are not of this version")
+        drives = [*map(DriveResult.from_json, [*results["episodes"], *results["unused"]])]
     except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
         raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
     return drives, skipped
@@ -286,8 +288,8 @@ def _reads(packed: zipfile.ZipFile, name: str) -> bool:
     return True
 
 
-def _part(episode: dict[str, Any]) -> str:
-    return f"{PARTS}/{episode['index']}-{episode['arm']}.npz"
+def _part(result: DriveResult) -> str:
+    return f"{PARTS}/{result.index}-{result.arm}.npz"
 
 
 def _plain(settings: Settings) -> dict[str, Any]:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import UNNAMED
 from benchmarks.runs.statistics import (
     MIN_WORLDS,
     Arms,
-    Result,
     difference,
     mcnemar,
     paired_speed,
@@ -29,15 +29,15 @@ SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
-def paired(episodes: list[Result], arms: tuple[str, ...]) -> Arms:
+def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> Arms:
     """Each arm's results on the episodes that all arms have finished, in one order."""
-    by_key = {(r["index"], r["arm"]): r for r in episodes}
-    indices = sorted({r["index"] for r in episodes})
+    by_key = {(r.index, r.arm): r for r in episodes}
+    indices = sorted({r.index for r in episodes})
     common = [i for i in indices if all((i, arm) in by_key for arm in arms)]
     return {arm: [by_key[i, arm] for i in common] for arm in arms}
 
 
-def summarise(episodes: list[Result], arms: tuple[str, ...]) -> dict[str, Any]:
+def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, Any]:
     """arm → figures, over the paired episodes; {} while no episode is finished by all arms."""
     by_arm = paired(episodes, arms)
     if not next(iter(by_arm.values()), []):
@@ -49,9 +49,9 @@ def _headline(by_arm: Arms, arm: str) -> dict[str, Any]:
     """The figures that lead every table: SCT, times and distances, each None where not known."""
     results = by_arm[arm]
     sct = success(by_arm, arm)
-    reached = [r for r in results if r["outcome"] == "reached"]
+    reached = [r for r in results if r.outcome == "reached"]
     entry: dict[str, Any] = {
-        "vehicle": (UNNAMED | results[0])["vehicle"],
+        "vehicle": results[0].vehicle,
         "sct": None if sct is None else sct["value"],
         "sct_interval": None if sct is None else _ends(sct),
         "over_optimum": _ratio(reached, "time", "t_opt"),
@@ -68,36 +68,34 @@ def _details(by_arm: Arms, arm: str) -> dict[str, Any]:
     results = by_arm[arm]
     count = len(results)
     everyone = [
-        i for i in range(count) if all(of[i]["outcome"] == "reached" for of in by_arm.values())
+        i for i in range(count) if all(of[i].outcome == "reached" for of in by_arm.values())
     ]
     speed = paired_speed(by_arm, arm)
     faults: dict[str, int] = {}
     paths: dict[str, int] = {}
     for r in results:
-        for kind, n in r["faults"].items():
+        for kind, n in r.faults.items():
             faults[kind] = faults.get(kind, 0) + n
-        for kind, n in r["paths"].items():
+        for kind, n in r.paths.items():
             paths[kind] = paths.get(kind, 0) + n
-    counts = {name: sum(r["outcome"] == name for r in results) for name in OUTCOMES}
-    impacts = [r["impact_speed"] for r in results if r["impact_speed"] is not None]
+    counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
+    impacts = [r.impact_speed for r in results if r.impact_speed is not None]
     risk = realised_risk(results)
-    enough = len({r["world"] for r in results}) >= MIN_WORLDS
+    enough = len({r.world for r in results}) >= MIN_WORLDS
     entry: dict[str, Any] = {
         "episodes": count,
         **counts,
         "collided_interval": wilson(counts["collided"], count) if enough else None,
         "mean_speed": speed["value"],
         "mean_speed_interval": _ends(speed),
-        "time_to_goal": float(np.mean([results[i]["time"] for i in everyone]))
-        if everyone
-        else None,
+        "time_to_goal": float(np.mean([results[i].time for i in everyone])) if everyone else None,
         "time_to_goal_episodes": len(everyone),
-        "max_speed": max(r["max_speed"] for r in results),
-        "min_clearance": min(r["min_clearance"] for r in results),
-        "stops": sum(r["stops"] for r in results),
+        "max_speed": max(r.max_speed for r in results),
+        "min_clearance": min(r.min_clearance for r in results),
+        "stops": sum(r.stops for r in results),
         "impact_speed": float(np.mean(impacts)) if impacts else None,
-        "cycle_ms_p50": float(np.median([r["cycle_ms"][0] for r in results])),
-        "cycle_ms_p99": float(np.median([r["cycle_ms"][1] for r in results])),
+        "cycle_ms_p50": float(np.median([r.cycle_ms[0] for r in results])),
+        "cycle_ms_p99": float(np.median([r.cycle_ms[1] for r in results])),
         "faults": faults,
         "paths": paths,
         "realised_risk": None if risk is None else risk["value"],
@@ -114,18 +112,20 @@ def _ends(estimated: dict[str, Any]) -> list[float] | None:
     return None if estimated["low"] is None else [estimated["low"], estimated["high"]]
 
 
-def _ratio(results: list[Result], top: str, bottom: str) -> float | None:
+def _ratio(results: list[DriveResult], top: str, bottom: str) -> float | None:
     """Σ of one figure / Σ of another, over the episodes in which both are known."""
-    known = [r for r in results if r.get(bottom) is not None]
-    return sum(r[top] for r in known) / sum(r[bottom] for r in known) if known else None
+    known = [
+        (getattr(r, top), getattr(r, bottom)) for r in results if getattr(r, bottom) is not None
+    ]
+    return sum(a for a, _ in known) / sum(b for _, b in known) if known else None
 
 
-def _mean(results: list[Result], key: str) -> float | None:
-    known = [r[key] for r in results if r.get(key) is not None]
+def _mean(results: list[DriveResult], key: str) -> float | None:
+    known = [getattr(r, key) for r in results if getattr(r, key) is not None]
     return float(np.mean(known)) if known else None
 
 
-def gap(episodes: list[Result], arms: tuple[str, ...], route: str) -> dict[str, Any]:
+def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[str, Any]:
     """The share of the gap between `known` and `oracle` that `predicted` closes.
 
     Returns:

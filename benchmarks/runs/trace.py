@@ -13,11 +13,10 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
+from benchmarks.runs.drive_result import FARTHEST
 from predictor.infra.errors import LineError, one_line
 from predictor.mapping.grid import GridFrame
 
-FARTHEST = 1e9
-"""Of any number of a drive: beyond it nothing can be drawn."""
 LARGEST = 2**30
 """Of an array; a larger one is refused before it is read [bytes]."""
 SHAPES: dict[str, tuple[int | str, ...] | str] = {

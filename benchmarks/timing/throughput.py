@@ -149,7 +149,7 @@ def _one(settings: Settings, item: Item) -> Driven | None:
     except NoTaskError:
         return None
     wall = time.perf_counter() - started
-    return Driven(float(result["time"]), wall, resident(), _peak())
+    return Driven(float(result.time), wall, resident(), _peak())
 
 
 def resident() -> float:

@@ -1,0 +1,122 @@
+"""The result of one drive, from its end to summaries, tables and figures."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, dataclass, fields
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Self, get_args, get_origin, get_type_hints
+
+FARTHEST = 1e9
+"""Larger numbers are refused: nothing that holds them can be drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveResult:
+    """What results.json holds of a drive; `dataclasses.asdict` gives its JSON.
+
+    Fields with a default are missing from the results of older versions.
+
+    Attributes:
+        vehicle: of `benchmarks.runs.settings.VEHICLES`.
+        t_opt: time of the best drive that `benchmarks.optimum` found [s].
+        arm: of `benchmarks.runs.arms.ARMS`.
+        index: number of the episode.
+        world: name of the building.
+        seed: of the task.
+        start: x [m], y [m], yaw [rad].
+        goal: x, y [m].
+        learned: whether the predictor was trained in this building.
+        shortest: length of the task's prescribed route [m].
+        outcome: of `sim.episode.Outcome`.
+        time: duration [s].
+        path_length: distance driven [m].
+        shortest_length: length of the shortest way on the whole map [m]; None if none was found.
+        t_bound: time of the shortest way at the car's limits [s].
+        sct: success weighted by completion time, t_bound / time; 0 if the goal was not reached.
+        detour: path_length / shortest_length.
+        mean_speed: [m/s].
+        max_speed: [m/s].
+        min_clearance: least distance of the body from an obstacle [m].
+        stops: number of stops on the way.
+        impact_speed: speed at the collision, if there was one [m/s].
+        promises: ticks in which the plan relied on unobserved cells.
+        promises_broken: those of them in which such a cell was occupied.
+        ticks: control cycles.
+        faults: kind of fault → number of times that it was survived.
+        paths: source of the path → number of paths followed.
+        commit: of the code that drove.
+        cycle_ms: median and 99th percentile of the control cycle's time [ms].
+    """
+
+    vehicle: str = "dubins"
+    t_opt: float | None = None
+    arm: str
+    index: int
+    world: str
+    seed: int
+    start: list[float]
+    goal: list[float]
+    learned: bool
+    shortest: float
+    outcome: str
+    time: float
+    path_length: float
+    shortest_length: float | None = None
+    t_bound: float | None = None
+    sct: float | None = None
+    detour: float | None = None
+    mean_speed: float
+    max_speed: float
+    min_clearance: float
+    stops: int
+    impact_speed: float | None
+    promises: int
+    promises_broken: int
+    ticks: int
+    faults: dict[str, int]
+    paths: dict[str, int]
+    commit: str | None
+    cycle_ms: list[float]
+
+    @classmethod
+    def from_json(cls, found: Any) -> Self:
+        """Return the result that a JSON object holds; names that are not fields are ignored.
+
+        Raises:
+            ValueError: if a field is missing, of the wrong type, or not a finite number.
+        """
+        if not isinstance(found, dict):
+            raise ValueError("the result of a drive must be an object")
+        hints = _hints()
+        known = {name: found[name] for name in hints if name in found}
+        wrong = [name for name, value in known.items() if not _fits(value, hints[name])]
+        required = {field.name for field in fields(cls) if field.default is MISSING}
+        wrong += sorted(required - known.keys())
+        if wrong or len(known["start"]) != 3 or len(known["goal"]) != 2:
+            raise ValueError(f"the result of a drive lacks a proper {(wrong or ['place'])[0]}")
+        return cls(**known)
+
+    @property
+    def verdict(self) -> str:
+        """The time and, where it is known, SCT, for people."""
+        return f"{self.time:.1f} s" + ("" if self.sct is None else f" · SCT {self.sct:.2f}")
+
+
+@cache
+def _hints() -> dict[str, Any]:
+    return get_type_hints(DriveResult)
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a JSON value is of an annotated type, and each number in it finite."""
+    if get_origin(hint) is UnionType:
+        return any(_fits(value, one) for one in get_args(hint))
+    if get_origin(hint) is list:
+        return isinstance(value, list) and all(_fits(v, get_args(hint)[0]) for v in value)
+    if get_origin(hint) is dict:
+        return isinstance(value, dict) and all(_fits(v, get_args(hint)[1]) for v in value.values())
+    if hint in (str, bool, NoneType):
+        return isinstance(value, hint)
+    numbers = int | float if hint is float else int
+    return isinstance(value, numbers) and abs(value) <= FARTHEST
