@@ -6,16 +6,53 @@ python -m benchmarks.corridor --help
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.runs.settings import Place, Settings, parse
-from predictor.infra.command_line import UsageError, run_command
+from benchmarks.runs.settings import Settings
+from predictor.infra.command_line import OneLineParser, UsageError, run_command
 from predictor.infra.errors import LineError
+from predictor.infra.options import Options, option
 from predictor.infra.workers import LostError, finished
 
 if TYPE_CHECKING:
     from benchmarks.runs.store import Store
+
+
+@dataclass(frozen=True)
+class Place(Options):
+    """Where a run is worked on and kept; none of it decides a number."""
+
+    jobs: int
+    dask: str | None = option(
+        None,
+        "of a Dask scheduler, such as tcp://10.0.0.1:8786: its workers drive, in place of "
+        "processes here",
+        "ADDRESS",
+        parse=str,
+    )
+    baselines: Path | None = option(
+        None,
+        "an earlier run with another predictor, ε or expansion: drives that would be the same "
+        "(known, optimistic, full; with the same ε and expansion oracle) are taken from there",
+        "DIR",
+        parse=Path,
+    )
+    optimum: Path | None = option(
+        None,
+        "least times T_opt of the same tasks, from benchmarks.optimum, for the same top speed: "
+        "adds them to the results",
+        "FILE",
+        parse=Path,
+    )
+    out: Path = option(
+        Path("results/corridor"),
+        "folder of results.json, traces.npz and the figures",
+        "DIR",
+        parse=Path,
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -25,7 +62,24 @@ def main(argv: list[str] | None = None) -> int:
         The exit status: 0 if it ran, whatever the outcome; 1 if drives are missing, because
         processes died or the disk is full; 2 for bad arguments or input; 130 if interrupted.
     """
-    return run_command("benchmarks.corridor", lambda: _run(*parse(argv)))
+    return run_command("benchmarks.corridor", lambda: _run(*_parsed(argv)))
+
+
+def _parsed(argv: list[str] | None) -> tuple[Settings, Place]:
+    parser = OneLineParser(
+        prog="benchmarks.corridor",
+        description="Drive a car through buildings that it has never seen, with and without a "
+        "predicted map, and show who was faster and who collided. Interrupted runs go on from "
+        "where they were: give the same command again.",
+    )
+    Settings.add_to(parser)
+    parser.add_jobs()
+    Place.add_to(parser)
+    args = parser.parse_args(argv)
+    settings, place = Settings.of(args), Place.of(args)
+    if place.optimum is not None and settings.vehicle != "dubins":
+        raise UsageError("--optimum: its times are those of the dubins car")
+    return settings, place
 
 
 def _run(settings: Settings, place: Place) -> int:

@@ -5,335 +5,90 @@ python -m benchmarks.interrupt --trials 480 --disk /mnt/small
 
 from __future__ import annotations
 
-import argparse
-import errno
-import fcntl
-import json
 import os
-import shutil
-import signal
-import subprocess
 import sys
-import time
-from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from benchmarks.runs.drive_file import DriveFile
 from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
-from predictor.infra.markdown import markdown
-from predictor.infra.workers import finished
+from predictor.infra.options import Options, option
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    import argparse
 
 COMMAND = "benchmarks.interrupt"
-KINDS = ("SIGKILL", "SIGTERM", "SIGINT", "disk full")
-SMALL = ("--train", "2", "--validation", "1")
-CASES: dict[str, tuple[str, ...]] = {
-    "benchmarks.corridor": ("--episodes", "1", "--arms", "known,full", "--seed", "1000"),
-    "predictor.drives": SMALL,
-    "predictor.dataset": ("--train", "80", "--test", "40", "--more", "1", "--validation", "1",
-                          "--length", "40"),
-    "predictor.train": ("--data", "{drives}", *SMALL, "--steps", "20", "--batch", "4"),
-    "predictor.evaluate": ("--drives", "1", "--world", "corridor", "--predictors", "none",
-                           "extend"),
-    "predictor.study": ("--data", "{frames}", "--archs", "unet_ff", "mlp", "--expansions", "1.1",
-                        "--preset", "short", "--width", "0.0625", "--side", "64",
-                        "--epochs", "1"),
-}  # fmt: skip
-"""The commands with arguments that keep them short. {drives} and {frames} are data made before."""
-INPUTS = {"drives": "predictor.drives", "frames": "predictor.dataset"}
-VOLATILE = {"machine", "commit", "commits", "seconds", "ms", "cycle_ms", "cycle_ms_p50",
-            "cycle_ms_p99", "times"}  # fmt: skip
-"""Times and origins, which no two runs have in common."""
 LATEST = 1.2
 """Interruptions are drawn from 0 to this multiple of the time of an uninterrupted run."""
-GONE = 15.0
-"""Seconds within which all processes of an interrupted command must have ended."""
 
 
-def contents(folder: Path) -> dict[str, Any]:
-    """Return the results in a folder without times: JSON values, arrays and weights, by name."""
-    import numpy as np
-    from safetensors.numpy import load_file
+@dataclass(frozen=True)
+class InterruptSettings(Options):
+    """All that decides the trials, but for the kinds of interruption."""
 
-    found: dict[str, Any] = {}
-    for path in sorted(folder.rglob("*")):
-        name = str(path.relative_to(folder))
-        if "parts" in path.parts:
-            # What a command keeps for itself until it is done.
-            continue
-        if path.suffix == ".json":
-            found[name] = _lasting(json.loads(path.read_text()))
-        elif path.suffix == ".jsonl":
-            found[name] = [_lasting(json.loads(line)) for line in path.read_text().splitlines()]
-        elif path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as arrays:
-                for key in arrays.files:
-                    if key.rpartition("/")[2] not in VOLATILE:
-                        found[f"{name}:{key}"] = _bytes(arrays[key])
-        elif path.suffix == ".safetensors":
-            found |= {f"{name}:{key}": _bytes(value) for key, value in load_file(path).items()}
-        elif ".damaged" in path.name or path.suffix == ".tmp":
-            found[name] = "left over"
-    return found
-
-
-def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> list[str]:
-    """Return the names of the results that differ or that only one of two folders has."""
-    return sorted(k for k in ours.keys() | theirs.keys() if ours.get(k) != theirs.get(k))
-
-
-def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
-                trial: tuple[int, str, str, float]) -> dict[str, Any]:  # fmt: skip
-    """Interrupt a command once, run it again to its end, and compare its results.
-
-    Args:
-        work: folder of the data and of the uninterrupted runs.
-        disk: folder on a small file system of its own; needed for "disk full".
-        seconds: time of each uninterrupted command [s].
-        trial: its number, the command, the kind of interruption, and its moment as a share of that
-            time.
-    """
-    index, command, kind, share = trial
-    ours = work / f"trial-{index}"
-    shutil.rmtree(ours, ignore_errors=True)
-    ours.mkdir()
-    with _exclusive(disk) if kind == "disk full" and disk else _folder(ours) as folder:
-        words = _words(command, work, ours, folder / "out")
-        moment = share * seconds[command]
-        with (ours / "first.txt").open("w") as file:
-            process = subprocess.Popen(words, stdout=file, stderr=file, start_new_session=True,
-                                       preexec_fn=_heed_ctrl_c)  # fmt: skip
-            try:
-                process.wait(moment)
-                in_time = False
-            except subprocess.TimeoutExpired:
-                in_time = True
-                if kind == "disk full":
-                    with _full(folder):
-                        process.wait()
-                elif kind == "SIGINT":
-                    # A terminal sends Ctrl-C to the whole group.
-                    os.killpg(process.pid, signal.SIGINT)
-                else:
-                    process.send_signal(getattr(signal, kind))
-            status = process.wait()
-        left = _left_behind(process.pid)
-        said = (ours / "first.txt").read_text(errors="replace")
-        with (ours / "second.txt").open("w") as file:
-            again = subprocess.run(words, stdout=file, stderr=file).returncode
-        differ = differences(contents(work / command), contents(folder / "out"))
-    found = {
-        "index": index, "command": command, "kind": kind, "seconds": round(moment, 2),
-        "interrupted": in_time, "status": status, "traceback": "Traceback" in said,
-        "processes left": left, "status again": again, "differences": differ[:20],
-    }  # fmt: skip
-    if _good(found):
-        shutil.rmtree(ours)
-    return found
-
-
-def table(results: dict[str, Any]) -> str:
-    """Return the trials of each command and kind of interruption as Markdown."""
-    trials = results["drives"]
-    rows = [["command", "interrupted by", "trials", "while it ran", "same results after",
-             "tracebacks", "processes left"]]  # fmt: skip
-    for command in CASES:
-        for kind in KINDS:
-            mine = [t for t in trials if (t["command"], t["kind"]) == (command, kind)]
-            if mine:
-                same = sum(t["status again"] == 0 and not t["differences"] for t in mine)
-                counts = (len(mine), sum(t["interrupted"] for t in mine), same,
-                          sum(t["traceback"] for t in mine),
-                          sum(t["processes left"] for t in mine))  # fmt: skip
-                rows.append([f"`{command}`", kind, *map(str, counts)])
-    return markdown(rows)
+    trials: int = option(
+        480, "number of interruptions, over all commands and kinds in turn", "N", low=1, high=10**9
+    )
+    seed: int = option(0, "seed of the moments", "N", low=0, high=2**31)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if a trial went wrong, 2 for bad input, 130 if interrupted."""
     parser = OneLineParser(
         prog=COMMAND,
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         description="Interrupt small runs of the long commands (corridor, drives, dataset, train, "
         "evaluate, study) at random moments by SIGKILL, SIGTERM, Ctrl-C and a full disk. Run each "
         "again, and compare its results with those of an uninterrupted run. The command itself "
         "can be interrupted and continued.",
     )
+    InterruptSettings.add_to(parser)
     add = parser.add_argument
-    add("--trials", type=between(1, 10**9), default=480, metavar="N",
-        help="number of interruptions, over all commands and kinds in turn")  # fmt: skip
-    add("--seed", type=between(0, 2**31), default=0, metavar="N", help="of the moments")
     add("--disk", type=Path, metavar="DIR", help="empty folder on a file system of its own with "
         "some 100 MB, which is filled up (mount -t tmpfs -o size=100m tmpfs DIR); without it no "
         "disk is filled")  # fmt: skip
     add("--jobs", type=between(1, 10_000), default=1, metavar="N",
-        help="trials at a time; each uses 2 processes")  # fmt: skip
+        help="trials at a time; each uses 2 processes (default: %(default)s)")  # fmt: skip
     add("--work", type=Path, default=Path("results/interrupt"), metavar="DIR",
-        help="data, uninterrupted runs, and what failed trials left")  # fmt: skip
+        help="data, uninterrupted runs, and what failed trials left "
+        "(default: %(default)s)")  # fmt: skip
     add("--out", type=Path, default=Path("results/interrupt.json"), metavar="FILE",
-        help="where the trials go")  # fmt: skip
+        help="file of the trials (default: %(default)s)")  # fmt: skip
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _run(args: argparse.Namespace) -> int:
     import numpy as np
-    from tqdm import tqdm
 
+    from benchmarks.robustness.interruptions import (
+        CASES,
+        KINDS,
+        good,
+        interrupted,
+        references,
+        table,
+    )
     from predictor.infra.environment import commit
 
     if args.disk is not None and not os.path.ismount(args.disk):
         raise UsageError(f"--disk: {args.disk} is no file system of its own")
     kinds = [kind for kind in KINDS if kind != "disk full" or args.disk is not None]
-    store = DriveFile(args.out, "interrupt", {
-        "trials": args.trials, "seed": args.seed, "kinds": kinds, "commit": commit(),
-    }, grows="trials")  # fmt: skip
-    work = args.work.absolute()
-    seconds = _references(work)
+    settings = asdict(InterruptSettings.of(args)) | {"kinds": kinds, "commit": commit()}
+    store = DriveFile(args.out, "interrupt", settings, grows="trials")
+    folder = args.work.absolute()
+    seconds = references(folder)
     turns = [(command, kind) for kind in kinds for command in CASES]
     shares = np.random.default_rng(args.seed).uniform(0.0, LATEST, args.trials).tolist()
-    todo = [(i, *turns[i % len(turns)], shares[i]) for i in range(args.trials)
-            if i not in store.drives]  # fmt: skip
-    with tqdm(total=args.trials, initial=args.trials - len(todo), unit="trial") as bar:
-        one = partial(interrupted, work, args.disk and args.disk.absolute(), seconds)
-        for _, found in finished(one, todo, args.jobs):
-            store.add(found)
-            bar.set_postfix_str(f"{found['command']}, {found['kind']}")
-            bar.update()
-    trials = [store.drives[i] for i in range(args.trials)]
+    items = [(i, *turns[i % len(turns)], shares[i]) for i in range(args.trials)]
+    work = partial(interrupted, folder, args.disk and args.disk.absolute(), seconds)
+    store.fill(work, items, args.jobs, lambda trial: f"{trial['command']}, {trial['kind']}")
+    trials = store.first(args.trials)
     print(table({"drives": trials}), "", args.out, sep="\n")
-    bad = [trial for trial in trials if not _good(trial)]
+    bad = [trial for trial in trials if not good(trial)]
     for trial in bad:
         print(f"trial {trial['index']}, {trial['command']}, {trial['kind']}: {trial}")
     return 1 if bad else 0
-
-
-def _good(trial: dict[str, Any]) -> bool:
-    return not (trial["traceback"] or trial["processes left"] or trial["status again"]
-                or trial["differences"])  # fmt: skip
-
-
-def _references(work: Path) -> dict[str, float]:
-    """Run each command uninterrupted, the makers of data first; return their times [s]."""
-    from tqdm import tqdm
-
-    seconds = {}
-    makers = list(INPUTS.values())
-    for command in tqdm([*makers, *(c for c in CASES if c not in makers)], unit="command",
-                        desc="uninterrupted"):  # fmt: skip
-        done = work / f"{command}.json"
-        if not done.exists():
-            ours = work / f"data-{command}"
-            for folder in (work / command, ours):
-                shutil.rmtree(folder, ignore_errors=True)
-                folder.mkdir(parents=True)
-            began = time.monotonic()
-            words = _words(command, work, ours, work / command)
-            ran = subprocess.run(words, capture_output=True, text=True)
-            if ran.returncode:
-                lines = ran.stderr.strip().splitlines() or ["no message"]
-                raise UsageError(f"{command} failed without any interruption: {lines[-1]}")
-            done.write_text(json.dumps(time.monotonic() - began))
-        seconds[command] = float(json.loads(done.read_text()))
-    return seconds
-
-
-def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
-    """The command line; data that it reads are copied, for it may write there."""
-    words = [sys.executable, "-m", command]
-    for word in CASES[command]:
-        name = word.strip("{}")
-        if word == f"{{{name}}}":
-            shutil.copytree(work / INPUTS[name], ours / name)
-            word = str(ours / name)
-        words.append(word)
-    return [*words, "--jobs", "2", "--out", str(out)]
-
-
-@contextmanager
-def _folder(ours: Path) -> Iterator[Path]:
-    yield ours
-
-
-@contextmanager
-def _exclusive(disk: Path) -> Iterator[Path]:
-    """The small file system, emptied before and after, for one trial at a time."""
-    handle = os.open(disk, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        _empty(disk)
-        yield disk
-        _empty(disk)
-    finally:
-        os.close(handle)
-
-
-def _empty(disk: Path) -> None:
-    for path in disk.iterdir():
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
-
-
-@contextmanager
-def _full(disk: Path) -> Iterator[None]:
-    """Leave no room on a file system until the block ends."""
-    filler = disk / "filler"
-    with filler.open("wb", buffering=0) as file:
-        for size in (1 << 20, 1 << 12, 1):
-            try:
-                while True:
-                    file.write(bytes(size))
-            except OSError as error:
-                if error.errno != errno.ENOSPC:
-                    raise
-    try:
-        yield
-    finally:
-        filler.unlink()
-
-
-def _heed_ctrl_c() -> None:
-    """In the child: Ctrl-C counts, even if a shell began this command in the background."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-def _left_behind(session: int) -> int:
-    """Wait until a session's processes have ended; kill and count those that do not."""
-    end = time.monotonic() + GONE
-    while (left := _members(session)) and time.monotonic() < end:
-        time.sleep(0.2)
-    for pid in left:
-        os.kill(pid, signal.SIGKILL)
-    return len(left)
-
-
-def _members(session: int) -> list[int]:
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rpartition(")")[2].split()
-        except OSError:
-            # It has ended just now.
-            continue
-        if int(fields[3]) == session and fields[0] != "Z":
-            found.append(int(path.parent.name))
-    return found
-
-
-def _lasting(value: Any) -> Any:
-    """A JSON value without what differs between two runs."""
-    if isinstance(value, dict):
-        return {k: _lasting(v) for k, v in value.items() if k not in VOLATILE}
-    return [_lasting(v) for v in value] if isinstance(value, list) else value
-
-
-def _bytes(array: Any) -> tuple[str, tuple[int, ...], bytes]:
-    return str(array.dtype), array.shape, array.tobytes()
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ def table(results: dict[str, Any]) -> str:
              "speed there [m/s]", "in a pocket for longer", "none found"]]  # fmt: skip
     for run in results["runs"]:
         for arm, drives in run["drives"].items():
-            stuck = [one for one in run["stuck"] if one.arm == arm]
+            stuck = [one for one in run["stuck"] if one["arm"] == arm]
             times = [one["seconds"] for one in stuck if one["seconds"] is not None]
             late = [one["speed"] for one in stuck
                     if one["seconds"] is not None and 0 < one["seconds"] <= LATE]  # fmt: skip

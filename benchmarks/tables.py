@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 TABLES = {
     "comparison": "benchmarks.runs.summary:comparison",
     "optimum": "benchmarks.runs.optima:table",
-    "attack": "benchmarks.attack:table",
-    "interrupt": "benchmarks.interrupt:table",
+    "attack": "benchmarks.robustness.hostile_drives:table",
+    "interrupt": "benchmarks.robustness.interruptions:table",
     "stuck": "benchmarks.stuck:table",
     "weave": "benchmarks.weave:table",
     "stages": "benchmarks.stages:tables",

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import fields
 from pathlib import Path
 
 from predictor.data.simulated_config import SimulatedConfig
-from predictor.infra.command_line import OneLineParser, between, run_command
+from predictor.infra.command_line import OneLineParser, run_command
 
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
 
@@ -25,7 +24,6 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parsed(argv: list[str] | None) -> argparse.Namespace:
-    default = SimulatedConfig()
     parser = OneLineParser(
         prog="predictor.dataset",
         description="Make the data of Katyal et al. 2018: what a car's LIDAR has seen, tick by "
@@ -37,67 +35,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
     add("--out", type=Path, metavar="DIR", help="folder of the set (default: "
         f"{SIMULATED}, with --log {PHYSICAL})")  # fmt: skip
     parser.add_jobs()
-    simulated = parser.add_argument_group("simulated")
-    add = simulated.add_argument
-    add(
-        "--train",
-        type=between(4, 10**8),
-        default=default.train,
-        metavar="N",
-        help="frames of the four drives to train on, together (default: %(default)s, the paper's)",
-    )
-    add(
-        "--test",
-        type=between(2, 10**8),
-        default=default.test,
-        metavar="N",
-        help="frames of the two drives to test on, together (default: %(default)s, the paper's)",
-    )
-    add(
-        "--more",
-        type=between(0, 10**5),
-        default=default.more,
-        metavar="N",
-        help="more drives to test on, each in a building of its own (default: %(default)s)",
-    )
-    add(
-        "--validation",
-        type=between(0, 10**5),
-        default=default.validation,
-        metavar="N",
-        help="drives to tune on, each in a building of its own (default: %(default)s)",
-    )
-    add(
-        "--length",
-        type=between(1, 10**6),
-        default=default.length,
-        metavar="N",
-        help="frames of each of these (default: %(default)s)",
-    )
-    add(
-        "--clutter",
-        type=between(0.0, 10),
-        default=default.clutter,
-        metavar="D",
-        help="things that stand on "
-        "a square metre of floor, such as 0.05 (default: %(default)g, the paper's)",
-    )
-    add(
-        "--noise",
-        type=between(0.0, 1),
-        default=default.noise,
-        metavar="M",
-        help="standard deviation of the "
-        "LIDAR's ranges [m], such as 0.03 (default: %(default)g, the paper's)",
-    )
-    add(
-        "--people",
-        type=between(0.0, 10),
-        default=default.people,
-        metavar="D",
-        help="who walk about, on a "
-        "square metre of floor, such as 0.02 (default: %(default)g, the paper's)",
-    )
+    SimulatedConfig.add_to(parser.add_argument_group("simulated; by default as the paper's set"))
     physical = parser.add_argument_group("physical")
     add = physical.add_argument
     add("--log", nargs="+", type=Path, metavar="PATH", help="logs with corrected poses, or folders "
@@ -121,8 +59,7 @@ def _run(args: argparse.Namespace) -> None:
         topics = BagConfig(args.scans, args.poses, args.map_frame)
         make_physical(folder, logs_in(args.log), topics, args.jobs)
     else:
-        chosen = {field.name: getattr(args, field.name) for field in fields(SimulatedConfig)}
-        make_simulated(folder, SimulatedConfig(**chosen), args.jobs)
+        make_simulated(folder, SimulatedConfig.of(args), args.jobs)
     print(folder)
 
 

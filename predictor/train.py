@@ -16,9 +16,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.runs.settings import FAMILIES
 from predictor.data.drives_config import DrivesConfig
 from predictor.infra.command_line import OneLineParser, between, run_command
+from predictor.mapping.families import FAMILIES
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
 from predictor.training.checkpoint import TrainError

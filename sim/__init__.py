@@ -1,14 +1,13 @@
 """The world that the robot drives in: maps, generated buildings, the LIDAR, the car, the task."""
 
 from sim.car import CarConfig, DubinsCar, PaperCar, collides
-from sim.families import FAMILIES, empty_straight, generate
+from sim.families import empty_straight, generate
 from sim.lidar import Lidar, LidarConfig, cast_rays
 from sim.map_server import MapError, load_world, save_world
 from sim.task import NoTaskError, Task, sample_task
 from sim.world import World
 
 __all__ = [
-    "FAMILIES",
     "CarConfig",
     "DubinsCar",
     "Lidar",

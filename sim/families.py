@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
+from predictor.mapping.families import FAMILIES
 from sim.blocks import block_size, draw_blocks
 from sim.canvas import Canvas
 from sim.network import NetworkConfig, Segment, carve, grow
 from sim.office import draw_office
 from sim.world import World
-
-FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
 
 CORRIDOR = NetworkConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
 NARROW = NetworkConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, reach=45.0)

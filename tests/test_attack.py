@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks import attack
-from benchmarks.hostile import FAULTY, KINDS, LIARS, WRITERS, Hostile, free
+from benchmarks.robustness.hostile_drives import attacked
+from benchmarks.robustness.hostile_predictors import FAULTY, KINDS, LIARS, WRITERS, Hostile, free
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.drive import car_of, navigator_for, task_of
 from benchmarks.runs.settings import Settings
@@ -23,7 +24,7 @@ UNSEEN = Grid(GridFrame(0.05, (0.0, 0.0), (40, 40)), np.full((40, 40), -1, np.in
 
 @pytest.mark.parametrize("index", range(len(KINDS)), ids=list(KINDS))
 def test_a_drive_with_a_hostile_predictor_ends_well_and_its_faults_are_counted(index):
-    found = attack.attacked(attack.SEED, 3.0, index)
+    found = attacked(attack.SEED, 3.0, index)
     assert found["kind"] == list(KINDS)[index]
     assert found["error"] is None
     assert found["outcome"] != "collided"

@@ -2,16 +2,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
-from benchmarks.runs import settings
+from predictor.mapping.families import FAMILIES
 from predictor.mapping.grid import OCCUPIED, UNKNOWN
-from sim.families import FAMILIES, empty_straight, generate
+from sim.families import empty_straight, generate
 
 SEEDS = range(6)
 CASES = [(family, seed) for family in FAMILIES for seed in SEEDS]
-
-
-def test_the_command_line_knows_all_families():
-    assert settings.FAMILIES == FAMILIES
 
 
 @pytest.mark.parametrize("family", FAMILIES)

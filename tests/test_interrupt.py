@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import interrupt
+from benchmarks.robustness import interruptions
 
 COUNTS = """
 import json, sys, time
@@ -34,12 +35,12 @@ except KeyboardInterrupt:
 def case(tmp_path, monkeypatch):
     """A command that counts to ten, and a function that writes what it does."""
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(interrupt, "CASES", {"counting": ()})
-    monkeypatch.setattr(interrupt, "INPUTS", {})
+    monkeypatch.setattr(interruptions, "CASES", {"counting": ()})
+    monkeypatch.setattr(interruptions, "INPUTS", {})
 
     def write(program):
         (tmp_path / "counting.py").write_text(program)
-        return interrupt._references(tmp_path)
+        return interruptions.references(tmp_path)
 
     return write
 
@@ -47,7 +48,7 @@ def case(tmp_path, monkeypatch):
 @pytest.mark.parametrize("kind", ["SIGKILL", "SIGTERM", "SIGINT"])
 def test_a_command_that_goes_on_where_it_was_has_the_same_results(tmp_path, case, kind):
     seconds = case(COUNTS)
-    found = interrupt.interrupted(tmp_path, None, seconds, (0, "counting", kind, 0.7))
+    found = interruptions.interrupted(tmp_path, None, seconds, (0, "counting", kind, 0.7))
     assert found["interrupted"]
     assert found["status"] != 0
     assert found["status again"] == 0
@@ -58,7 +59,7 @@ def test_a_command_that_goes_on_where_it_was_has_the_same_results(tmp_path, case
 def test_results_that_differ_and_tracebacks_are_found(tmp_path, case):
     seconds = case(COUNTS)
     (tmp_path / "counting.py").write_text(COUNTS.replace("< 10", "< 9") + "raise OSError\n")
-    found = interrupt.interrupted(tmp_path, None, seconds, (0, "counting", "SIGKILL", 1e3))
+    found = interruptions.interrupted(tmp_path, None, seconds, (0, "counting", "SIGKILL", 1e3))
     assert not found["interrupted"]
     assert found["traceback"]
     assert found["status again"] == 1
@@ -74,24 +75,26 @@ def test_times_are_no_difference_and_values_are(tmp_path):
         np.savez(
             tmp_path / name / "traces.npz", **{"e0/x": np.full(3, value), "e0/cycle_ms": seconds}
         )
-    one, two, three = (interrupt.contents(tmp_path / n) for n in ("one", "two", "three"))
-    assert interrupt.differences(one, two) == []
-    assert interrupt.differences(one, three) == ["results.json", "traces.npz:e0/x"]
+    one, two, three = (interruptions.contents(tmp_path / n) for n in ("one", "two", "three"))
+    assert interruptions.differences(one, two) == []
+    assert interruptions.differences(one, three) == ["results.json", "traces.npz:e0/x"]
     (tmp_path / "two" / "traces.npz").unlink()
-    assert interrupt.differences(one, interrupt.contents(tmp_path / "two")) == ["traces.npz:e0/x"]
+    assert interruptions.differences(one, interruptions.contents(tmp_path / "two")) == [
+        "traces.npz:e0/x"
+    ]
 
 
 def test_processes_that_do_not_end_are_counted_and_killed(monkeypatch):
-    monkeypatch.setattr(interrupt, "GONE", 0.3)
+    monkeypatch.setattr(interruptions, "GONE", 0.3)
     sleeps = "[sys.executable, '-c', 'import time; time.sleep(60)']"
     child = f"import subprocess, sys; subprocess.Popen({sleeps})"
     process = subprocess.Popen([sys.executable, "-c", child], start_new_session=True)
     process.wait()
-    assert interrupt._left_behind(process.pid) == 1
+    assert interruptions._left_behind(process.pid) == 1
     end = time.monotonic() + 5
-    while interrupt._members(process.pid) and time.monotonic() < end:
+    while interruptions._members(process.pid) and time.monotonic() < end:
         time.sleep(0.05)
-    assert interrupt._left_behind(process.pid) == 0
+    assert interruptions._left_behind(process.pid) == 0
 
 
 def test_a_folder_that_is_no_file_system_of_its_own_is_not_filled(tmp_path, capsys):

@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import optimum as command
 from benchmarks.optimal.first_guesses import STEP, timed, ways
 from benchmarks.optimal.minimum_time import MARGINS, signed_distance
 from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
-from benchmarks.optimum import main, quickest
+from benchmarks.optimum import main
+from benchmarks.runs import quickest_drives
 from benchmarks.runs.drive import task_of
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.optima import KIND, optimum_of, read_optima, task_key
+from benchmarks.runs.quickest_drives import quickest
 from benchmarks.runs.settings import Settings
 from predictor.infra.command_line import UsageError
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
@@ -161,7 +162,7 @@ def counted(monkeypatch):
             raise NoTaskError("w-3: no way")
         return result(index, None if index == 2 else 2.0)
 
-    monkeypatch.setattr(command, "optimum", found)
+    monkeypatch.setattr(quickest_drives, "optimum", found)
     return done
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.recording import scored_drive
 from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
 from benchmarks.runs.drive import check_maps, sources
-from predictor.data.drives_config import FAMILIES
+from predictor.data.drives_config import LEARNED
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import commit, machine
 from predictor.infra.errors import LineError
@@ -122,7 +122,7 @@ class Evaluation:
         summaries = {
             group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
         }
-        learned = [group for group in groups if group in FAMILIES]
+        learned = [group for group in groups if group in LEARNED]
         if len(learned) > 1:
             # One family may look like another; what is then true of both is true of neither.
             pooled = {name: Scores() for name in names}

@@ -4,13 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from predictor.mapping.grid import Grid
-from predictor.prediction import Prediction, Predictor
-from sim.world import World
-
 
 @dataclass(frozen=True)
 class Arm:
@@ -56,31 +49,3 @@ ARMS = {
     "oracle": Arm("oracle", None, True, False, "the truth inside the predicted window"),
     "full": Arm("none", 0.0, False, True, "the whole map"),
 }
-
-
-class Oracle:
-    """A predictor that is told the truth: free and occupied, inside the window it is asked for.
-
-    Args:
-        world: the truth.
-    """
-
-    def __init__(self, world: World) -> None:
-        self.world = world
-
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """The truth, with full confidence."""
-        free, surface = self.world.truth(known.frame)
-        return Prediction(
-            known.frame,
-            free.astype(np.float32),
-            surface.astype(np.float32),
-            np.ones(known.frame.shape, dtype=np.float32),
-        )
-
-
-def predictor_for(arm: Arm, chosen: Predictor, world: World) -> Predictor | None:
-    """The predictor that an arm drives with in a world."""
-    if arm.predictor == "oracle":
-        return Oracle(world)
-    return chosen if arm.predictor == "chosen" else None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
-from benchmarks.runs.arms import ARMS, Arm, predictor_for
+from benchmarks.runs.arms import ARMS, Arm
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import VEHICLES, Settings
 from planner.motion.dynamics import CarLimits
@@ -18,16 +18,45 @@ from planner.navigator import Navigator, NavigatorConfig
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit
 from predictor.infra.workers import WorkersError
-from predictor.mapping.grid import OccupancyGrid
-from predictor.prediction import Predictor
+from predictor.mapping.families import FAMILIES
+from predictor.mapping.grid import Grid, OccupancyGrid
+from predictor.prediction import Prediction, Predictor
 from predictor.provenance import fingerprint_of, has_learned
 from predictor.registry import load_predictor
 from sim import CarConfig, DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
-from sim.families import FAMILIES, generate
+from sim.families import generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
-from sim.world import sealed
+from sim.world import World, sealed
+
+
+class Oracle:
+    """A predictor that is told the truth: free and occupied, inside the window it is asked for.
+
+    Args:
+        world: the truth.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+        """The truth, with full confidence."""
+        free, surface = self.world.truth(known.frame)
+        return Prediction(
+            known.frame,
+            free.astype(np.float32),
+            surface.astype(np.float32),
+            np.ones(known.frame.shape, dtype=np.float32),
+        )
+
+
+def predictor_for(arm: Arm, chosen: Predictor, world: World) -> Predictor | None:
+    """The predictor that an arm drives with in a world."""
+    if arm.predictor == "oracle":
+        return Oracle(world)
+    return chosen if arm.predictor == "chosen" else None
 
 
 def sources(names: tuple[str, ...]) -> list[str]:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from tqdm import tqdm
 
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.command_line import UsageError
 from predictor.infra.results_file import COMMANDS, read_results
 from predictor.infra.resumable import refuse_other_settings
+from predictor.infra.workers import LostError, finished
+
+Item = TypeVar("Item", bound=Hashable)
 
 
 def read_drives(path: Path, kind: str) -> dict[str, Any]:
@@ -68,6 +74,46 @@ class DriveFile:
         """
         self.drives[drive["index"]] = drive
         self._write()
+
+    def fill(
+        self,
+        work: Callable[[Item], dict[str, Any] | str],
+        items: Sequence[Item],
+        jobs: int,
+        about: Callable[[dict[str, Any]], str],
+    ) -> dict[Item, str]:
+        """Do the drives that the file lacks, with a progress bar.
+
+        Args:
+            work: does a drive, or says in a line why there is none; see `finished`.
+            items: one for each drive, in the order of their numbers.
+            jobs: worker processes.
+            about: tells of a drive beside the bar.
+
+        Returns:
+            The items without a drive, and why.
+
+        Raises:
+            UsageError: if drives are lost because processes died, or the file cannot be written.
+        """
+        todo = [item for index, item in enumerate(items) if index not in self.drives]
+        skipped = {}
+        with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
+            try:
+                for item, found in finished(work, todo, jobs):
+                    if isinstance(found, str):
+                        skipped[item] = found
+                    else:
+                        self.add(found)
+                        bar.set_postfix_str(about(found))
+                    bar.update()
+            except LostError as error:
+                raise UsageError(f"{error}; the same command tries again") from None
+        return skipped
+
+    def first(self, count: int) -> list[dict[str, Any]]:
+        """Return those of the first drives that are there."""
+        return [self.drives[index] for index in range(count) if index in self.drives]
 
     def _write(self) -> None:
         # A line a drive, so that a change of one is a change of a line.

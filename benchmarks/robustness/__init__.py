@@ -1,0 +1,1 @@
+"""Robustness: hostile predictors, and commands that are interrupted."""

@@ -1,0 +1,114 @@
+"""Drives with hostile predictors, in all families of buildings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchmarks.robustness.hostile_predictors import DEADLINE, KINDS, Hostile
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.drive import car_of, navigator_for, task_of
+from benchmarks.runs.settings import VEHICLES, Settings
+from predictor.infra.environment import commit
+from predictor.infra.markdown import markdown
+from predictor.mapping.families import FAMILIES
+from sim import DubinsCar, Lidar, LidarConfig
+from sim.episode import EpisodeConfig, run_episode
+from sim.task import NoTaskError
+
+RISKS = (0.0, 0.05, 0.2, 0.5, 0.99)
+SPEEDS = (2.0, 4.0, 6.0)
+
+
+def scenario(index: int, seed: int) -> tuple[str, Settings]:
+    """Return the hostile predictor and the settings of a drive."""
+
+    rng = np.random.default_rng([seed, index])
+    # Each kind in each family before any comes again; all else is drawn.
+    kind = list(KINDS)[index % len(KINDS)]
+    family = FAMILIES[(index // len(KINDS) + index) % len(FAMILIES)]
+    settings = Settings(
+        world=(family,),
+        route=str(rng.choice(("free", "fixed"))),
+        episodes=1,
+        seed=seed + index,
+        arms=("predicted",),
+        predictor="none",
+        risk=float(rng.choice(RISKS)),
+        v_max=float(rng.choice(SPEEDS)),
+        vehicle=str(rng.choice(tuple(VEHICLES))),
+    )
+    return kind, settings
+
+
+def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
+    """Drive once with a hostile predictor, and return what goes into the results.
+
+    An exception that reaches this function is its `error`.
+
+    Args:
+        seed: of the first building.
+        seconds: most that the drive lasts in simulated time [s].
+        index: number of the drive.
+    """
+
+    kind, settings = scenario(index, seed)
+    found: dict[str, Any] = {
+        "index": index, "kind": kind, "world": settings.world[0], "seed": settings.seed,
+        "route": settings.route, "vehicle": settings.vehicle, "risk": settings.risk,
+        "v_max": settings.v_max, "commit": commit(),
+    }  # fmt: skip
+    try:
+        task = task_of(settings, 0)
+    except NoTaskError as error:
+        return found | {"outcome": "no task", "error": None, "note": str(error)}
+    driver = navigator_for(
+        settings, ARMS["predicted"], task, Hostile(KINDS[kind]), deadline=DEADLINE
+    )
+    config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
+    rng = np.random.default_rng([task.seed, 2])
+    try:
+        episode = run_episode(
+            task, driver, DubinsCar(car_of(settings)), Lidar(LidarConfig()), config, rng
+        )
+    except Exception as error:
+        # That nothing gets here is what is measured.
+        return found | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
+    return found | {
+        "outcome": str(episode.outcome),
+        "error": None,
+        "time": round(episode.time, 1),
+        "path_length": round(episode.path_length, 2),
+        "max_speed": round(episode.max_speed, 2),
+        "impact_speed": episode.impact_speed,
+        "ticks": len(episode.trace["kept"]),
+        "faults": episode.faults,
+    }
+
+
+def table(found: dict[str, Any]) -> str:
+    """Return the drives of each hostile predictor, their collisions and faults, as Markdown."""
+
+    rows = [["predictor", "drives", "collided", "crashed", "mean speed [m/s]", "faults a drive"]]
+    drives = [d for d in found["drives"] if d["outcome"] != "no task"]
+    for name, mine in [
+        *((kind, [d for d in drives if d["kind"] == kind]) for kind in KINDS),
+        ("all", drives),
+    ]:
+        if not mine:
+            continue
+        whole = [d for d in mine if d["outcome"] != "crashed"]
+        seconds = sum(d["time"] for d in whole)
+        metres = sum(d["path_length"] for d in whole)
+        counted = sum(
+            n for d in whole for fault, n in d["faults"].items() if fault.startswith("predictor")
+        )
+        rows.append([
+            name, str(len(mine)),
+            *(str(sum(d["outcome"] == outcome for d in mine)) for outcome in
+              ("collided", "crashed")),
+            f"{metres / seconds:.2f}" if seconds else "–",
+            f"{counted / max(1, len(whole)):.0f}",
+        ])  # fmt: skip
+    return markdown(rows)

@@ -1,0 +1,118 @@
+"""The quickest drives of a comparison's tasks, with the whole map known."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+from benchmarks.optimal.first_guesses import timed, ways
+from benchmarks.optimal.minimum_time import AROUND, Drive, MinimumTime
+from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
+from benchmarks.runs.drive import task_of
+from benchmarks.runs.settings import Settings
+from predictor.infra.environment import commit
+from sim.car import CarConfig
+from sim.episode import EpisodeConfig
+from sim.task import NoTaskError, Task
+
+TICK, FINE = 0.1, 0.05
+"""Ticks in which drives are looked for, and in which the best is looked at again, about [s]."""
+GENTLE = 0.4
+"""Share of the car's limits that guesses use where those at its limits lead nowhere."""
+ITERATIONS = 150
+"""Of the solver from one guess, at most; twice that from a gentle one."""
+
+
+def quickest(task: Task, car: CarConfig, goal_radius: float) -> tuple[Drive | None, int]:
+    """Search for the quickest drive of a task.
+
+    Args:
+        task: world, start and goal.
+        car: limits and body.
+        goal_radius: how near the goal a drive ends [m].
+
+    Returns:
+        The drive, or None if none was found, and the number of first guesses.
+    """
+
+    known = list(ways(task, car, goal_radius))
+    if not known:
+        return None, 0
+    points = np.vstack([task.start[:2], task.goal, *(way for _, way in known)])
+    box = np.stack([points.min(axis=0) - AROUND, points.max(axis=0) + AROUND])
+    problem, tried = MinimumTime(task, car, goal_radius, box), 0
+    for share, iterations in ((1.0, ITERATIONS), (GENTLE, 2 * ITERATIONS)):
+        guesses = [timed(name, way, task.start[2], car, TICK, share) for name, way in known]
+        drives = [problem.solve(guess, iterations) for guess in guesses]
+        tried += len(guesses)
+        valid = [drive for drive in drives if drive.valid]
+        if valid:
+            best = min(valid, key=lambda drive: drive.time)
+            return _finer(problem, best), tried
+    return None, tried
+
+
+def _finer(problem: MinimumTime, drive: Drive) -> Drive:
+    """Return the same drive in finer ticks, where that is quicker."""
+    # An even number, so that every other state can be kept.
+    fine = problem.solve(drive.resampled(2 * math.ceil(drive.time / FINE / 2)), ITERATIONS, 1e-3)
+    return fine if fine.valid and fine.time < drive.time else drive
+
+
+def optimum(settings: Settings, index: int) -> dict[str, Any]:
+    """Return what the file of optima holds of an episode.
+
+    Raises:
+        NoTaskError: if the world has no drive of the length wanted.
+    """
+
+    started = time.perf_counter()
+    task, car, radius = (
+        task_of(settings, index),
+        CarConfig(settings.v_max),
+        EpisodeConfig().goal_radius,
+    )
+    shortest = bound = None
+    try:
+        way = shortest_way(task.world, task.start[:2], task.goal, car.body.half_width)
+        shortest = round(way_length(way), 4)
+        bound = round(time_bound(shortest, car, radius), 4)
+    except NoWayError:
+        # Of a gap that only the body's long side shows to be wide enough.
+        pass
+    drive, tried = quickest(task, car, radius)
+    result = {
+        "index": index,
+        "world": task.world.name,
+        "seed": task.seed,
+        "start": [float(v) for v in task.start],
+        "goal": [float(v) for v in task.goal],
+        "t_opt": None,
+        "t_bound": bound,
+        "shortest": shortest,
+        "guesses": tried,
+        "commit": commit(),
+    }
+    if drive is not None:
+        stride = 2 if len(drive.controls) % 2 == 0 else 1
+        result |= {
+            "t_opt": round(drive.time, 4),
+            "guess": drive.name,
+            "status": drive.status,
+            "dt": round(drive.dt, 6),
+            "every": stride,
+            "states": [[round(float(v), 3) for v in state] for state in drive.states[::stride]],
+        }
+    return result | {"wall": round(time.perf_counter() - started, 2)}
+
+
+def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
+    """Return `optimum`, or a line why the episode has no drive."""
+
+    try:
+        return optimum(settings, index)
+    except NoTaskError as error:
+        return str(error)

@@ -1,0 +1,93 @@
+"""Settings whose fields are command-line options: one place for default, limits and help."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, Self
+
+from predictor.infra.command_line import UsageError
+
+
+def option(
+    default: Any,
+    help: str,
+    metavar: str | None = None,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] | None = None,
+    parse: Callable[[str], Any] | None = None,
+) -> Any:
+    """Return a field of `Options`.
+
+    Args:
+        default: a bool makes a flag, a tuple an option of one or more words.
+        help: says what it is, to a reader of --help and of the code.
+        metavar: stands for the value in the help.
+        low: least number.
+        high: greatest number.
+        choices: words that are allowed.
+        parse: turns one word into the value; by default the type of the default does.
+    """
+    told = {"help": help, "metavar": metavar, "choices": choices, "parse": parse}
+    return field(default=default, metadata=told | {"low": low, "high": high})
+
+
+@dataclass(frozen=True)
+class Options:
+    """The base of settings that a command line gives; fields without `option` are no options.
+
+    Raises:
+        UsageError: if a number is out of its limits, or a word none of the choices.
+    """
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            low, high = one.metadata.get("low"), one.metadata.get("high")
+            value, choices = getattr(self, one.name), one.metadata.get("choices")
+            if low is not None and not low <= value <= high:
+                raise UsageError(f"{_flag(one)} is {value}, it must lie between {low} and {high}")
+            if choices and not set(value if isinstance(value, tuple) else (value,)) <= set(choices):
+                raise UsageError(f"{_flag(one)} is {value}, it must be of {', '.join(choices)}")
+
+    @classmethod
+    def add_to(cls, parser: argparse._ActionsContainer, *names: str) -> None:
+        """Add the options to a parser or to a group of one.
+
+        Args:
+            parser: to which they are added.
+            names: of the fields; all if there are none.
+        """
+        for one in fields(cls):
+            if "help" in one.metadata and (not names or one.name in names):
+                _add(parser, one)
+
+    @classmethod
+    def of(cls, args: argparse.Namespace) -> Self:
+        """Return the settings that the arguments of a command line give."""
+        given = {f.name: getattr(args, f.name) for f in fields(cls) if hasattr(args, f.name)}
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
+
+
+def _add(parser: argparse._ActionsContainer, one: Field[Any]) -> None:
+    told, default = one.metadata, one.default
+    if isinstance(default, bool):
+        parser.add_argument(_flag(one), action="store_true", help=told["help"])
+        return
+    many = isinstance(default, tuple) and told["parse"] is None
+    words = (" " if many else ",").join(default) if isinstance(default, tuple) else default
+    parser.add_argument(
+        _flag(one),
+        default=default,
+        type=told["parse"] or (str if many else type(default)),
+        nargs="+" if many else None,
+        metavar=told["metavar"],
+        choices=told["choices"],
+        help=told["help"] if default is None else f"{told['help']} (default: {words})",
+    )
+
+
+def _flag(one: Field[Any]) -> str:
+    return "--" + one.name.replace("_", "-")

@@ -1,0 +1,3 @@
+"""Names of the families of generated buildings; `sim.families.generate` draws them."""
+
+FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
