@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
-from predictor.infra.markdown import markdown
+from predictor.infra.command_line import OneLineParser, UsageError, run_command
+from predictor.infra.options import Options, option
 
 if TYPE_CHECKING:
     from argparse import Namespace
@@ -38,11 +39,11 @@ HALLS, HALL_TICKS = 20, 100
 """Drives of each solver of the MPC's problem, and how long they are."""
 
 
-def parts(args: Namespace, report: Callable[[str], None]) -> list[Part]:
-    """All that is measured, in order; names are group/name.
+def parts(args: StageSettings, report: Callable[[str], None]) -> list[Part]:
+    """Return all that is measured, in order; names are group/name.
 
     Args:
-        args: of the command line.
+        args: settings of the run.
         report: told what is being measured.
     """
     from benchmarks.timing import growth, rates, throughput
@@ -90,54 +91,35 @@ def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
     return found
 
 
-def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
-    """The stages of each arm, in Markdown."""
-    rows = [["arm", "stage", "median [ms]", "p95 [ms]", "p99 [ms]", "threads", "samples"]]
-    for arm, of_arm in stages.items():
-        for name, s in of_arm.items():
-            numbers = [f"{s[key]:.2f}" for key in ("median_ms", "p95_ms", "p99_ms")]
-            rows.append([f"`{arm}`", name, *numbers, str(s["threads"]), str(s["samples"])])
-    return markdown(rows)
+@dataclass(frozen=True)
+class StageSettings(Options):
+    """What is measured, but for code and machine."""
 
-
-def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
-    """The peers of each stage, in Markdown; nothing where there are none."""
-    if not found:
-        return ""
-    rows = [["stage", "program", "median [ms]", "mean [ms]", "p99 [ms]", "times ours",
-             "cost of the posts", "cost above ours", "hits", "failures"]]  # fmt: skip
-    form = {"median_ms": ".3f", "mean_ms": ".3f", "p99_ms": ".3f", "ratio": ".2f", "excess": ".2f",
-            "dearer_percent": "+.3f", "hits": ".0f", "failures": ".0f"}  # fmt: skip
-    dearer = list(form).index("dearer_percent")
-    for stage, of_stage in found.items():
-        for name, s in of_stage.items():
-            cells = [format(s[key], f) if key in s else "" for key, f in form.items()]
-            if "dearer_low" in s:
-                cells[dearer] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
-            cells[dearer] += " %" if cells[dearer] else ""
-            rows.append([stage, name, *cells])
-    return markdown(rows)
-
-
-def measures_table(found: dict[str, dict[str, Any]]) -> str:
-    """What the kernels and a study's processes get done, in Markdown; nothing for nothing."""
-    if not found:
-        return ""
-    rows = [["measure", "value", "p99", "unit", "samples"]]
-    for name, m in found.items():
-        value = f"{m['value']:.4g}"
-        if "low" in m:
-            value += f" ({m['low']:.4g} to {m['high']:.4g})"
-        rows.append([name, value, f"{m['p99']:.4g}" if "p99" in m else "", m["unit"],
-                     str(m["samples"])])  # fmt: skip
-    return markdown(rows)
-
-
-def tables(results: dict[str, Any]) -> str:
-    """All of a results.json that is told in tables, in Markdown."""
-    each = [table(results["arms"]), f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
-            measures_table(results.get("measures", {})), peers_table(results["peers"])]  # fmt: skip
-    return "\n\n".join(part for part in each if part)
+    drives: int = option(
+        4, "number of drives of each arm that time its stages", "N", low=1, high=10**6
+    )
+    episodes: int = option(
+        6,
+        "number of tasks that the default arms drive, with one process and then with two, for the "
+        "throughput",
+        "N",
+        low=1,
+        high=10**6,
+    )
+    memory: int = option(
+        12,
+        "number of drives of one process after each of which its memory is read; 1000 take about "
+        "40 minutes",
+        "N",
+        low=6,
+        high=10**6,
+    )
+    seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
+    peers: bool = option(
+        False,
+        "also time the programs that one would use instead: pip install 'foresee[peers]'; takes "
+        "some minutes, most of them for compiling",
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -151,27 +133,10 @@ def main(argv: list[str] | None = None) -> int:
         "measured by other code, on another machine, with other packages or other settings is "
         "measured anew.",
     )
-    add = parser.add_argument
-    add(
-        "--out",
-        type=Path,
-        default=Path("results/stages"),
-        metavar="DIR",
-        help="results.json, growth.png, and the parts they are made of (default: %(default)s)",
-    )
-    add("--drives", type=between(1, 10**6), default=4, metavar="N",
-        help="drives of each arm that time its stages (default: %(default)s)")  # fmt: skip
-    add("--episodes", type=between(1, 10**6), default=6, metavar="N",
-        help="episodes of the default arms, driven by one process and then by two, for the "
-        "throughput (default: %(default)s)")  # fmt: skip
-    add("--memory", type=between(6, 10**6), default=12, metavar="N",
-        help="drives of one process after each of which its memory is read; 1000 take about 40 "
-        "minutes (default: %(default)s)")  # fmt: skip
-    add("--seed", type=between(0, 2**31), default=0, metavar="N",
-        help="seed of the first drive (default: %(default)s)")  # fmt: skip
-    add("--peers", action="store_true",
-        help="also time the programs that one would use instead: pip install 'foresee[peers]'; "
-        "takes some minutes, most of them for compiling")  # fmt: skip
+    StageSettings.add_to(parser)
+    parser.add_argument("--out", type=Path, default=Path("results/stages"), metavar="DIR",
+                        help="folder of results.json, growth.png, and the parts they are made of "
+                        "(default: %(default)s)")  # fmt: skip
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
@@ -188,7 +153,8 @@ def _ask_for(modules: Iterable[str]) -> None:
 
 
 def _run(args: Namespace) -> None:
-    if args.peers:
+    settings = StageSettings.of(args)
+    if settings.peers:
         _ask_for(PEERS)
     # Before numpy is there, and whatever the user's environment says.
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
@@ -197,6 +163,7 @@ def _run(args: Namespace) -> None:
 
     from benchmarks.timing.growth import draw
     from benchmarks.timing.parts import RUNTIME, Parts, installed
+    from benchmarks.timing.tables import tables
     from predictor.infra.environment import commit, machine
     from predictor.infra.results_file import write_results
 
@@ -204,7 +171,7 @@ def _run(args: Namespace) -> None:
     kept = Parts(args.out / "parts")
     found: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
     with tqdm(unit="part", smoothing=0.0) as bar:
-        todo = parts(args, lambda what: bar.set_postfix_str(what))
+        todo = parts(settings, lambda what: bar.set_postfix_str(what))
         bar.reset(len(todo))
         for part in todo:
             group, name = part.name.split("/", 1)
@@ -217,10 +184,10 @@ def _run(args: Namespace) -> None:
             bar.set_postfix_str("")
             bar.update()
     here = machine()
-    here["packages"] |= installed([RUNTIME, *(PEERS.values() if args.peers else ())])
+    here["packages"] |= installed([RUNTIME, *(PEERS.values() if settings.peers else ())])
     results = {
-        "machine": here, "commit": commit(), "threads": THREADS, "drives": args.drives,
-        "seed": args.seed, "stages": found["arms"]["predicted"],
+        "machine": here, "commit": commit(), "threads": THREADS, "drives": settings.drives,
+        "seed": settings.seed, "stages": found["arms"]["predicted"],
         "peak_memory_mib": found["measures"]["worker, peak memory"]["value"], **found,
     }  # fmt: skip
     write_results(args.out / "results.json", "stages", results)

@@ -26,7 +26,7 @@ TABLES = {
     "interrupt": "benchmarks.robustness.interruptions:table",
     "stuck": "benchmarks.stuck:table",
     "weave": "benchmarks.weave:table",
-    "stages": "benchmarks.stages:tables",
+    "stages": "benchmarks.timing.tables:tables",
     "prediction": "benchmarks.prediction.tables:tables_of",
     "evaluation": "benchmarks.recording.evaluation:table",
 }

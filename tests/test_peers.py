@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from benchmarks.runs.drive import task_in
-from benchmarks.stages import peers_table
 from benchmarks.timing import hall, peers, peers_mpc
 from benchmarks.timing.hall_problem import Problem
 from benchmarks.timing.peers_casadi import general
 from benchmarks.timing.sized_maps import along
+from benchmarks.timing.tables import peers_table
 from planner.mpc import condense
 from planner.mpc.mpc import MPC
 from planner.navigator import AFRESH

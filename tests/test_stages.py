@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from benchmarks import stages
-from benchmarks.stages import main, measures_table, table
+from benchmarks.stages import main
 from benchmarks.tables import main as show
 from benchmarks.timing import growth, rates, throughput, timing
 from benchmarks.timing import sized_maps as places
+from benchmarks.timing.tables import measures_table, table
 from benchmarks.timing.timing import spread, timed
 
 

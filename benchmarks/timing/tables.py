@@ -1,0 +1,57 @@
+"""The tables of `benchmarks.stages`, in Markdown."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from predictor.infra.markdown import markdown
+
+
+def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
+    """Return the times of each arm's stages."""
+    rows = [["arm", "stage", "median [ms]", "p95 [ms]", "p99 [ms]", "threads", "samples"]]
+    for arm, of_arm in stages.items():
+        for name, s in of_arm.items():
+            numbers = [f"{s[key]:.2f}" for key in ("median_ms", "p95_ms", "p99_ms")]
+            rows.append([f"`{arm}`", name, *numbers, str(s["threads"]), str(s["samples"])])
+    return markdown(rows)
+
+
+def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
+    """Return the times of other programs beside each stage; "" if none was measured."""
+    if not found:
+        return ""
+    rows = [["stage", "program", "median [ms]", "mean [ms]", "p99 [ms]", "times ours",
+             "cost of the posts", "cost above ours", "hits", "failures"]]  # fmt: skip
+    form = {"median_ms": ".3f", "mean_ms": ".3f", "p99_ms": ".3f", "ratio": ".2f", "excess": ".2f",
+            "dearer_percent": "+.3f", "hits": ".0f", "failures": ".0f"}  # fmt: skip
+    dearer = list(form).index("dearer_percent")
+    for stage, of_stage in found.items():
+        for name, s in of_stage.items():
+            cells = [format(s[key], f) if key in s else "" for key, f in form.items()]
+            if "dearer_low" in s:
+                cells[dearer] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
+            cells[dearer] += " %" if cells[dearer] else ""
+            rows.append([stage, name, *cells])
+    return markdown(rows)
+
+
+def measures_table(found: dict[str, dict[str, Any]]) -> str:
+    """Return the throughput of kernels and of whole drives; "" if none was measured."""
+    if not found:
+        return ""
+    rows = [["measure", "value", "p99", "unit", "samples"]]
+    for name, m in found.items():
+        value = f"{m['value']:.4g}"
+        if "low" in m:
+            value += f" ({m['low']:.4g} to {m['high']:.4g})"
+        rows.append([name, value, f"{m['p99']:.4g}" if "p99" in m else "", m["unit"],
+                     str(m["samples"])])  # fmt: skip
+    return markdown(rows)
+
+
+def tables(results: dict[str, Any]) -> str:
+    """Return all tables of a results.json."""
+    each = [table(results["arms"]), f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
+            measures_table(results.get("measures", {})), peers_table(results["peers"])]  # fmt: skip
+    return "\n\n".join(part for part in each if part)
