@@ -44,11 +44,11 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
 def _run(settings: Settings, out: Path, jobs: int) -> int:
     from benchmarks.runs.drive import check_maps
     from benchmarks.runs.quickest_drives import attempt
-    from sim.car import CarConfig
+    from predictor.mapping.car_limits import CarLimits
     from sim.episode import EpisodeConfig
 
     check_maps(settings.world)
-    car = dataclasses.asdict(CarConfig(v_max=settings.v_max))
+    car = dataclasses.asdict(CarLimits(v_max=settings.v_max))
     wanted = {"world": list(settings.world), "episodes": settings.episodes, "seed": settings.seed}
     wanted |= car | {"goal_radius": EpisodeConfig().goal_radius}
     store = DriveFile(out, KIND, wanted, grows="episodes")

@@ -84,14 +84,14 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     Raises:
         RunError: if the run is damaged.
     """
-    from sim.car import CarConfig
+    from predictor.mapping.car_limits import CarLimits
     from sim.task import reachable
     from sim.world import World
 
     index, arm = episode.index, episode.arm
     world = World(episode.world, run.truth(index))
     states = run.trace(index, arm).states
-    car, goal = CarConfig(v_max=run.setting("v_max", 4.0)), np.array(episode.goal)
+    car, goal = CarLimits(v_max=run.setting("v_max", 4.0)), np.array(episode.goal)
     # Standing still is no way back.
     moved = np.flatnonzero(states[:, 3] > 0)
     end = min(int(moved[-1]) + 1, len(states) - 1) if len(moved) else 0

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.guide import Guide, GuideConfig
-from planner.motion.dynamics import CarLimits
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.guess import pursue, shifted
@@ -22,7 +21,7 @@ from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
 from planner.safety.speed_limits import Limit, what_limits
 from planner.safety.sweep import swept_cells
-from predictor.mapping.finite import check_finite
+from predictor.mapping.car_limits import CarLimits, check_finite
 from predictor.mapping.grid import Grid, OccupancyGrid
 from predictor.mapping.scan import Scan
 from predictor.prediction import BadPredictionError, Prediction, Predictor

@@ -1,6 +1,6 @@
 """The world that the robot drives in: maps, generated buildings, the LIDAR, the car, the task."""
 
-from sim.car import CarConfig, DubinsCar, PaperCar, collides
+from sim.car import DubinsCar, PaperCar, collides
 from sim.families import empty_straight, generate
 from sim.lidar import Lidar, LidarConfig, cast_rays
 from sim.map_server import MapError, load_world, save_world
@@ -8,7 +8,6 @@ from sim.task import NoTaskError, Task, sample_task
 from sim.world import World
 
 __all__ = [
-    "CarConfig",
     "DubinsCar",
     "Lidar",
     "LidarConfig",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from predictor.mapping.body import Body, first_contact
-from predictor.mapping.finite import check_finite
+from predictor.mapping.car_limits import CarLimits
 from sim.world import World
 
 SPACING = 0.2
@@ -17,40 +16,6 @@ SPACING = 0.2
 
 REST = 1e-6
 """A car slower than this stands: braking may leave a rounding error of its speed [m/s]."""
-
-
-@dataclass(frozen=True)
-class CarConfig:
-    """A fast indoor robot; by default it has no reverse gear.
-
-    Attributes:
-        v_max: top speed [m/s].
-        acceleration: hardest speeding up [m/s²].
-        braking: hardest slowing down [m/s²].
-        lateral_acceleration: hardest cornering, v²·κ [m/s²].
-        turning_radius: of the tightest arc [m].
-        body: the rectangle around (x, y).
-        reverse: top speed in reverse [m/s]; 0: no reverse gear.
-    """
-
-    v_max: float = 4.0
-    acceleration: float = 1.5
-    braking: float = 1.5
-    lateral_acceleration: float = 3.0
-    turning_radius: float = 0.8
-    body: Body = field(default_factory=Body)
-    reverse: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_finite(
-            self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
-        )
-        check_finite(self, "reverse", zero=True)
-
-    @property
-    def max_curvature(self) -> float:
-        """Curvature of the tightest arc [1/m]."""
-        return 1.0 / self.turning_radius
 
 
 class DubinsCar:
@@ -62,11 +27,11 @@ class DubinsCar:
     positive values raise |v|, negative ones brake to standstill and never beyond.
 
     Args:
-        config: the car's limits.
+        limits: what the car can do.
     """
 
-    def __init__(self, config: CarConfig | None = None) -> None:
-        self.config = config or CarConfig()
+    def __init__(self, limits: CarLimits | None = None) -> None:
+        self.limits = limits or CarLimits()
 
     def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
         """The state (4,) after `dt` [s] of constant control, (2,) or (3,).
@@ -95,7 +60,7 @@ class DubinsCar:
             raise ValueError(f"spacing is {spacing} m, it must be positive")
         x, y, yaw, length, _, curvature = self._arc(state, control, dt)
         # A point of the body moves at most (1 + |κ|·radius) times as far as its centre.
-        swept = abs(length) * (1.0 + abs(curvature) * self.config.body.radius)
+        swept = abs(length) * (1.0 + abs(curvature) * self.limits.body.radius)
         count = max(1, math.ceil(swept / spacing))
         steps = (length * i / count for i in range(1, count + 1))
         return np.array([along_arc(x, y, yaw, curvature, s) for s in steps])
@@ -104,7 +69,7 @@ class DubinsCar:
         """Whether the body meets something solid anywhere along a step."""
         spacing = SPACING * world.grid.frame.resolution
         poses = self.motion(state, control, dt, spacing)
-        return collides(world, poses, self.config.body, spacing)
+        return collides(world, poses, self.limits.body, spacing)
 
     def _arc(
         self, state: ArrayLike, control: ArrayLike, dt: float
@@ -116,15 +81,15 @@ class DubinsCar:
             raise ValueError(f"state {state!r}, control {control!r}, dt {dt} must be finite")
         if dt < 0:
             raise ValueError(f"dt {dt} s may not be negative")
-        config = self.config
+        limits = self.limits
         gear = self._gear(v, *rest)
-        acceleration = min(max(acceleration, -config.braking), config.acceleration)
-        top = config.v_max if gear > 0 else config.reverse
+        acceleration = min(max(acceleration, -limits.braking), limits.acceleration)
+        top = limits.v_max if gear > 0 else limits.reverse
         length, end_speed = travel(abs(v), acceleration, dt, top)
         fastest = max(abs(v), end_speed)
-        tightest = config.max_curvature
-        if tightest * fastest**2 > config.lateral_acceleration:
-            tightest = config.lateral_acceleration / fastest**2
+        tightest = limits.max_curvature
+        if tightest * fastest**2 > limits.lateral_acceleration:
+            tightest = limits.lateral_acceleration / fastest**2
         curvature = min(max(curvature, -tightest), tightest)
         # Adding 0 turns a negative zero, the speed after braking in reverse, into a plain one.
         return x, y, yaw, gear * length, gear * end_speed + 0.0, curvature
@@ -133,7 +98,7 @@ class DubinsCar:
         """The gear of a step: that of the motion, or at standstill the one asked for."""
         if asked not in (1.0, -1.0):
             raise ValueError(f"gear is {asked}, it must be 1 or -1")
-        if self.config.reverse == 0 and (asked < 0 or v < 0):
+        if self.limits.reverse == 0 and (asked < 0 or v < 0):
             what = f"speed {v} m/s is negative" if v < 0 else "gear is -1"
             raise ValueError(f"{what}, but the car has no reverse gear")
         return asked if abs(v) < REST else math.copysign(1.0, v)

@@ -123,7 +123,7 @@ def run_episode(
     """
     world = task.world
     state = np.array([*task.start, 0.0])
-    limit_time = config.timeout * task.path_length / car.config.v_max
+    limit_time = config.timeout * task.path_length / car.limits.v_max
     ticks_for_stuck = round(config.stuck_time / config.dt)
     log = _Log(world.grid.frame.shape)
     states = [state]
@@ -173,7 +173,7 @@ def run_episode(
 
 def _clearance(task: Task, drive: NDArray[np.float64], car: DubinsCar) -> float:
     """Least distance from the body's outline to a solid cell [m], 0 where they overlap."""
-    body, frame = car.config.body, task.world.grid.frame
+    body, frame = car.limits.body, task.world.grid.frame
     along = np.linspace(-body.half_length, body.half_length, 11)
     across = np.linspace(-body.half_width, body.half_width, 7)
     outline = np.array(

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from predictor.infra.errors import LineError
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
-from sim.car import CarConfig, wrap
+from sim.car import wrap
 from sim.lattice import HEADINGS, body_circles, explore
 from sim.lidar import cast_rays
 from sim.world import World
@@ -77,7 +78,7 @@ class NoTaskError(LineError):
 def sample_task(
     world: World,
     seed: int,
-    car: CarConfig | None = None,
+    car: CarLimits | None = None,
     min_length: float = 20.0,
     max_length: float = 80.0,
 ) -> Task:
@@ -101,7 +102,7 @@ def sample_task(
     if not 0 <= min_length <= max_length < math.inf:
         raise ValueError(f"lengths are {min_length} to {max_length} m, they must satisfy 0 <= "
                          "min_length <= max_length")  # fmt: skip
-    car = car or CarConfig()
+    car = car or CarLimits()
     rng = np.random.default_rng(seed)
     frame = world.grid.frame
     roomy = _roomy(world, car)
@@ -134,7 +135,7 @@ def sample_task(
     )
 
 
-def prolonged(task: Task, length: float, car: CarConfig | None = None) -> Task:
+def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
     """The same drive with more goals after its own, until its way is long enough.
 
     Each goal is drawn from the far part of what can be reached from the one before, and from where
@@ -149,7 +150,7 @@ def prolonged(task: Task, length: float, car: CarConfig | None = None) -> Task:
     Raises:
         NoTaskError: if it leads to where the car cannot go on.
     """
-    car = car or CarConfig()
+    car = car or CarLimits()
     rng = np.random.default_rng([task.seed, 1])
     roomy = _roomy(task.world, car)
     points, driven = np.vstack([task.start[:2], task.waypoints]), task.path_length
@@ -172,7 +173,7 @@ def prolonged(task: Task, length: float, car: CarConfig | None = None) -> Task:
 
 
 def reachable(
-    world: World, pose: tuple[float, float, float], car: CarConfig, longest: float
+    world: World, pose: tuple[float, float, float], car: CarLimits, longest: float
 ) -> NDArray[np.float64]:
     """Return poses that a car without a reverse gear gets to, (n, 3) [m, m, rad].
 
@@ -185,7 +186,7 @@ def reachable(
     return _ways(world, pose, car, _roomy(world, car), longest)[0]
 
 
-def _roomy(world: World, car: CarConfig) -> NDArray[np.bool_]:
+def _roomy(world: World, car: CarLimits) -> NDArray[np.bool_]:
     """Where a drive may begin and end, (rows, columns)."""
     # A cell's clearance runs from centre to centre: a diagonal's worth is not there.
     lost = math.sqrt(2.0) * world.grid.frame.resolution
@@ -195,7 +196,7 @@ def _roomy(world: World, car: CarConfig) -> NDArray[np.bool_]:
 def _ways(
     world: World,
     start: tuple[float, float, float],
-    car: CarConfig,
+    car: CarLimits,
     roomy: NDArray[np.bool_],
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:

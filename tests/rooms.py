@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from planner.motion.dynamics import CarLimits
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
 from predictor import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid
 from predictor.mapping.body import first_contact
+from predictor.mapping.car_limits import CarLimits
 from sim.world import World
 
 CAR = CarLimits()

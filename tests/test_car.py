@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from predictor.mapping.body import Body
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from sim.car import CarConfig, DubinsCar, PaperCar, collides
+from sim.car import DubinsCar, PaperCar, collides
 from sim.lidar import Lidar, LidarConfig
 from sim.world import World
 
 CAR = DubinsCar()
-TWO_GEARS = DubinsCar(CarConfig(reverse=0.5))
+TWO_GEARS = DubinsCar(CarLimits(reverse=0.5))
 state = st.tuples(
     st.floats(-50, 50), st.floats(-50, 50), st.floats(-math.pi, math.pi), st.floats(0, 4)
 )
@@ -34,7 +35,7 @@ def walled(size: int = 80) -> World:
 @given(state, control, interval)
 def test_speed_stays_between_zero_and_v_max(state, control, dt):
     v = CAR.step(state, control, dt)[3]
-    assert 0 <= v <= CAR.config.v_max + 1e-12
+    assert 0 <= v <= CAR.limits.v_max + 1e-12
 
 
 @given(state, control, interval)
@@ -46,7 +47,7 @@ def test_yaw_stays_in_its_half_open_circle(state, control, dt):
 def test_the_limits_of_acceleration_and_of_cornering_hold(state, control, dt):
     x, y, yaw, v = state
     end = CAR.step(state, control, dt)
-    config = CAR.config
+    config = CAR.limits
     assert -config.braking * dt - 1e-9 <= end[3] - v <= config.acceleration * dt + 1e-9
     poses = CAR.motion(state, control, dt, 0.05)
     length = math.hypot(end[0] - x, end[1] - y)
@@ -73,7 +74,7 @@ def test_the_closed_form_is_the_limit_of_small_euler_steps(state, control, dt):
     end = CAR.step(state, control, dt)
     # What the limits leave of the control, read back from a short arc.
     v_top = max(state[3], end[3])
-    tightest = min(CAR.config.max_curvature, 3.0 / max(v_top, 1e-9) ** 2)
+    tightest = min(CAR.limits.max_curvature, 3.0 / max(v_top, 1e-9) ** 2)
     kappa = float(np.clip(control[1], -tightest, tightest))
     a = float(np.clip(control[0], -1.5, 1.5))
     x, y, yaw, v = state
@@ -90,7 +91,7 @@ def test_the_closed_form_is_the_limit_of_small_euler_steps(state, control, dt):
 
 def test_full_lock_drives_a_circle_of_the_turning_radius():
     state = np.array([0.0, 0.0, 0.0, 1.0])
-    circumference = 2 * math.pi * CAR.config.turning_radius
+    circumference = 2 * math.pi * CAR.limits.turning_radius
     poses = CAR.motion(state, (0.0, 99.0), circumference, 0.01)
     radii = np.hypot(poses[:, 0], poses[:, 1] - 0.8)
     assert np.allclose(radii, 0.8, atol=1e-12)
@@ -108,7 +109,7 @@ def test_a_braking_car_stops_within_its_stopping_distance_and_stays():
 @settings(max_examples=50)
 def test_no_corner_moves_further_than_the_spacing(state, control, dt, spacing):
     poses = np.vstack([state[:3], CAR.motion(state, control, dt, spacing)])
-    body = CAR.config.body
+    body = CAR.limits.body
     corners = np.array([[sx * body.half_length, sy * body.half_width]
                         for sx in (-1, 1) for sy in (-1, 1)])  # fmt: skip
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
@@ -129,9 +130,9 @@ def test_a_reverse_gear_changes_nothing_about_driving_forwards(state, control, d
 @given(state, control, interval)
 def test_driving_backwards_mirrors_driving_forwards(state, control, dt):
     # The same drive seen by someone who faces the other way: left and right change places.
-    slow = DubinsCar(CarConfig(v_max=TWO_GEARS.config.reverse))
+    slow = DubinsCar(CarLimits(v_max=TWO_GEARS.limits.reverse))
     x, y, yaw, v = state
-    v = min(v, slow.config.v_max)
+    v = min(v, slow.limits.v_max)
     back = TWO_GEARS.step((x, y, yaw, -v), (*control, -1), dt)
     faced = slow.step((x, y, yaw + math.pi, v), (control[0], -control[1]), dt)
     assert same_pose(back, faced + np.array([0, 0, math.pi, 0]))
@@ -226,9 +227,9 @@ def test_misuse_says_what_is_wrong():
     with pytest.raises(ValueError, match="spacing"):
         CAR.motion((0, 0, 0, 1), (0, 0), 0.1, 0.0)
     with pytest.raises(ValueError, match="braking"):
-        CarConfig(braking=0)
+        CarLimits(braking=0)
     with pytest.raises(ValueError, match="reverse"):
-        CarConfig(reverse=-0.5)
+        CarLimits(reverse=-0.5)
     for gear in (0, 2, math.nan):
         with pytest.raises(ValueError, match="gear is"):
             TWO_GEARS.step((0, 0, 0, 0), (0, 0, gear), 0.1)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from planner.motion.dynamics import CarLimits
 from planner.motion.plan import Plan
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from predictor import FREE, OCCUPIED, Grid, GridFrame
+from predictor.mapping.car_limits import CarLimits
 
 CAR, DT = CarLimits(), 0.1
 CHECKER = CollisionChecker(CAR, DT)

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from planner.motion.contact import first_free, first_meeting, leads_on, swerves
-from planner.motion.dynamics import CarLimits, rollout, swept
+from planner.motion.dynamics import rollout, swept
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, Prediction
 from predictor.mapping.body import first_contact
+from predictor.mapping.car_limits import CarLimits
 
 CAR = CarLimits()
 DRIVING = (0.1, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration,

@@ -22,7 +22,8 @@ from benchmarks.runs.store import Store
 from predictor import PredictorError
 from predictor.infra import resumable
 from predictor.infra.workers import LostError
-from sim import CarConfig, empty_straight, save_world
+from predictor.mapping.car_limits import CarLimits
+from sim import empty_straight, save_world
 from sim.map_server import MapError
 
 SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
@@ -125,7 +126,7 @@ def test_a_drive_is_scored_by_the_shortest_way_of_its_task(narrow):
 
 
 def test_a_drive_that_does_not_arrive_scores_nothing():
-    car = CarConfig()
+    car = CarLimits()
     scores = {outcome: score(outcome, 20.0, 60.0, 50.0, car) for outcome in OUTCOMES}
     assert {outcome for outcome, of in scores.items() if of["sct"] == 0.0} == OUTCOMES - {"reached"}
     assert scores["reached"]["sct"] == pytest.approx(scores["stuck"]["t_bound"] / 20.0)

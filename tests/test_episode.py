@@ -9,7 +9,8 @@ from short_drive import LIDAR, straight
 from planner.risk.risk_map import RiskMap
 from planner.safety.speed_limits import Limit
 from predictor import OccupancyGrid
-from sim import CarConfig, DubinsCar
+from predictor.mapping.car_limits import CarLimits
+from sim import DubinsCar
 from sim.episode import EpisodeConfig, Outcome, run_episode
 
 TICKS = (12, 8, 8, 4)
@@ -44,8 +45,8 @@ class Shunter:
 
 def drive(controls, seconds=10.0):
     task = straight()
-    car = DubinsCar(CarConfig(reverse=0.5))
-    config = EpisodeConfig(timeout=seconds * car.config.v_max / task.path_length)
+    car = DubinsCar(CarLimits(reverse=0.5))
+    config = EpisodeConfig(timeout=seconds * car.limits.v_max / task.path_length)
     return run_episode(task, Shunter(task, controls), car, LIDAR, config, np.random.default_rng(0))
 
 

@@ -17,7 +17,8 @@ from benchmarks.runs.arms import ARMS
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RunError
 from planner.safety.speed_limits import Limit
-from sim.car import CarConfig, DubinsCar
+from predictor.mapping.car_limits import CarLimits
+from sim.car import DubinsCar
 
 TICKS = 12
 FIGURES = ["moment.png", "speed_profile.png", "trajectories.png"]
@@ -303,7 +304,7 @@ def test_bad_arguments_end_with_status_2_and_one_line(tmp_path, capsys, extra):
 
 
 def test_a_plan_rolls_out_as_the_car_drives():
-    car, dt = DubinsCar(CarConfig(reverse=4.0)), 0.1
+    car, dt = DubinsCar(CarLimits(reverse=4.0)), 0.1
     controls = np.random.default_rng(0).uniform([-1.0, -0.3], [0.5, 0.3], (20, 2))
     for speed, gear in ((2.5, 1), (2.5, -1), (-2.5, 1), (0.0, -1)):
         state = np.array([1.0, -2.0, 3.0, speed])

@@ -24,7 +24,7 @@ def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
     plain = tmp_path / "predictor" / "none.py"
     plain.write_text(plain.read_text() + "# changed\n")
     assert stamp(tmp_path) == before
-    for name in ("body.py", "data/survey.py"):
+    for name in ("mapping/body.py", "data/survey.py"):
         kernel = tmp_path / "predictor" / name
         kernel.write_text(kernel.read_text() + "# changed\n")
         assert stamp(tmp_path) != before
@@ -61,11 +61,12 @@ def test_kernels_that_none_uses_any_more_go_and_others_stay(tmp_path):
 
 def test_a_package_that_cannot_be_written_keeps_them_in_the_users_cache(tmp_path, monkeypatch):
     package = tmp_path / "predictor"
-    package.mkdir()
+    mapping = package / "mapping"
+    mapping.mkdir(parents=True)
     (package / "__pycache__").touch()
-    shutil.copy(ROOT / "predictor" / "kernels.py", package)
+    shutil.copy(ROOT / "predictor" / "mapping" / "kernels.py", mapping)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     code = "import kernels, numba; print(numba.config.CACHE_DIR)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=package, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", code], cwd=mapping, capture_output=True, text=True)
     assert done.stdout.strip() == str(cache() / f"kernels-{stamp(tmp_path)}")

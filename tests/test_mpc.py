@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.motion.dynamics import CarLimits, rollout, stage_functions
+from planner.motion.dynamics import rollout, stage_functions
 from planner.motion.path import Path
 from planner.mpc.guess import shifted
 from planner.mpc.mpc import MPC, stop_controls
@@ -15,7 +15,8 @@ from planner.mpc.solution import Solution, Status
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from sim import CarConfig, DubinsCar
+from predictor.mapping.car_limits import CarLimits
+from sim import DubinsCar
 
 CAR = CarLimits()
 DT = 0.1
@@ -199,7 +200,7 @@ def test_a_plan_is_rolled_out_as_the_simulated_car_drives_it(seed, speed):
     controls = np.column_stack([rng.uniform(-3, 3, 20), rng.uniform(-2, 2, 20)])
     state = np.array([*rng.uniform(-5, 5, 2), rng.uniform(-3, 3), speed])
     states, applied = rollout(state, controls, *BOUNDS)
-    car = DubinsCar(CarConfig())
+    car = DubinsCar(CarLimits())
     for k, control in enumerate(applied):
         reached = car.step(states[k], control, DT)
         assert reached[[0, 1, 3]] == pytest.approx(states[k + 1, [0, 1, 3]], abs=1e-9)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
-from planner.motion.dynamics import CarLimits
 from planner.motion.path import Path as Way
 from planner.mpc.solution import Solution, Status
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
 from planner.safety.sweep import swept_cells
 from predictor import FREE, OCCUPIED, Grid, GridFrame, Prediction
+from predictor.mapping.car_limits import CarLimits
 from sim import DubinsCar, generate, sample_task
 from sim.episode import EpisodeConfig, Outcome
 
@@ -206,10 +206,3 @@ def test_the_same_drive_twice_is_the_same_drive():
     for name in first:
         if name != "times":
             assert np.array_equal(first[name], second[name]), name
-
-
-def test_the_cars_of_planner_and_simulation_have_the_same_limits():
-    sim, planned = DubinsCar().config, CarLimits()
-    for name in (f.name for f in dataclasses.fields(planned)):
-        assert getattr(sim, name) == getattr(planned, name)
-    assert sim.max_curvature == planned.max_curvature

@@ -20,13 +20,14 @@ from benchmarks.runs.optima import KIND, optimum_of, read_optima, task_key
 from benchmarks.runs.quickest_drives import quickest
 from benchmarks.runs.settings import Settings
 from predictor.infra.command_line import UsageError
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from sim.car import CarConfig, DubinsCar
+from sim.car import DubinsCar
 from sim.families import empty_straight
 from sim.task import NoTaskError, Task
 from sim.world import World
 
-CAR = CarConfig()
+CAR = CarLimits()
 GOAL_RADIUS = 0.5
 
 
@@ -90,7 +91,7 @@ def test_a_drive_keeps_the_cars_limits(around):
 
 
 def test_a_slower_car_takes_longer(around):
-    slow = CarConfig(v_max=2.0)
+    slow = CarLimits(v_max=2.0)
     drive, _ = quickest(corner(), slow, GOAL_RADIUS)
     assert drive.time > around.time
     assert drive.states[:, 3].max() <= 2.0 + 1e-5

@@ -8,7 +8,6 @@ import pytest
 from planner.guide.guide import Guide, GuideConfig
 from planner.guide.path_search import PathConfig, plan_path
 from planner.guide.route import find_route
-from planner.motion.dynamics import CarLimits
 from planner.motion.path import SPACING, Path, project
 from planner.risk.cost_map import (
     OCCUPIED_COST,
@@ -22,6 +21,7 @@ from planner.risk.cost_map import (
 )
 from planner.risk.risk_map import RiskMap
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid, Prediction
+from predictor.mapping.car_limits import CarLimits
 
 CAR = CarLimits()
 BODY = CAR.body

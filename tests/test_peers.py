@@ -13,7 +13,7 @@ from benchmarks.timing.tables import peers_table
 from planner.mpc import condense
 from planner.mpc.mpc import MPC
 from planner.navigator import AFRESH
-from sim import CarConfig
+from predictor.mapping.car_limits import CarLimits
 
 PROBLEMS = {"cost only": peers_mpc.COST_ONLY, "kept inside": peers_mpc.CONSTRAINED}
 
@@ -190,8 +190,8 @@ def test_calls_are_timed_in_turn(monkeypatch):
 def test_peers_of_the_lidar_see_what_ours_sees():
     for name in ("octomap", "raycast2D", "irsim"):
         pytest.importorskip(name)
-    world = task_in("corridor", 0, CarConfig()).world
-    poses = along(task_in("corridor", 0, CarConfig()), 3)
+    world = task_in("corridor", 0, CarLimits()).world
+    poses = along(task_in("corridor", 0, CarLimits()), 3)
     calls = peers.rays(world, poses)
     for i, pose in enumerate(poses):
         scan = calls[peers.OURS](i)
@@ -210,6 +210,6 @@ def test_peers_of_the_lidar_see_what_ours_sees():
 def test_peers_of_the_map_find_the_walls_that_ours_finds():
     pytest.importorskip("octomap")
     pytest.importorskip("pyoctomap")
-    task = task_in("corridor", 0, CarConfig())
+    task = task_in("corridor", 0, CarLimits())
     for name, call in peers.mapping(task, along(task, 2)).items():
         assert call(0) is not False, name

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from rooms import CAR, RESOLUTION, Room, turned
 from short_drive import LIDAR
 
-from planner.motion.dynamics import CarLimits, rollout
+from planner.motion.dynamics import rollout
 from planner.motion.plan import Plan, mirrored
 from planner.navigator import Navigator, NavigatorConfig
 from predictor import FREE, OCCUPIED, OccupancyGrid
 from predictor.mapping.body import first_contact
-from sim import CarConfig, DubinsCar, Task
+from predictor.mapping.car_limits import CarLimits
+from sim import DubinsCar, Task
 from sim.episode import EpisodeConfig, Outcome, run_episode
 
 FASTEST_BACK = 0.5
@@ -96,7 +97,7 @@ def driven(place, reverse=FASTEST_BACK, again=0, timeout=25.0):
 
     driver.step = step
     rng = np.random.default_rng(0)
-    episode = run_episode(task, driver, DubinsCar(CarConfig(reverse=reverse)), LIDAR,
+    episode = run_episode(task, driver, DubinsCar(CarLimits(reverse=reverse)), LIDAR,
                           EpisodeConfig(timeout=timeout), rng)  # fmt: skip
     return episode, unseen
 
@@ -196,7 +197,7 @@ def test_a_mirrored_plan_is_the_same_places_backwards(plan):
     assert mirror.states[:, :2] == pytest.approx(plan.states[:, :2])
     assert mirror.states[:, 3] == pytest.approx(-plan.states[:, 3])
     # The car of the simulation, told to drive it, is where the plan says.
-    car = DubinsCar(CarConfig(reverse=CAR.v_max))
+    car = DubinsCar(CarLimits(reverse=CAR.v_max))
     state = mirror.states[0]
     for control, expected in zip(mirror.controls, mirror.states[1:], strict=True):
         state = car.step(state, np.array([*control, -1.0]), DT)

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
 from benchmarks.runs.drive import task_in
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from sim.car import CarConfig
 from sim.families import empty_straight
 from sim.world import World
 
-CAR = CarConfig()
+CAR = CarLimits()
 RADIUS = CAR.body.half_width
 
 
@@ -97,7 +97,7 @@ def test_the_bound_grows_with_the_way_and_is_never_below_top_speed(length, more)
     time = time_bound(length, CAR, 0.5)
     assert time >= max(0.0, length - 0.5) / CAR.v_max
     assert time_bound(length + more, CAR, 0.5) >= time
-    assert time_bound(length, CarConfig(v_max=5.0), 0.5) <= time
+    assert time_bound(length, CarLimits(v_max=5.0), 0.5) <= time
 
 
 def test_the_bound_is_that_of_accelerating_and_then_top_speed():

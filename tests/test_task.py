@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from predictor.mapping.body import Body
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.families import FAMILIES
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from sim.car import CarConfig, along_arc, collides
+from sim.car import along_arc, collides
 from sim.families import empty_straight, generate
 from sim.lattice import HEADINGS, body_circles, explore
 from sim.task import NEW, NO_TRIP, SLACK, START_CLEARANCE, NoTaskError, prolonged, sample_task
 from sim.world import World
 
-CAR = CarConfig()
+CAR = CarLimits()
 CASES = [(family, seed) for family in FAMILIES for seed in range(4)]
 
 

@@ -11,7 +11,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from benchmarks.optimal.minimum_time import Guess
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way
-from sim.car import CarConfig, along_arc, wrap
+from predictor.mapping.car_limits import CarLimits
+from sim.car import along_arc, wrap
 from sim.lattice import body_circles, explore
 from sim.task import Task
 
@@ -33,7 +34,7 @@ DETOUR = 1.8
 """Ways of arcs that are this much longer than the task's own are not followed."""
 
 
-def ways(task: Task, car: CarConfig, goal_radius: float) -> Iterator[tuple[str, NDArray]]:
+def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, NDArray]]:
     """Ways (n, 2) to near the goal [m], with their names; none twice, some perhaps not drivable.
 
     The first are the shortest ways of discs, whatever the heading at the start; then the shortest
@@ -63,7 +64,7 @@ def ways(task: Task, car: CarConfig, goal_radius: float) -> Iterator[tuple[str, 
 
 
 def timed(
-    name: str, way: NDArray[np.float64], yaw: float, car: CarConfig, tick: float, share: float = 1.0
+    name: str, way: NDArray[np.float64], yaw: float, car: CarLimits, tick: float, share: float = 1.0
 ) -> Guess:
     """A drive along a way, as fast as the car's limits allow: a forward and a backward pass.
 
@@ -114,7 +115,7 @@ def _turned(
 
 
 def _arcs(
-    task: Task, car: CarConfig, radius: float, comfort: float, goal_radius: float
+    task: Task, car: CarLimits, radius: float, comfort: float, goal_radius: float
 ) -> NDArray[np.float64] | None:
     """The cheapest way of arcs to near the goal, (n, 2) [m]; None if there is none."""
     frame = task.world.grid.frame

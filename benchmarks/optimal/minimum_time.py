@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, spline_filter
 
-from sim.car import CarConfig, DubinsCar
+from predictor.mapping.car_limits import CarLimits
+from sim.car import DubinsCar
 from sim.task import Task
 
 CIRCLES = 3
@@ -98,7 +99,7 @@ class MinimumTime:
     """
 
     task: Task
-    car: CarConfig
+    car: CarLimits
     goal_radius: float
     box: NDArray[np.float64]
 

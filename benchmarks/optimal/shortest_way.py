@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from predictor.infra.errors import LineError
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.kernels import njit
-from sim.car import CarConfig
 from sim.world import World
 
 SLACK = 1e-4
@@ -38,7 +38,7 @@ class NoWayError(LineError):
     """Goal and start are not connected for a disc of that radius."""
 
 
-def time_bound(length: float, car: CarConfig, goal_radius: float) -> float:
+def time_bound(length: float, car: CarLimits, goal_radius: float) -> float:
     """Least time [s] for a way of a length [m]: full acceleration from rest, then top speed.
 
     Args:

@@ -16,15 +16,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.guide.guide import GuideConfig
-from planner.motion.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frame_set import write_trajectory
 from predictor.data.frames import FramesError
 from predictor.data.recording import WINDOW, Recording
 from predictor.data.simulated_config import SimulatedConfig
 from predictor.infra.errors import LineError
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import world_hash
-from sim import CarConfig, DubinsCar, Lidar, LidarConfig
+from sim import DubinsCar, Lidar, LidarConfig
 from sim.families import generate
 from sim.people import People
 from sim.task import LONGEST_LEG, NoTaskError, prolonged, sample_task
@@ -160,16 +160,16 @@ def driven(
     """
     import numpy as np
 
-    car, lidar = DubinsCar(CarConfig(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
+    car, lidar = DubinsCar(CarLimits(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
     # Streams of their own: who walks where does not hang on the noise.
     noise, crowds = (np.random.default_rng([seed, stream]) for stream in (2, 3))
     # The route is longer than the drive: the car does not slow down for a goal.
     length = SPEED * TICK * count + 10.0
-    first = sample_task(world, seed, car.config, max_length=LONGEST_LEG)
-    task = prolonged(first, length, car.config)
+    first = sample_task(world, seed, car.limits, max_length=LONGEST_LEG)
+    task = prolonged(first, length, car.limits)
     start = np.array(task.start)
     margin = 3 * config.noise + world.grid.frame.resolution if config.noise else 0.0
-    settings = NavigatorConfig(window=2 * lidar.config.range_max, car=CarLimits(v_max=SPEED),
+    settings = NavigatorConfig(window=2 * lidar.config.range_max, car=car.limits,
                                guide=GuideConfig(every=PATH_EVERY), margin=margin)  # fmt: skip
     navigator = Navigator(settings, None, start, task.goal, task.blank(settings.window),
                           task.waypoints, seed)  # fmt: skip

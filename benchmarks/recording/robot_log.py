@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from predictor.data.laser_log import LaserLog
 from predictor.mapping.body import Body
-from sim.car import CarConfig
+from predictor.mapping.car_limits import CarLimits
 from sim.lidar import Lidar, LidarConfig
 from sim.people import People
 from sim.task import Task
 
-ROBOT = CarConfig(v_max=0.5, turning_radius=0.3, body=Body(0.4, 0.4))
+ROBOT = CarLimits(v_max=0.5, turning_radius=0.3, body=Body(0.4, 0.4))
 """Which way such a robot could go: through any door, and round in any room."""
 LOOK = 0.2
 """Longest that people walk before they look where they are going [s]."""

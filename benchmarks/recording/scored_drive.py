@@ -13,6 +13,7 @@ from skimage.metrics import structural_similarity
 from benchmarks.recording.training_drives import driven, seen_again
 from benchmarks.runs.drive import task_in
 from planner.navigator import NavigatorConfig
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import world_hash
 from predictor.networks.room import REACH
 from predictor.prediction import asked
@@ -21,7 +22,7 @@ from predictor.registry import load_predictor
 from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.scores import Scores, rings_of
 from predictor.scoring.ternary import ternary
-from sim import CarConfig, LidarConfig
+from sim import LidarConfig
 from sim.task import NoTaskError
 
 BLANK = "grey"
@@ -52,7 +53,7 @@ def score_drive(
     place, seed = item
     square_of_a_car = np.ones((2 * REACH + 1, 2 * REACH + 1), dtype=bool)
     try:
-        task = task_in(place, seed, CarConfig())
+        task = task_in(place, seed, CarLimits())
     except NoTaskError as error:
         return str(error)
     world, rng = task.world, np.random.default_rng(seed)

@@ -164,7 +164,7 @@ def driven(
     config = NavigatorConfig(window=window, risk=risk)
     start, car, ending = np.array(task.start), DubinsCar(), EpisodeConfig()
     if longest is not None:
-        ending = EpisodeConfig(timeout=longest * car.config.v_max / task.path_length)
+        ending = EpisodeConfig(timeout=longest * car.limits.v_max / task.path_length)
     navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
     episode = run_episode(task, navigator, car, Lidar(), ending, rng)
     states: NDArray[np.float64] = episode.trace["states"][:-1]

@@ -13,17 +13,17 @@ from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound
 from benchmarks.runs.arms import ARMS, Arm
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import VEHICLES, Settings
-from planner.motion.dynamics import CarLimits
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit
 from predictor.infra.workers import WorkersError
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.families import FAMILIES
 from predictor.mapping.grid import Grid, OccupancyGrid
 from predictor.prediction import Prediction, Predictor
 from predictor.provenance import fingerprint_of, has_learned
 from predictor.registry import load_predictor
-from sim import CarConfig, DubinsCar, Lidar, LidarConfig
+from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
 from sim.families import generate
 from sim.map_server import load_world
@@ -107,10 +107,10 @@ def task_of(settings: Settings, index: int) -> Task:
     """
     places = sources(settings.world)
     place, seed = places[index % len(places)], settings.seed + index // len(places)
-    return task_in(place, seed, CarConfig(v_max=settings.v_max))
+    return task_in(place, seed, CarLimits(v_max=settings.v_max))
 
 
-def task_in(place: str, seed: int, car: CarConfig) -> Task:
+def task_in(place: str, seed: int, car: CarLimits) -> Task:
     """A task in one of `sources`.
 
     Raises:
@@ -136,7 +136,7 @@ def shortest_length(settings: Settings, index: int) -> float | None:
         NoTaskError: if the world has no drive of the length wanted.
     """
     task = task_of(settings, index)
-    radius = CarConfig().body.half_width
+    radius = CarLimits().body.half_width
     try:
         return way_length(shortest_way(task.world, task.start[:2], task.goal, radius))
     except NoWayError:
@@ -144,7 +144,7 @@ def shortest_length(settings: Settings, index: int) -> float | None:
 
 
 def score(
-    outcome: str, time: float, path_length: float, shortest: float | None, car: CarConfig
+    outcome: str, time: float, path_length: float, shortest: float | None, car: CarLimits
 ) -> dict[str, float | None]:
     """How a drive compares with the least time and the shortest way of its task.
 
@@ -193,9 +193,9 @@ def attempt(
         return str(error)
 
 
-def car_of(settings: Settings) -> CarConfig:
+def car_of(settings: Settings) -> CarLimits:
     """The car that drives."""
-    return CarConfig(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
+    return CarLimits(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
 
 
 def navigator_for(
@@ -210,7 +210,6 @@ def navigator_for(
         predictor: the arm's.
         deadline: for its answers [s].
     """
-    car = car_of(settings)
     resolution = task.world.grid.frame.resolution
     config = NavigatorConfig(
         window=settings.window,
@@ -220,9 +219,8 @@ def navigator_for(
         oracle=arm.predictor == "oracle",
         deadline=deadline,
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
-        car=CarLimits(car.v_max, car.acceleration, car.braking, car.lateral_acceleration,
-                      car.turning_radius, car.body, car.reverse),
-    )  # fmt: skip
+        car=car_of(settings),
+    )
     return Navigator(
         config,
         predictor,

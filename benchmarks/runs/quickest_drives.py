@@ -14,7 +14,7 @@ from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound
 from benchmarks.runs.drive import task_of
 from benchmarks.runs.settings import Settings
 from predictor.infra.environment import commit
-from sim.car import CarConfig
+from predictor.mapping.car_limits import CarLimits
 from sim.episode import EpisodeConfig
 from sim.task import NoTaskError, Task
 
@@ -26,7 +26,7 @@ ITERATIONS = 150
 """Of the solver from one guess, at most; twice that from a gentle one."""
 
 
-def quickest(task: Task, car: CarConfig, goal_radius: float) -> tuple[Drive | None, int]:
+def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | None, int]:
     """Search for the quickest drive of a task.
 
     Args:
@@ -72,7 +72,7 @@ def optimum(settings: Settings, index: int) -> dict[str, Any]:
     started = time.perf_counter()
     task, car, radius = (
         task_of(settings, index),
-        CarConfig(settings.v_max),
+        CarLimits(settings.v_max),
         EpisodeConfig().goal_radius,
     )
     shortest = bound = None

@@ -14,8 +14,9 @@ from benchmarks.timing import sized_maps as places
 from benchmarks.timing.timing import closed_loop, spread, timed
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.car_limits import CarLimits
 from predictor.registry import load_predictor
-from sim import CarConfig, Lidar, LidarConfig
+from sim import Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World
 
@@ -43,7 +44,7 @@ def grown(axis: str, seed: int, report: Callable[[str], None]) -> list[dict[str,
         seed: of the buildings.
         report: told what is being measured.
     """
-    task = task_in("corridor", seed, CarConfig())
+    task = task_in("corridor", seed, CarLimits())
     measures: dict[str, tuple[tuple[float, ...], Callable[[Any], Times]]] = {
         "beams": (BEAMS, lambda beams: _sensing(task, beams)),
         "map side [cells]": (MAP_SIDES, lambda side: _casting(places.cluttered(side, seed))),

@@ -21,7 +21,8 @@ from benchmarks.runs.drive import task_in
 from benchmarks.timing.sized_maps import along
 from planner.risk.distance_transform import distance_field
 from predictor.compact import Compact
-from sim import CarConfig, Lidar, LidarConfig
+from predictor.mapping.car_limits import CarLimits
+from sim import Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World
 
@@ -70,7 +71,7 @@ REPEATS = 200
 
 def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
     """One of `STAGES`, ours and the peers', in a building of corridors: see `compare`."""
-    task = task_in("corridor", seed, CarConfig())
+    task = task_in("corridor", seed, CarLimits())
     poses = along(task, REPEATS)
     if stage == "rays":
         return compare(rays(task.world, poses), REPEATS)

@@ -21,9 +21,10 @@ from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
 from benchmarks.timing.timing import timed
 from planner.risk.distance_transform import distance_field
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
-from sim import CarConfig, Lidar, LidarConfig
+from sim import Lidar, LidarConfig
 from sim.lidar import cast_rays
 from sim.world import World
 
@@ -41,7 +42,7 @@ REPEATS = 500
 
 def maps(seed: int) -> dict[str, World]:
     """The two maps that rays and scans are measured on."""
-    task = task_in("corridor", seed, CarConfig())
+    task = task_in("corridor", seed, CarLimits())
     return {
         "corridor 1000²": places.corridors(task, 1000),
         "cluttered 3000²": places.cluttered(3000, seed),
@@ -192,7 +193,7 @@ def mapping(seed: int) -> dict[str, Measure]:
 
 def distance(seed: int) -> dict[str, Measure]:
     """The distance transform of windows of 200 × 200 cells, as a drive sees them."""
-    task = task_in("corridor", seed, CarConfig())
+    task = task_in("corridor", seed, CarLimits())
     states = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
     masks = [
         ~known.crop(known.frame.square(state[0], state[1], 10.0)).free
@@ -205,7 +206,7 @@ def distance(seed: int) -> dict[str, Measure]:
 
 def risk(seed: int) -> dict[str, Measure]:
     """The risk map, from the prediction to what the MPC reads."""
-    task = task_in("corridor", seed, CarConfig())
+    task = task_in("corridor", seed, CarLimits())
     return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
 
 

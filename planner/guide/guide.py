@@ -15,11 +15,11 @@ from planner.guide.line import LineConfig
 from planner.guide.path_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import NEAR_GOAL, Smoother
-from planner.motion.dynamics import CarLimits
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.cost_map import Belief, CostMap, remember
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import OccupancyGrid
 from predictor.prediction import Prediction
 

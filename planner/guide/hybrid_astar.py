@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.route import cost_to_go
-from planner.motion.dynamics import CarLimits, pose_along
+from planner.motion.dynamics import pose_along
 from planner.risk.cost_map import STUCK_REACH, CostMap
 from predictor.mapping.body import meets
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.dynamics import CarLimits
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.car_limits import CarLimits
 
 if TYPE_CHECKING:
     from ompl import base as ob

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.line import LineConfig, curvatures, lines_along, speeds
-from planner.motion.dynamics import CarLimits
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import GridFrame
 
 NEAR_GOAL = 0.3

@@ -13,14 +13,11 @@ casadi derives the first and second derivatives of a stage; numba rolls plans ou
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.body import Body
-from predictor.mapping.finite import check_finite
 from predictor.mapping.kernels import njit
 
 NX, NU = 4, 2
@@ -28,50 +25,6 @@ NX, NU = 4, 2
 REFERENCE = 9
 """Size of a stage's reference: point r (2), gradient g (2), symmetric M (xx, xy, yy), heading and
 its weight."""
-
-
-@dataclass(frozen=True)
-class CarLimits:
-    """What the car can do.
-
-    Attributes:
-        v_max: top speed [m/s].
-        acceleration: [m/s²].
-        braking: [m/s²], positive.
-        lateral_acceleration: [m/s²].
-        turning_radius: [m].
-        body: the rectangle around (x, y).
-        reverse: top speed in reverse [m/s]; 0: there is no reverse gear.
-    """
-
-    v_max: float = 4.0
-    acceleration: float = 1.5
-    braking: float = 1.5
-    lateral_acceleration: float = 3.0
-    turning_radius: float = 0.8
-    body: Body = field(default_factory=Body)
-    reverse: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_finite(
-            self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
-        )
-        check_finite(self, "reverse", zero=True)
-
-    @property
-    def planned_cornering(self) -> float:
-        """What plans use of the lateral acceleration: rounding must not lead beyond it [m/s²]."""
-        return 0.99 * self.lateral_acceleration
-
-    @property
-    def max_curvature(self) -> float:
-        """[1/m]."""
-        return 1.0 / self.turning_radius
-
-    @property
-    def stopping_distance(self) -> float:
-        """From top speed [m]."""
-        return self.v_max**2 / (2 * self.braking)
 
 
 def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.Function:

@@ -22,13 +22,14 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.dynamics import NX, REFERENCE, CarLimits, rollout, stage_functions
+from planner.motion.dynamics import NX, REFERENCE, rollout, stage_functions
 from planner.motion.path import SPACING, Path, references
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
 from planner.mpc.codegen import compiled
 from planner.mpc.solution import Solution, Status
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.car_limits import CarLimits
 
 NEAR = 1.0
 """Clearance beyond what is required from which on a QP leaves it alone [m]."""

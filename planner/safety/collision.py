@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.motion.contact import first_meeting, leads_on
-from planner.motion.dynamics import CarLimits
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.body import Body
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import GridFrame
 
 CONTACT_SPACING = 0.02

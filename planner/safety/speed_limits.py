@@ -7,9 +7,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from planner.motion.dynamics import CarLimits
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.car_limits import CarLimits
 
 
 class Limit(StrEnum):
