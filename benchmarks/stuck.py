@@ -15,6 +15,7 @@ import numpy as np
 from predictor.infra.command_line import OneLineParser, run_command
 from predictor.infra.markdown import markdown
 from predictor.infra.results_file import write_results
+from predictor.mapping.conventions import TICK
 
 if TYPE_CHECKING:
     from benchmarks.runs.drive_result import DriveResult
@@ -100,7 +101,7 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
         x, y, yaw, v = map(float, states[tick])
         poses = reachable(world, (x, y, yaw), car, LONGEST)
         if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
-            before, speed = (end - tick) * run.setting("dt", 0.1), v
+            before, speed = (end - tick) * run.setting("dt", TICK), v
             break
     return {"index": index, "arm": arm, "world": episode.world, "seconds": before,
             "speed": speed}  # fmt: skip

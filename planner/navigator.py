@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.guide import Guide, GuideConfig
+from planner.motion.goal import GOES_ON, PLAN_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.guess import pursue, shifted
@@ -36,8 +37,6 @@ PATIENCE = 4
 """Ticks at rest after which a way out is searched for, and between such searches."""
 LONG_PATIENCE = 15
 """Likewise, ticks within 0.1 m: a car may start and brake, over and over."""
-AT_GOAL = 0.4
-"""A plan that comes so near to the goal reaches it [m]."""
 AFRESH = 5
 """Ticks from one start that is not the last plan to the next, while nothing is wrong."""
 
@@ -373,7 +372,7 @@ class Navigator:
     def _arrival(self, plan: Plan) -> float:
         """The first stage at which a plan is at the goal; infinite where it does not get there."""
         off = np.hypot(*(plan.states[:, :2] - np.array(self.goal)).T)
-        return float(np.argmax(off < AT_GOAL)) if off.min() < AT_GOAL else math.inf
+        return float(np.argmax(off < PLAN_REACHES)) if off.min() < PLAN_REACHES else math.inf
 
     def _at_once(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Drop the steps at the start of a plan during which a standing car would wait.
@@ -437,7 +436,7 @@ class Navigator:
     def _goes_on(self, plan: Plan, risk: RiskMap) -> bool:
         """Whether from a plan's end some arc, or straight on, meets nothing that is barred."""
         x, y = plan.states[-1, :2]
-        if math.hypot(x - self.goal[0], y - self.goal[1]) < 0.8:
+        if math.hypot(x - self.goal[0], y - self.goal[1]) < GOES_ON:
             return True
         return self.checker.leads_on(plan.states[-1], risk)
 

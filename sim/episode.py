@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.mapping.conventions import GOAL_RADIUS, TICK
 from predictor.mapping.grid import OccupancyGrid
 from predictor.mapping.scan import Scan
 from sim.car import DubinsCar
@@ -52,8 +53,8 @@ class EpisodeConfig:
         stuck_time: … in this [s] is stuck.
     """
 
-    dt: float = 0.1
-    goal_radius: float = 0.5
+    dt: float = TICK
+    goal_radius: float = GOAL_RADIUS
     timeout: float = 8.0
     stuck_distance: float = 0.2
     stuck_time: float = 10.0

@@ -31,6 +31,7 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.saved_run import Run
 from predictor.mapping.body import Body
+from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import FREE, GridFrame, paste
 from sim.car import along_arc
 
@@ -90,7 +91,7 @@ class Animation:
     ) -> None:
         self.index = run.showcase if index is None else index
         self.arm = run.pick_arm(self.index, arm)
-        self.dt = run.setting("dt", 0.1)
+        self.dt = run.setting("dt", TICK)
         self._trace = trace = run.trace(self.index, self.arm)
         self._truth = run.truth(self.index)
         self._first_seen = trace["first_seen"]

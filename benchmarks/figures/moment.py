@@ -33,6 +33,7 @@ from benchmarks.figures.palette import (
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import frame_of
 from predictor.mapping.body import Body
+from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import Grid, GridFrame, paste
 
 BELIEVED_FREE, BELIEVED_OCCUPIED = "#A6CEE3", "#B2182B"
@@ -92,7 +93,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
         ax.set_ylim(box[2], box[3])
         bare(ax)
     scale_bar(axes[0, 0], 2.0)
-    dt = run.setting("dt", 0.1)
+    dt = run.setting("dt", TICK)
     figure.suptitle(
         f"{arm} · episode {index} · {run.drives[index, arm].world} · {now.tick * dt:.1f} s into "
         f"the drive, at {now.plan[0, 3]:.2f} m/s",

@@ -23,6 +23,7 @@ from predictor.data.recording import WINDOW, Recording
 from predictor.data.simulated_config import SimulatedConfig
 from predictor.infra.errors import LineError
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import world_hash
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.families import generate
@@ -40,8 +41,6 @@ FAMILY = "paper"
 """Of the generated buildings."""
 SPEED = 0.5
 """Of the car [m/s]."""
-TICK = 0.1
-"""[s]."""
 FIRST_MAP, FIRST_DRIVE = 700_000, 710_000
 """First seeds of buildings and of drives: far from those of the samples that weights learn from,
 and of all that is published."""

@@ -15,11 +15,12 @@ from benchmarks.runs.drive import task_of
 from benchmarks.runs.settings import Settings
 from predictor.infra.environment import commit
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.conventions import TICK
 from sim.episode import EpisodeConfig
 from sim.task import NoTaskError, Task
 
-TICK, FINE = 0.1, 0.05
-"""Ticks in which drives are looked for, and in which the best is looked at again, about [s]."""
+FINE = 0.05
+"""Ticks in which the best drive, found in ticks of `TICK`, is solved for again, about [s]."""
 GENTLE = 0.4
 """Share of the car's limits that guesses use where those at its limits lead nowhere."""
 ITERATIONS = 150

@@ -28,6 +28,7 @@ from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
 from predictor.infra.results_file import write_results
 from predictor.infra.resumable import SETTINGS, ResumableFolder
+from predictor.mapping.conventions import TICK
 
 PARTS = "parts"
 """Folder of the drives that are not packed yet."""
@@ -108,7 +109,7 @@ class Store:
         if loose:
             self._pack_traces(loose)
         results = {
-            "settings": self._marked | {"dt": 0.1},
+            "settings": self._marked | {"dt": TICK},
             "machine": machine(),
             "version": version("foresee"),
             "commit": self.commit,

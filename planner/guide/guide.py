@@ -14,7 +14,8 @@ from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
 from planner.guide.line import LineConfig
 from planner.guide.path_search import PathConfig, plan_path
 from planner.guide.route import find_route
-from planner.guide.smoothing import NEAR_GOAL, Smoother
+from planner.guide.smoothing import Smoother
+from planner.motion.goal import PATH_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.cost_map import Belief, CostMap, remember
@@ -298,7 +299,7 @@ class Guide:
         here, _, square = project(path.points, x, y, self.segment - 5, self.segment + 30)
         left = path.points[here:]
         # Beyond the goal it leads on, but not back.
-        missed = np.hypot(*(left - np.array(self.goal)).T).min() > NEAR_GOAL
+        missed = np.hypot(*(left - np.array(self.goal)).T).min() > PATH_REACHES
         if square > 0.4**2 or len(left) < 8 or missed:
             return None
         return smoother.along(left, pose, path.source)

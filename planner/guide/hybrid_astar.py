@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from planner.guide.route import cost_to_go
 from planner.motion.dynamics import pose_along
+from planner.motion.goal import PATH_REACHES
 from planner.risk.cost_map import STUCK_REACH, CostMap
 from predictor.mapping.body import meets
 from predictor.mapping.car_limits import CarLimits
@@ -165,7 +166,7 @@ def _search(  # type: ignore[no-untyped-def]
         closed.add(key)
         looked += 1
         left = _remaining(x, y, to_go, side, origin)
-        near = math.hypot(x - goal[0], y - goal[1]) < 0.3
+        near = math.hypot(x - goal[0], y - goal[1]) < PATH_REACHES
         if node > 0 and (near or (gears[node] > 0 and left <= begun - ahead)):
             found = node
             break

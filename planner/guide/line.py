@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.motion.goal import PLAN_REACHES
 from planner.motion.path import SPACING
 from predictor.mapping.kernels import njit
 
@@ -77,7 +78,7 @@ def lines_along(
     tether = np.full(len(way), config.tether)
     tether[inside] *= unsure[cells[inside, 1], cells[inside, 0]]
     passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
-    if math.dist(way[passed], goal) < 0.4:
+    if math.dist(way[passed], goal) < PLAN_REACHES:
         way[passed], tether[passed] = goal, config.hold
     guess = _begun(way, pose)
     for comfort in config.comfort:

@@ -15,8 +15,6 @@ from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import GridFrame
 
-NEAR_GOAL = 0.3
-"""A path that passes within this distance of the goal leads there [m]."""
 SLOWEST = 0.5
 """Lower bound of the speed in a path's price [m/s]."""
 

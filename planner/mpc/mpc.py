@@ -30,6 +30,7 @@ from planner.mpc.codegen import compiled
 from planner.mpc.solution import Solution, Status
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.conventions import TICK
 
 NEAR = 1.0
 """Clearance beyond what is required from which on a QP leaves it alone [m]."""
@@ -45,7 +46,7 @@ class MPCConfig:
     """Settings of the MPC.
 
     Attributes:
-        dt: step [s] (the paper's 10 Hz).
+        dt: step [s].
         progress: reward of a metre of progress, a stage.
         contour: cost of a squared metre off the path, a stage.
         final: cost of a squared metre off the path, and of 1 - cos(heading error), at the end: a
@@ -61,7 +62,7 @@ class MPCConfig:
         tolerance: relative decrease of the merit by a step at which the iteration stops.
     """
 
-    dt: float = 0.1
+    dt: float = TICK
     progress: float = 1.0
     contour: float = 1.0
     final: tuple[float, float] = (6.0, 12.0)

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from planner.motion.goal import STOPS_FOR_GOAL
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
@@ -37,7 +38,7 @@ def what_limits(
     if a >= 0.9 * car.acceleration:
         return Limit.ACCELERATION
     x, y, yaw = plan.states[-1, :3]
-    if math.hypot(x - goal[0], y - goal[1]) < 0.7:
+    if math.hypot(x - goal[0], y - goal[1]) < STOPS_FOR_GOAL:
         return Limit.GOAL
     near = slice(0, 12)
     lateral = plan.states[:-1, 3][near] ** 2 * np.abs(plan.controls[:, 1][near])
