@@ -166,6 +166,11 @@ class Navigator:
             known.cover(known.frame.square(float(x), float(y), BESIDE))
         known.mark_free(start, config.car.body, config.start_margin)
 
+    @property
+    def path_counts(self) -> Counter[str]:
+        """Number of paths followed so far, by the method that planned them."""
+        return self.guide.counts
+
     def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
         """Decide what to do in the next `dt`.
 

@@ -24,7 +24,7 @@ class Shunter:
 
     def __init__(self, task, controls):
         self.known = OccupancyGrid(task.world.grid.frame, 5.0)
-        self.guide = SimpleNamespace(counts={})
+        self.path_counts = {}
         self.controls = controls
         self.tick = 0
 

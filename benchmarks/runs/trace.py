@@ -38,7 +38,7 @@ class RunError(LineError):
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The arrays of one drive, each read when it is asked for; see `sim.episode.run_episode`.
+    """The arrays of one drive, each read when it is asked for; see `sim.episode.Episode`.
 
     Attributes:
         file: where they are.

@@ -1,0 +1,97 @@
+# ruff: noqa: D102  The attributes are described where they are implemented, in the planner.
+"""What the closed loop asks of whatever drives the car, and what it reads of each decision.
+
+`planner.navigator.Navigator` and `planner.navigator.Decision` satisfy these protocols. The
+simulator does not import the planner, so that it can judge the planner's drives independently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.mapping.grid import Grid, GridFrame, OccupancyGrid
+from predictor.mapping.scan import Scan
+from predictor.prediction import Prediction
+
+
+class Driver(Protocol):
+    """Decides on the car's control, tick after tick."""
+
+    @property
+    def known(self) -> OccupancyGrid:
+        """Map of all that has been seen so far."""
+        ...
+
+    @property
+    def path_counts(self) -> Mapping[str, int]:
+        """Number of paths followed so far, by the method that planned them."""
+        ...
+
+    def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
+        """Decide on the control of the next tick.
+
+        Args:
+            state: x, y, yaw, v, (4,).
+            scan: LIDAR scan taken at that state.
+        """
+        ...
+
+
+class Decision(Protocol):
+    """A control, and the reasons for it; `planner.navigator.Decision` describes the fields."""
+
+    @property
+    def control(self) -> NDArray[np.float64]: ...
+    @property
+    def plan(self) -> Plan: ...
+    @property
+    def limit(self) -> str: ...
+    @property
+    def faults(self) -> Sequence[str]: ...
+    @property
+    def relied(self) -> NDArray[np.float64]: ...
+    @property
+    def relied_trust(self) -> NDArray[np.float32]: ...
+    @property
+    def emergency(self) -> bool: ...
+    @property
+    def times(self) -> Mapping[str, float]: ...
+    @property
+    def risk_map(self) -> RiskMap: ...
+    @property
+    def prediction(self) -> Prediction | None: ...
+    @property
+    def path(self) -> Path | None: ...
+
+
+class Plan(Protocol):
+    """A motion: states (N+1, 4), controls (N, 2), and the gear, 1 or -1."""
+
+    @property
+    def states(self) -> NDArray[np.float64]: ...
+    @property
+    def controls(self) -> NDArray[np.float64]: ...
+    @property
+    def gear(self) -> int: ...
+
+
+class Path(Protocol):
+    """A path: points (n, 2) [m]."""
+
+    @property
+    def points(self) -> NDArray[np.float64]: ...
+
+
+class RiskMap(Protocol):
+    """The known cells around the car, and those that a plan may rely upon, in one frame."""
+
+    @property
+    def frame(self) -> GridFrame: ...
+    @property
+    def known(self) -> Grid: ...
+    @property
+    def safe(self) -> NDArray[np.bool_]: ...

@@ -1,0 +1,168 @@
+"""The recorder: keeps what happens in each tick of a drive, and makes arrays of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.mapping.grid import GridFrame, OccupancyGrid
+from sim.driver import Decision
+from sim.world import World
+
+EARLY_TICK, FEW_CELLS = 40, 40
+"""Tick that is kept in full where no tick before it relied on at least so many unseen cells."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Tick:
+    """What is kept of a tick; see `sim.episode.Episode.trace`."""
+
+    control: NDArray[np.float64]
+    gear: int
+    plan: NDArray[np.float16]
+    limit: str
+    emergency: bool
+    unsolved: bool
+    relied_cells: NDArray[np.int16]
+    relied_trust: NDArray[np.uint8]
+    kept: int
+    times: list[float]
+
+
+class Recorder:
+    """Collects the trace of a drive.
+
+    Args:
+        world: the building driven in, against which predictions are judged.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.faults: Counter[str] = Counter()
+        self._first_seen = np.zeros(world.grid.frame.shape, dtype=np.int16)
+        self._ticks: list[_Tick] = []
+        self._time_names: list[str] = []
+        self._moment: tuple[int, int, Decision] | None = None
+
+    def record(self, decision: Decision, known: OccupancyGrid, scan_ms: float) -> None:
+        """Record a tick.
+
+        Args:
+            decision: the driver's.
+            known: all that the driver has seen.
+            scan_ms: time that the scan took [ms].
+        """
+        tick = len(self._ticks)
+        self.faults.update(decision.faults)
+        cells, kept = self._relied_upon(decision)
+        times = {"scan": scan_ms, **decision.times}
+        self._time_names = list(times)
+        self._ticks.append(
+            _Tick(
+                control=decision.control[:2],
+                gear=decision.plan.gear,
+                plan=decision.plan.controls.astype(np.float16),
+                limit=str(decision.limit),
+                emergency=decision.emergency,
+                unsolved="no_safe_solution" in decision.faults,
+                relied_cells=cells,
+                relied_trust=np.rint(255 * decision.relied_trust).astype(np.uint8),
+                kept=kept,
+                times=list(times.values()),
+            )
+        )
+        self._see(tick, decision.plan.states[0], known)
+        # The tick for a picture: the one that relied on most cells, or else an early one.
+        most = -1 if self._moment is None else self._moment[0]
+        if len(cells) > most or (tick == EARLY_TICK and most < FEW_CELLS):
+            self._moment = (len(cells), tick, decision)
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Return the trace but for the states; see `sim.episode.Episode.trace`."""
+        ticks = self._ticks
+        names = sorted({tick.limit for tick in ticks})
+        out: dict[str, NDArray] = {
+            "controls": np.array([tick.control for tick in ticks], dtype=np.float32),
+            "gears": np.array([tick.gear for tick in ticks], dtype=np.int8),
+            "plans": _padded([tick.plan for tick in ticks]),
+            "limits": np.array([names.index(tick.limit) for tick in ticks], dtype=np.uint8),
+            "limit_names": np.array(names),
+            "emergency": np.array([tick.emergency for tick in ticks], dtype=bool),
+            "unsolved": np.array([tick.unsolved for tick in ticks], dtype=bool),
+            "relied_count": np.array([len(tick.relied_cells) for tick in ticks], dtype=np.int32),
+            "relied_cells": np.concatenate([tick.relied_cells for tick in ticks]),
+            "relied_trust": np.concatenate([tick.relied_trust for tick in ticks]),
+            "kept": np.array([tick.kept for tick in ticks], dtype=np.int8),
+            "times": np.array([tick.times for tick in ticks], dtype=np.float32),
+            "time_names": np.array(self._time_names),
+            "first_seen": self._first_seen,
+        }
+        if self._moment is not None:
+            _, number, decision = self._moment
+            out |= _moment(number, decision)
+        return out
+
+    def _relied_upon(self, decision: Decision) -> tuple[NDArray[np.int16], int]:
+        """Return the unseen cells that a plan sweeps, (k, 2), and whether they are free.
+
+        The second is 1 if nothing solid is among them, 0 if something is, -1 if there are none.
+        """
+        frame, solid = self.world.grid.frame, self.world.solid
+        cells = np.floor((decision.relied - np.array(frame.origin)) / frame.resolution)
+        cells = cells[:, ::-1].astype(np.int16)
+        if len(cells) == 0:
+            return cells, -1
+        inside = ((cells >= 0) & (cells < np.array(frame.shape))).all(axis=1)
+        broken = bool((~inside).any()) or bool(solid[tuple(cells[inside].T)].any())
+        return cells, int(not broken)
+
+    def _see(self, tick: int, state: NDArray[np.float64], known: OccupancyGrid) -> None:
+        """Note the tick in cells of the LIDAR's window that are known for the first time."""
+        frame = self.world.grid.frame
+        window = known.frame.square(state[0], state[1], known.window)
+        row, col = known.frame.offset(window)
+        top, left = frame.offset(window)
+        # The part of the window that both the known grid and the world hold.
+        a = max(0, -row, -top)
+        b = max(0, -col, -left)
+        c = min(window.shape[0], known.frame.shape[0] - row, frame.shape[0] - top)
+        d = min(window.shape[1], known.frame.shape[1] - col, frame.shape[1] - left)
+        if a < c and b < d:
+            part = self._first_seen[top + a : top + c, left + b : left + d]
+            seen = known.log_odds[row + a : row + c, col + b : col + d] != 0
+            part[seen & (part == 0)] = tick + 1
+
+
+def _padded(plans: list[NDArray[np.float16]]) -> NDArray[np.float16]:
+    """Return plans as one array: those in reverse have fewer steps, after which the car rests."""
+    longest = max(len(plan) for plan in plans)
+    return np.array([np.pad(plan, ((0, longest - len(plan)), (0, 0))) for plan in plans])
+
+
+def _moment(tick: int, decision: Decision) -> dict[str, NDArray]:
+    """Return one tick in full, for a picture."""
+    risk, prediction = decision.risk_map, decision.prediction
+    out: dict[str, NDArray] = {
+        "moment_tick": np.array(tick),
+        "moment_frame": _frame_array(risk.frame),
+        "moment_known": risk.known.cells,
+        "moment_safe": risk.safe,
+        "moment_plan": decision.plan.states.astype(np.float32),
+        "moment_path": np.empty((0, 2), np.float32),
+    }
+    if decision.path is not None:
+        out["moment_path"] = decision.path.points.astype(np.float32)
+    if prediction is not None:
+        out["moment_prediction_frame"] = _frame_array(prediction.frame)
+        for name in ("p_free", "p_occupied", "confidence"):
+            values = np.rint(255 * getattr(prediction, name)).astype(np.uint8)
+            out[f"moment_{name}"] = values
+    return out
+
+
+def _frame_array(frame: GridFrame) -> NDArray[np.float64]:
+    """Return a frame as resolution, x and y of its origin [m]."""
+    return np.array([frame.resolution, *frame.origin])
