@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,14 +14,16 @@ from numpy.typing import NDArray
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
+from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
 
 if TYPE_CHECKING:
     from ompl import base as ob
 
 OUTSIDE_COST = 4.0
-"""What a metre outside the map costs the search, twice what one of unknown space does: it keeps to
-the map where it can. Of what is found it counts as unknown (`CostMap.along`)."""
+"""Cost of a metre outside the map during the search. It is above that of unknown space, so that
+the search keeps to the map where it can; in the path's price it is unknown space
+(`CostMap.along`)."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +31,11 @@ class PathConfig:
     """Settings of the path search.
 
     Attributes:
-        slack: of the curves' turning radius over the car's: leaves it room to correct.
-        batch: samples that BIT* draws at a time.
-        iterations: of BIT* at most until it has found a path …
-        refinements: … and after. Counts, not a time, so that the same input gives the same path.
+        slack: ratio of the curves' turning radius to the car's; leaves it room to correct.
+        batch: number of samples that BIT* draws at a time.
+        iterations: maximum number of iterations of BIT* until it finds a path. A number and not a
+            time, so that the same input gives the same path.
+        refinements: number of iterations that improve the path.
     """
 
     slack: float = 1.1
@@ -50,24 +54,23 @@ def plan_path(
     config: PathConfig,
     seed: int,
 ) -> Path | None:
-    """The cheapest drivable path from a pose onto the route.
+    """Find the cheapest drivable path from a pose onto the route.
 
     Args:
-        cost: what a metre of way costs, and roughly where the body fits.
-        near: says where it fits around the car, to the cell.
+        cost: cost of a metre of way, and roughly where the body fits.
+        near: says to the cell where the body fits around the car.
         pose: x, y, yaw, (3,).
         route: vertices (n, 2) from near the pose to the goal.
-        ahead: how far along the route the curves reach [m]; beyond it the route serves.
-        car: what it can do; its body.
+        ahead: distance along the route that the curves reach [m]; beyond it the path is the route.
+        car: the car's limits and body.
         config: settings.
-        seed: of the samples.
+        seed: seed of the samples.
 
     Returns:
-        The path, all the way to the route's end; None where OMPL found none in its iterations.
+        The path, all the way to the route's end; None if OMPL finds none in its iterations.
     """
-    # Here and not above: loading OMPL takes longer than all else that a --help needs.
+    # Imported here: loading OMPL takes longer than all else that a --help needs.
     from ompl import base as ob
-    from ompl import geometric as og
     from ompl import util as ou
 
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
@@ -77,24 +80,63 @@ def plan_path(
 
     along = Path.through(route, "dijkstra").points
     target = min(len(along) - 1, round(ahead / SPACING))
-    space = ob.DubinsStateSpace(config.slack * car.turning_radius)
+    space = _space(
+        config.slack * car.turning_radius, np.vstack([along[: target + 1], pose[None, :2]])
+    )
+    info = ob.SpaceInformation(space)
+    info.setStateValidityChecker(_validity(cost, near, pose, car.body))
+    info.setStateValidityCheckingResolution(0.15 / space.getMaximumExtent())
+    info.setup()
+    # One state serves all purposes, since what the binding allocates is never freed.
+    scratch = space.allocState()
+
+    problem = ob.ProblemDefinition(info)
+    problem.addStartState(_filled(scratch, *pose))
+    goals = ob.GoalStates(info)
+    for goal in _goal_poses(along, target):
+        goals.addState(_filled(scratch, *goal))
+    problem.setGoal(goals)
+    # Held in a variable: the binding does not keep what Python made alive.
+    objective = _way_cost(info, space, scratch, cost)
+    problem.setOptimizationObjective(objective)
+    _solve(info, problem, config)
+    if not problem.hasExactSolution():
+        return None
+    found = problem.getSolutionPath()
+    found.interpolate(max(2, math.ceil(found.length() / SPACING)))
+    points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
+    path = Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
+    return replace(path, drivable=min(len(points), len(path.points)))
+
+
+def _space(radius: float, span: NDArray[np.float64]) -> ob.DubinsStateSpace:
+    """Return the Dubins space of a turning radius [m], bounded 3 m around some points (n, 2)."""
+    from ompl import base as ob
+
+    space = ob.DubinsStateSpace(radius)
     bounds = ob.RealVectorBounds(2)
-    span = np.vstack([along[: target + 1], pose[None, :2]])
     for axis in (0, 1):
         bounds.setLow(axis, float(span[:, axis].min()) - 3.0)
         bounds.setHigh(axis, float(span[:, axis].max()) + 3.0)
     space.setBounds(bounds)
-    info = ob.SpaceInformation(space)
+    return space
 
-    open_, density = cost.clearance >= cost.required, cost.density
+
+def _validity(
+    cost: CostMap, near: RiskMap, pose: NDArray[np.float64], body: Body
+) -> Callable[[ob.State], bool]:
+    """Return the test of whether the body fits at a state.
+
+    Two circles cover the body, as in the MPC. Around the car the risk map decides, to the cell;
+    farther away the cost map.
+    """
+    open_ = cost.clearance >= cost.required
     inverse = 1.0 / cost.frame.resolution
     ox, oy = cost.frame.origin
     rows, cols = cost.frame.shape
     x0, y0 = float(pose[0]), float(pose[1])
-    # Two circles cover the body, as in the MPC.
-    ends = car.body.length / 4
-    around = math.hypot(ends, car.body.half_width) + 0.02
-    close = near.obstacle_distance >= around
+    ends = body.length / 4
+    close = near.obstacle_distance >= math.hypot(ends, body.half_width) + 0.02
     near_inverse = 1.0 / near.frame.resolution
     nx, ny = near.frame.origin
     near_rows, near_cols = near.frame.shape
@@ -115,15 +157,20 @@ def plan_path(
         cos, sin = ends * math.cos(yaw), ends * math.sin(yaw)
         return fits(x + cos, y + sin) and fits(x - cos, y - sin)
 
-    info.setStateValidityChecker(is_valid)
-    info.setStateValidityCheckingResolution(0.15 / space.getMaximumExtent())
-    info.setup()
-    # One serves all: what the binding allocates is never freed.
-    scratch = space.allocState()
+    return is_valid
+
+
+def _way_cost(
+    info: ob.SpaceInformation, space: ob.DubinsStateSpace, scratch: ob.State, cost: CostMap
+) -> ob.OptimizationObjective:
+    """Return the objective: the integral of the cost density along a curve."""
+    from ompl import base as ob
+
+    density, inverse = cost.density, 1.0 / cost.frame.resolution
+    ox, oy = cost.frame.origin
+    rows, cols = cost.frame.shape
 
     class WayCost(ob.OptimizationObjective):
-        """The integral of the cost density along a curve."""
-
         def motionCost(self, a: ob.State, b: ob.State) -> ob.Cost:
             length = space.distance(a, b)
             steps = max(1, math.ceil(length / 0.3))
@@ -142,51 +189,47 @@ def plan_path(
         def stateCost(self, state: ob.State) -> ob.Cost:
             return ob.Cost(0.0)
 
-    def state(x: float, y: float, yaw: float) -> ob.State:
-        # The one there is: to be handed over before the next is asked for. OMPL copies it.
-        scratch.setX(float(x))
-        scratch.setY(float(y))
-        # OMPL's interval is open where ours is closed: +π is outside it.
-        scratch.setYaw(float(yaw) if yaw < math.pi else -math.pi)
-        return scratch
+    return WayCost(info)
 
-    problem = ob.ProblemDefinition(info)
-    problem.addStartState(state(*pose))
-    goals = ob.GoalStates(info)
+
+def _goal_poses(along: NDArray[np.float64], target: int) -> Iterator[tuple[float, float, float]]:
+    """Yield the poses (x, y, yaw) in which a curve may end at a point of the route."""
     back = along[max(0, target - 5)]
     heading = math.atan2(*(along[target] - back)[::-1])
-    # At the goal every heading will do; on the way there the route's, roughly.
+    # At the goal every heading will do; on the way there about the route's.
     turns = np.arange(8) * math.pi / 4 if target == len(along) - 1 else (0.0, 0.35, -0.35)
     for turn in turns:
-        yaw = math.remainder(heading + turn, 2 * math.pi)
-        goals.addState(state(along[target, 0], along[target, 1], yaw))
-    problem.setGoal(goals)
-    # The binding does not keep what Python made alive.
-    objective = WayCost(info)
-    problem.setOptimizationObjective(objective)
+        yield along[target, 0], along[target, 1], math.remainder(heading + turn, 2 * math.pi)
+
+
+def _filled(scratch: ob.State, x: float, y: float, yaw: float) -> ob.State:
+    """Write a pose into a state and return it, for OMPL to copy."""
+    scratch.setX(float(x))
+    scratch.setY(float(y))
+    # OMPL's interval is open where ours is closed: +π is outside it.
+    scratch.setYaw(float(yaw) if yaw < math.pi else -math.pi)
+    return scratch
+
+
+def _solve(info: ob.SpaceInformation, problem: ob.ProblemDefinition, config: PathConfig) -> None:
+    """Let BIT* search until it finds a path, and then improve it."""
+    from ompl import geometric as og
+
     search = og.BITstar(info)
     search.setProblemDefinition(problem)
     search.setSamplesPerBatch(config.batch)
-    # With pruning OMPL 2.0.1 reads freed memory now and then on a Dubins space, and crashes.
+    # With pruning OMPL 2.0.1 sometimes reads freed memory on a Dubins space, and crashes.
     search.setPruning(False)
     search.setup()
-
     search.setStopOnSolnImprovement(True)
     search.solve(_after(config.iterations))
     if problem.hasExactSolution():
         search.setStopOnSolnImprovement(False)
         search.solve(_after(config.refinements))
-    if not problem.hasExactSolution():
-        return None
-    found = problem.getSolutionPath()
-    found.interpolate(max(2, math.ceil(found.length() / SPACING)))
-    points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
-    path = Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
-    return replace(path, drivable=min(len(points), len(path.points)))
 
 
 def _after(count: int) -> ob.PlannerTerminationCondition:
-    """A condition that stops a search the `count`-th time that it is asked."""
+    """Return a condition that stops a search the `count`-th time that it is asked."""
     from ompl import base as ob
 
     asked = itertools.count(1)
