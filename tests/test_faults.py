@@ -295,7 +295,7 @@ def driven(task, driver, ticks, go_wrong):
 def test_a_car_whose_solver_fails_comes_to_rest_and_counts_it(kind):
     task = straight()
     driver = navigator(task)
-    fail = functools.partial(setattr, driver.mpc, "solve", SOLVERS[kind])
+    fail = functools.partial(setattr, driver.chooser.mpc, "solve", SOLVERS[kind])
     decisions, states = zip(*driven(task, driver, 60, fail), strict=True)
     assert not any(decision.emergency for decision in decisions)
     assert driver.faults["solver_failed"] == driver.faults["no_safe_solution"] == 45
@@ -307,9 +307,9 @@ def test_a_car_whose_qps_fail_goes_on_by_its_guesses_where_they_are_safe():
     driver = navigator(task)
 
     def solve(state, _path, _risk, guess, *_):
-        return Solution(driver.mpc.roll(state, guess), math.nan, Status.QP_FAILED)
+        return Solution(driver.chooser.mpc.roll(state, guess), math.nan, Status.QP_FAILED)
 
-    driver.mpc.solve = solve
+    driver.chooser.mpc.solve = solve
     episode = drive(task, driver)
     assert episode.outcome is Outcome.REACHED
     # There is a path from the first tick on, and so something to solve in each.

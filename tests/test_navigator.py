@@ -69,11 +69,11 @@ def test_a_plan_that_waits_first_is_driven_at_once_over_the_same_cells(waits, ka
     task = straight()
     driver = navigator(task)
     state = np.array([*task.start, 0.0])
-    controls = np.zeros((driver.mpc.stages, 2))
+    controls = np.zeros((driver.chooser.mpc.stages, 2))
     controls[waits : waits + 5] = (1.0, kappa)
     controls[waits + 5 : waits + 10] = (-1.0, kappa)
-    waiting = driver.mpc.roll(state, controls)
-    driver.mpc.solve = lambda *_: Solution(waiting, 0.0, Status.CONVERGED)
+    waiting = driver.chooser.mpc.roll(state, controls)
+    driver.chooser.mpc.solve = lambda *_: Solution(waiting, 0.0, Status.CONVERGED)
     decision = driver.step(state, LIDAR.scan(task.world, state))
     plan, frame = decision.plan, decision.risk_map.frame
     assert plan.states[1, 3] > 0.05
@@ -89,14 +89,14 @@ def test_a_car_never_waits_for_good_where_it_might_go_on():
     # Whatever the solver puts off, it puts off no more than once.
     task = straight()
     driver = navigator(task)
-    solve = driver.mpc.solve
+    solve = driver.chooser.mpc.solve
 
     def putting_off(state, *others):
         solution = solve(state, *others)
         controls = np.vstack([np.zeros((2, 2)), solution.plan.controls[:-2]])
-        return dataclasses.replace(solution, plan=driver.mpc.roll(state, controls))
+        return dataclasses.replace(solution, plan=driver.chooser.mpc.roll(state, controls))
 
-    driver.mpc.solve = putting_off
+    driver.chooser.mpc.solve = putting_off
     state = np.array([*task.start, 0.0])
     for _ in range(30):
         decision = driver.step(state, LIDAR.scan(task.world, state))
@@ -150,8 +150,8 @@ def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
     driver.guide.path = Way.through(way, "ompl")
     plan, emergency = driver._decide(np.array([-2.4, -2.98, 0.26, 3.08]), risk, [])
     assert not emergency
-    assert driver.checker.is_safe(plan, risk)
-    assert driver._goes_on(plan, risk)
+    assert driver.chooser.checker.is_safe(plan, risk)
+    assert driver.chooser.goes_on(plan, risk)
 
 
 class Sure:
@@ -174,11 +174,11 @@ def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family
     def step(state, scan):
         decision = decide(state, scan)
         # From where this tick leads some way to a stop lies in what has been seen free.
-        after = driver.mpc.roll(state, decision.plan.controls).states[1]
-        resort = driver.mpc.roll(after, driver.resort.controls)
+        after = driver.chooser.mpc.roll(state, decision.plan.controls).states[1]
+        resort = driver.chooser.mpc.roll(after, driver.chooser.resort.controls)
         risk = decision.risk_map
         assert resort.states[-1, 3] < 1e-6
-        assert driver.checker.contact(resort, ~risk.known.free, risk.frame) is None
+        assert driver.chooser.checker.contact(resort, ~risk.known.free, risk.frame) is None
         return decision
 
     driver.step = step

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from planner.guide.route import cost_to_go
 from planner.motion.dynamics import pose_along
 from planner.motion.goal import PATH_REACHES
-from planner.risk.cost_map import STUCK_REACH, CostMap
+from planner.risk.cost_map import STUCK_REACH, CostMap, around
 from predictor.mapping.body import meets
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
@@ -101,9 +101,7 @@ def find_legs(
     to_go, side = field
     cells = known.cells
     for x, y in stuck:
-        row, col = known.frame.cell(float(x), float(y))
-        n = round(STUCK_REACH / known.frame.resolution)
-        here = cells[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
+        here = cells[around(known.frame, float(x), float(y), STUCK_REACH)]
         here[here == UNKNOWN] = OCCUPIED
     curvature = 1.0 / (config.slack * car.turning_radius)
     for margin in config.margin:
@@ -130,14 +128,11 @@ def _search(  # type: ignore[no-untyped-def]
     start, goal, ahead, to_go, side, density, coarse, origin, cells, fine, fine_origin, half_length,
     half_width, curvature, both, reversing, shift, steering, limit,
 ):  # fmt: skip
-    """Poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); no arcs where there is no way."""
-    none = np.empty((0, 3)), np.empty(0, dtype=np.int64)
-    rows, cols = (
-        int(density.shape[0] * coarse / CELL) + 1,
-        int(density.shape[1] * coarse / CELL) + 1,
-    )
+    """Return poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); n = 0 if none is found."""
     occupied, unfree = cells > 0, cells != 0
-    size = 1 << 14
+    # Of each node: its pose, the cost spent, its parent, and the arc that leads to it. There is
+    # room for all that can come up; the system provides memory only where it is written to.
+    size = 1 + 2 * SHARES.size * limit
     poses = np.empty((size, 3))
     spent = np.empty(size)
     parents = np.empty(size, dtype=np.int64)
@@ -152,15 +147,11 @@ def _search(  # type: ignore[no-untyped-def]
         # Off the map's ways, such as with the nose at a wall: from the nearest place on them.
         begun = 1e6
     queue = [(begun, 0)]
-    count, looked, found = 1, 0, -1
+    count, looked = 1, 0
     while len(queue) > 0 and looked < limit:
         _, node = heapq.heappop(queue)
         x, y, yaw = poses[node, 0], poses[node, 1], poses[node, 2]
-        row, col = int((y - origin[1]) / CELL), int((x - origin[0]) / CELL)
-        heading = math.floor((yaw / (2.0 * math.pi)) * HEADINGS + 0.5) % HEADINGS
-        key = ((np.int64(row) * cols + col) * HEADINGS + heading) * 2 + (
-            1 if gears[node] > 0 else 0
-        )
+        key = _key(x, y, yaw, gears[node], density.shape, coarse, origin)
         if key in closed:
             continue
         closed.add(key)
@@ -168,58 +159,81 @@ def _search(  # type: ignore[no-untyped-def]
         left = _remaining(x, y, to_go, side, origin)
         near = math.hypot(x - goal[0], y - goal[1]) < PATH_REACHES
         if node > 0 and (near or (gears[node] > 0 and left <= begun - ahead)):
-            found = node
-            break
+            return _trace(node, poses, parents, gears, shares, curvature)
         for direction in range(2 if both else 1):
             gear = 1 if direction == 0 else -1
             blocked = occupied if gear > 0 else unfree
             for share in SHARES:
-                kappa = share * curvature
-                ex, ey, eyaw = x, y, yaw
-                hit = False
-                for check in range(1, CHECKS + 1):
-                    ex, ey, eyaw = pose_along(x, y, yaw, kappa, gear * STEP * check / CHECKS)
-                    if meets(blocked, fine, fine_origin, ex, ey, eyaw, half_length, half_width):
-                        # It may start closer to something than it likes, and must be able to leave.
-                        hit = node > 0 or check == CHECKS
-                        if hit:
-                            break
-                if hit:
-                    continue
-                r, c = int((ey - origin[1]) / CELL), int((ex - origin[0]) / CELL)
-                if not (0 <= r < rows and 0 <= c < cols):
+                hit, ex, ey, eyaw = _driven(
+                    blocked, fine, fine_origin, x, y, yaw, share * curvature, gear, half_length,
+                    half_width, node == 0,
+                )  # fmt: skip
+                if hit or not _inside(ex, ey, density.shape, coarse, origin):
                     continue
                 left = _remaining(ex, ey, to_go, side, origin)
                 if not left < np.inf:
                     left = begun
                 dr, dc = int((ey - origin[1]) / coarse), int((ex - origin[0]) / coarse)
-                if not (0 <= dr < density.shape[0] and 0 <= dc < density.shape[1]):
-                    continue
                 price = STEP * density[dr, dc] * (1.0 + (steering - 1.0) * abs(share))
                 if gear < 0:
                     price *= reversing
                 if node > 0 and gear != gears[node]:
                     price += shift
                 price += 0.1 * abs(share - shares[node])
-                if count == spent.size:
-                    poses = np.concatenate((poses, np.empty_like(poses)))
-                    spent = np.concatenate((spent, np.empty_like(spent)))
-                    parents = np.concatenate((parents, np.empty_like(parents)))
-                    gears = np.concatenate((gears, np.empty_like(gears)))
-                    shares = np.concatenate((shares, np.empty_like(shares)))
                 poses[count, 0], poses[count, 1], poses[count, 2] = ex, ey, eyaw
                 spent[count] = spent[node] + price
                 parents[count], gears[count], shares[count] = node, gear, share
                 heapq.heappush(queue, (spent[count] + left, count))
                 count += 1
-    if found < 0:
-        return none
-    steps, node = 0, found
+    return np.empty((0, 3)), np.empty(0, dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)
+def _key(x, y, yaw, gear, shape, coarse, origin):  # type: ignore[no-untyped-def]
+    """Return the number of the lattice's place that a pose and a gear belong to."""
+    cols = int(shape[1] * coarse / CELL) + 1
+    row, col = int((y - origin[1]) / CELL), int((x - origin[0]) / CELL)
+    heading = math.floor((yaw / (2.0 * math.pi)) * HEADINGS + 0.5) % HEADINGS
+    return ((np.int64(row) * cols + col) * HEADINGS + heading) * 2 + (1 if gear > 0 else 0)
+
+
+@njit(cache=True, nogil=True)
+def _driven(  # type: ignore[no-untyped-def]
+    blocked, fine, origin, x, y, yaw, kappa, gear, half_length, half_width, first
+):
+    """Return whether the body meets something on an arc, and the pose at the arc's end."""
+    ex, ey, eyaw = x, y, yaw
+    for check in range(1, CHECKS + 1):
+        ex, ey, eyaw = pose_along(x, y, yaw, kappa, gear * STEP * check / CHECKS)
+        # It may start closer to something than it likes, and must be able to leave.
+        if (not first or check == CHECKS) and meets(
+            blocked, fine, origin, ex, ey, eyaw, half_length, half_width
+        ):
+            return True, ex, ey, eyaw
+    return False, ex, ey, eyaw
+
+
+@njit(cache=True, nogil=True)
+def _inside(x, y, shape, coarse, origin):  # type: ignore[no-untyped-def]
+    """Return whether a point lies both on the lattice and on the cost map."""
+    rows, cols = int(shape[0] * coarse / CELL) + 1, int(shape[1] * coarse / CELL) + 1
+    row, col = int((y - origin[1]) / CELL), int((x - origin[0]) / CELL)
+    if not (0 <= row < rows and 0 <= col < cols):
+        return False
+    row, col = int((y - origin[1]) / coarse), int((x - origin[0]) / coarse)
+    return 0 <= row < shape[0] and 0 <= col < shape[1]
+
+
+@njit(cache=True, nogil=True)
+def _trace(node, poses, parents, gears, shares, curvature):  # type: ignore[no-untyped-def]
+    """Return the poses along the arcs from the start to a node, and the arcs' gears."""
+    steps, end = 0, node
     while parents[node] >= 0:
         steps += 1
         node = parents[node]
     way, chosen = np.empty((CHECKS * steps + 1, 3)), np.empty(steps, dtype=np.int64)
-    node = found
+    way[0] = poses[0]
+    node = end
     for i in range(steps - 1, -1, -1):
         before = parents[node]
         chosen[i] = gears[node]
@@ -229,7 +243,6 @@ def _search(  # type: ignore[no-untyped-def]
                 gears[node] * STEP * check / CHECKS,
             )  # fmt: skip
         node = before
-    way[0] = start
     return way, chosen
 
 

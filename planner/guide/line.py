@@ -122,20 +122,20 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations,  # type: ignore[no-untyped-def]
           tightest):  # fmt: skip
-    """The curve (n, 2) that costs least, its first two points and its last held.
+    """Return the curve (n, 2) of least cost, with its first two points and its last held.
 
     Args:
         guess: (n, 2) evenly spaced points [m].
-        way: what they are tethered to, (n, 2) [m].
-        tether: weights of that, (n,) [1/m²].
+        way: points that these are tethered to, (n, 2) [m].
+        tether: weights of the tethers, (n,) [1/m²].
         field: clearance [m], (rows, columns).
-        resolution: side of its cells [m].
-        origin: x, y of its lower-left corner [m].
-        bending: over tension [m²].
-        push: weight of clearance lacking over tension [1/m²].
-        comfort: clearance below which it counts [m].
+        resolution: side of the field's cells [m].
+        origin: x, y of the field's lower-left corner [m].
+        bending: ratio of bending to tension [m²].
+        push: weight of lacking clearance over tension [1/m²].
+        comfort: clearance below which it is lacking [m].
         iterations: of Gauss-Newton.
-        tightest: curvature [1/m]; where it is more the line is made stiffer.
+        tightest: curvature above which the line is made stiffer [1/m].
     """
     n = guess.shape[0]
     p = guess.copy()
@@ -145,75 +145,16 @@ def relax(guess, way, tether, field, resolution, origin, bending, push, comfort,
     for i in range(n - 1):
         h += math.hypot(way[i + 1, 0] - way[i, 0], way[i + 1, 1] - way[i, 1])
     h /= n - 1
-    taut, stiff = 1.0 / h, bending / (h * h * h)
-    rows, cols = field.shape
     band = np.empty((size, 5))
     right = np.empty(size)
     stiffer = np.ones(n)
     for iteration in range(2 * iterations):
         band[:] = 0.0
         right[:] = 0.0
-        # Differences p_{i+1} - p_i, and p_{i-1} - 2 p_i + p_{i+1}.
-        for order in range(2):
-            for first in range(n - 1 - order):
-                weight = taut if order == 0 else stiff * stiffer[first + 1]
-                for axis in range(2):
-                    if order == 0:
-                        value = p[first + 1, axis] - p[first, axis]
-                    else:
-                        value = p[first, axis] - 2.0 * p[first + 1, axis] + p[first + 2, axis]
-                    for a in range(order + 2):
-                        ca = _factor(order, a)
-                        ia = first + a - 2
-                        if ia < 0 or ia >= free:
-                            continue
-                        right[2 * ia + axis] -= weight * ca * value
-                        for b in range(a + 1):
-                            ib = first + b - 2
-                            if ib >= 0:
-                                band[2 * ia + axis, 2 * (a - b)] += weight * ca * _factor(order, b)
-        for i in range(free):
-            x, y = p[i + 2, 0], p[i + 2, 1]
-            w = tether[i + 2] * h
-            right[2 * i] -= w * (x - way[i + 2, 0])
-            right[2 * i + 1] -= w * (y - way[i + 2, 1])
-            band[2 * i, 0] += w
-            band[2 * i + 1, 0] += w
-            u = min(max((x - origin[0]) / resolution - 0.5, 0.0), cols - 1.001)
-            v = min(max((y - origin[1]) / resolution - 0.5, 0.0), rows - 1.001)
-            col, row = int(u), int(v)
-            du, dv = u - col, v - row
-            f00, f01 = field[row, col], field[row, col + 1]
-            f10, f11 = field[row + 1, col], field[row + 1, col + 1]
-            value = (1 - dv) * ((1 - du) * f00 + du * f01) + dv * ((1 - du) * f10 + du * f11)
-            lacking = comfort - value
-            if lacking > 0.0:
-                gx = ((1 - dv) * (f01 - f00) + dv * (f11 - f10)) / resolution
-                gy = ((1 - du) * (f10 - f00) + du * (f11 - f01)) / resolution
-                w = push * h
-                right[2 * i] += w * lacking * gx
-                right[2 * i + 1] += w * lacking * gy
-                band[2 * i, 0] += w * gx * gx
-                band[2 * i + 1, 0] += w * gy * gy
-                band[2 * i + 1, 1] += w * gx * gy
-        # Cholesky's factor in place: L[i, i - j] is band[i, j].
-        for i in range(size):
-            for j in range(min(i, 4), -1, -1):
-                total = band[i, j]
-                for k in range(j + 1, min(i, 4) + 1):
-                    if k - j <= 4:
-                        total -= band[i, k] * band[i - j, k - j]
-                band[i, j] = math.sqrt(max(total, 1e-9)) if j == 0 else total / band[i - j, 0]
-        for i in range(size):
-            for k in range(1, min(i, 4) + 1):
-                right[i] -= band[i, k] * right[i - k]
-            right[i] /= band[i, 0]
-        longest = 0.0
-        for i in range(size - 1, -1, -1):
-            for k in range(1, min(size - 1 - i, 4) + 1):
-                right[i] -= band[i + k, k] * right[i + k]
-            right[i] /= band[i, 0]
-            longest = max(longest, abs(right[i]))
+        _add_differences(band, right, p, stiffer, 1.0 / h, bending / (h * h * h))
+        _add_tethers(band, right, p, way, tether, h)
+        _add_push(band, right, p, field, resolution, origin, push * h, comfort)
+        longest = _solve(band, right)
         # Far from where the clearance was read, its slope is no longer what it was.
         share = min(1.0, 0.3 / max(longest, 1e-9))
         for i in range(free):
@@ -230,9 +171,93 @@ def relax(guess, way, tether, field, resolution, origin, bending, push, comfort,
     return p
 
 
+@njit(cache=True, nogil=True)
+def _add_differences(band, right, p, stiffer, taut, stiff):  # type: ignore[no-untyped-def]
+    """Add tension and bending: differences p_{i+1} - p_i, and p_{i-1} - 2 p_i + p_{i+1}."""
+    n = p.shape[0]
+    free = n - 3
+    for order in range(2):
+        for first in range(n - 1 - order):
+            weight = taut if order == 0 else stiff * stiffer[first + 1]
+            for axis in range(2):
+                if order == 0:
+                    value = p[first + 1, axis] - p[first, axis]
+                else:
+                    value = p[first, axis] - 2.0 * p[first + 1, axis] + p[first + 2, axis]
+                for a in range(order + 2):
+                    ca = _factor(order, a)
+                    ia = first + a - 2
+                    if ia < 0 or ia >= free:
+                        continue
+                    right[2 * ia + axis] -= weight * ca * value
+                    for b in range(a + 1):
+                        ib = first + b - 2
+                        if ib >= 0:
+                            band[2 * ia + axis, 2 * (a - b)] += weight * ca * _factor(order, b)
+
+
+@njit(cache=True, nogil=True)
+def _add_tethers(band, right, p, way, tether, h):  # type: ignore[no-untyped-def]
+    """Add the pull of each free point towards the way."""
+    for i in range(p.shape[0] - 3):
+        w = tether[i + 2] * h
+        right[2 * i] -= w * (p[i + 2, 0] - way[i + 2, 0])
+        right[2 * i + 1] -= w * (p[i + 2, 1] - way[i + 2, 1])
+        band[2 * i, 0] += w
+        band[2 * i + 1, 0] += w
+
+
+@njit(cache=True, nogil=True)
+def _add_push(band, right, p, field, resolution, origin, w, comfort):  # type: ignore[no-untyped-def]
+    """Add the push of each free point away from what it is too close to."""
+    rows, cols = field.shape
+    for i in range(p.shape[0] - 3):
+        u = min(max((p[i + 2, 0] - origin[0]) / resolution - 0.5, 0.0), cols - 1.001)
+        v = min(max((p[i + 2, 1] - origin[1]) / resolution - 0.5, 0.0), rows - 1.001)
+        col, row = int(u), int(v)
+        du, dv = u - col, v - row
+        f00, f01 = field[row, col], field[row, col + 1]
+        f10, f11 = field[row + 1, col], field[row + 1, col + 1]
+        value = (1 - dv) * ((1 - du) * f00 + du * f01) + dv * ((1 - du) * f10 + du * f11)
+        lacking = comfort - value
+        if lacking > 0.0:
+            gx = ((1 - dv) * (f01 - f00) + dv * (f11 - f10)) / resolution
+            gy = ((1 - du) * (f10 - f00) + du * (f11 - f01)) / resolution
+            right[2 * i] += w * lacking * gx
+            right[2 * i + 1] += w * lacking * gy
+            band[2 * i, 0] += w * gx * gx
+            band[2 * i + 1, 0] += w * gy * gy
+            band[2 * i + 1, 1] += w * gx * gy
+
+
+@njit(cache=True, nogil=True)
+def _solve(band, right):  # type: ignore[no-untyped-def]
+    """Solve the banded system in place; return the largest component of its solution."""
+    size = right.size
+    # Cholesky's factor in place: L[i, i - j] is band[i, j].
+    for i in range(size):
+        for j in range(min(i, 4), -1, -1):
+            total = band[i, j]
+            for k in range(j + 1, min(i, 4) + 1):
+                if k - j <= 4:
+                    total -= band[i, k] * band[i - j, k - j]
+            band[i, j] = math.sqrt(max(total, 1e-9)) if j == 0 else total / band[i - j, 0]
+    for i in range(size):
+        for k in range(1, min(i, 4) + 1):
+            right[i] -= band[i, k] * right[i - k]
+        right[i] /= band[i, 0]
+    longest = 0.0
+    for i in range(size - 1, -1, -1):
+        for k in range(1, min(size - 1 - i, 4) + 1):
+            right[i] -= band[i + k, k] * right[i + k]
+        right[i] /= band[i, 0]
+        longest = max(longest, abs(right[i]))
+    return longest
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _factor(order, k):  # type: ignore[no-untyped-def]
-    """Of the k-th point in a first or second difference."""
+    """Return the factor of the k-th point in a first or second difference."""
     if order == 0:
         return -1.0 if k == 0 else 1.0
     return -2.0 if k == 1 else 1.0

@@ -71,13 +71,8 @@ def plan_path(
     """
     # Imported here: loading OMPL takes longer than all else that a --help needs.
     from ompl import base as ob
-    from ompl import util as ou
 
-    ou.setLogLevel(ou.LogLevel.LOG_NONE)
-    # Samplers made from here on draw their seeds from this one. OMPL logs that a seed set late
-    # is not deterministic; it is for all generators made after it, and none is kept.
-    ou.RNG.setSeed(seed % 2**31 + 1)
-
+    _set_seed(seed)
     along = Path.through(route, "dijkstra").points
     target = min(len(along) - 1, round(ahead / SPACING))
     space = _space(
@@ -107,6 +102,16 @@ def plan_path(
     points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
     path = Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
     return replace(path, drivable=min(len(points), len(path.points)))
+
+
+def _set_seed(seed: int) -> None:
+    """Seed the samplers that OMPL makes from here on, and keep it from logging."""
+    from ompl import util as ou
+
+    ou.setLogLevel(ou.LogLevel.LOG_NONE)
+    # OMPL logs that a seed set late is not deterministic. It is for all generators that are made
+    # after it, and none is kept.
+    ou.RNG.setSeed(seed % 2**31 + 1)
 
 
 def _space(radius: float, span: NDArray[np.float64]) -> ob.DubinsStateSpace:

@@ -118,20 +118,7 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
     while count:
         key, node = keys[0], nodes[0]
         count -= 1
-        # Sift the last entry down from the heap's top.
-        last_key, last_node = keys[count], nodes[count]
-        i = 0
-        while True:
-            child = 2 * i + 1
-            if child >= count:
-                break
-            if child + 1 < count and keys[child + 1] < keys[child]:
-                child += 1
-            if keys[child] >= last_key:
-                break
-            keys[i], nodes[i] = keys[child], nodes[child]
-            i = child
-        keys[i], nodes[i] = last_key, last_node
+        _drop_first(keys, nodes, count)
         if key > best[node]:
             continue
         if node == start:
@@ -155,16 +142,39 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
                 if value < best[other]:
                     best[other] = value
                     towards[other] = node
-                    i = count
+                    _insert(keys, nodes, count, value, other)
                     count += 1
-                    while i > 0:
-                        parent = (i - 1) // 2
-                        if keys[parent] <= value:
-                            break
-                        keys[i], nodes[i] = keys[parent], nodes[parent]
-                        i = parent
-                    keys[i], nodes[i] = value, other
     return best, towards
+
+
+@njit(cache=True, nogil=True)
+def _drop_first(keys, nodes, last):  # type: ignore[no-untyped-def]
+    """Drop a binary heap's first entry: sift its entry number `last` down from the top."""
+    key, node = keys[last], nodes[last]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= last:
+            break
+        if child + 1 < last and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[i], nodes[i] = keys[child], nodes[child]
+        i = child
+    keys[i], nodes[i] = key, node
+
+
+@njit(cache=True, nogil=True)
+def _insert(keys, nodes, i, key, node):  # type: ignore[no-untyped-def]
+    """Insert an entry into a binary heap of i entries."""
+    while i > 0:
+        parent = (i - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[i], nodes[i] = keys[parent], nodes[parent]
+        i = parent
+    keys[i], nodes[i] = key, node
 
 
 @njit(cache=True, nogil=True)

@@ -57,31 +57,20 @@ class CostMap:
         way: NDArray[np.float64] | None = None,
         stuck: NDArray[np.float64] | None = None,
     ) -> CostMap:
-        """From all that is known and, where it may steer, what is believed.
+        """Build a cost map from all that is known and, where it may steer, what is believed.
 
         Args:
             known: what has been seen.
-            belief: None: nothing steers.
+            belief: what is believed; None: nothing is.
             half_width: of the body [m].
-            way: points (n, 2) [m] of a way that is the task, less than a cell apart: the unseen
-                cells on it cost what free ones do, those beside it what believed walls do, so that
-                it is left where it must be and not for a short cut through rooms. None: no such.
-            stuck: points (k, 2) [m] at which the car could not go on: the unseen cells around them
-                cost what believed walls do. None: no such.
+            way: points (n, 2) [m] of a prescribed route, less than a cell apart, or None. Its
+                unseen cells cost what free ones do, and those beside it what believed walls do, so
+                that the car leaves the route where it must, and not for a short cut through rooms.
+            stuck: points (k, 2) [m] at which the car could not go on, or None. The unseen cells
+                around them cost what believed walls do.
         """
-        factor = coarsening(known.frame)
         frame = coarsened(known.frame)
-        rows, cols = frame.shape
-        log_odds = np.zeros((rows * factor, cols * factor), dtype=np.int8)
-        log_odds[: known.frame.shape[0], : known.frame.shape[1]] = known.log_odds
-        worst = log_odds[::factor, ::factor].copy()
-        unseen = worst == 0
-        for i in range(factor):
-            for j in range(factor):
-                part = log_odds[i::factor, j::factor]
-                np.maximum(worst, part, out=worst)
-                unseen |= part == 0
-        occupied = worst > 0
+        occupied, unseen = _pooled(known, frame)
         clearance = distance_field(occupied) * np.float32(frame.resolution)
         unknown = UNKNOWN_COST if way is None else OCCUPIED_COST
         prior = np.float32(WALL_PRIOR) * np.clip(1.0 - clearance / WALL_REACH, 0.0, None)
@@ -98,15 +87,9 @@ class CostMap:
                 doubt = np.clip(believed - 1.0, 0.0, 1.0)
                 density[steered] = (believed + prior * doubt)[steered]
         if way is not None:
-            near = np.arange(-2, 3)
-            cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
-            on_rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
-            on_cols = (cells[:, 0, None, None] + near).clip(0, frame.shape[1] - 1)
-            density[on_rows, on_cols] = 1.0
+            density[_beside(way, frame)] = 1.0
         for x, y in () if stuck is None else stuck:
-            row, col = frame.cell(float(x), float(y))
-            n = round(STUCK_REACH / frame.resolution)
-            here = np.s_[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
+            here = around(frame, float(x), float(y), STUCK_REACH)
             density[here][unseen[here]] = OCCUPIED_COST
         # Keep to the middle where there is room: 0.7 m and more costs nothing.
         comfort = half_width + 0.55
@@ -128,6 +111,40 @@ class CostMap:
         price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)
         steps = np.hypot(*np.diff(points, axis=0).T)
         return float((steps * (price * slowness)[1:]).sum())
+
+
+def _pooled(known: OccupancyGrid, frame: GridFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which cells of a coarser frame hold an occupied, and which an unseen cell."""
+    factor = coarsening(known.frame)
+    rows, cols = frame.shape
+    log_odds = np.zeros((rows * factor, cols * factor), dtype=np.int8)
+    log_odds[: known.frame.shape[0], : known.frame.shape[1]] = known.log_odds
+    worst = log_odds[::factor, ::factor].copy()
+    unseen = worst == 0
+    for i in range(factor):
+        for j in range(factor):
+            part = log_odds[i::factor, j::factor]
+            np.maximum(worst, part, out=worst)
+            unseen |= part == 0
+    return worst > 0, unseen
+
+
+def _beside(
+    way: NDArray[np.float64], frame: GridFrame
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns of the cells within two cells of a way's points (n, 2) [m]."""
+    near = np.arange(-2, 3)
+    cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
+    rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
+    cols = (cells[:, 0, None, None] + near).clip(0, frame.shape[1] - 1)
+    return rows, cols
+
+
+def around(frame: GridFrame, x: float, y: float, reach: float) -> tuple[slice, slice]:
+    """Return the square of cells within reach of a point [m], cut at the frame's edges."""
+    row, col = frame.cell(x, y)
+    n = round(reach / frame.resolution)
+    return np.s_[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
 
 
 @dataclass(frozen=True, eq=False)

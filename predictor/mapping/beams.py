@@ -60,16 +60,7 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
     for beam in range(count):
         if ranges[beam] > 0.0:
             length = min(ranges[beam], farthest)
-            # The largest power of two that divides its number: both neighbours at that distance
-            # begin nearer to the sensor than it does.
-            apart = beam & -beam
-            below, above = beam - apart, beam + apart
-            skip = 0
-            amid = 0 < apart <= _MOST and above < count
-            if amid and sector[below] == sector[beam] == sector[above]:
-                # Beams of the same direction are no distance apart, wherever.
-                gap = max(abs(slope[above] - slope[below]), 1e-9)
-                skip = min(passed[below], passed[above], int(_SURE / gap))
+            skip = _spared(beam, slope, sector, passed)
             if sector[beam] >= 2:
                 _cross(flat, y, x, sin[beam], slope[beam], length, skip, rows, cols, cols, 1)
             else:
@@ -82,6 +73,22 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
             col = math.floor(x + cos[beam] * ranges[beam] + math.copysign(_TINY, cos[beam]))
             if 0 <= row < rows and 0 <= col < cols:
                 marks[row, col] = 2
+
+
+@njit(cache=True, nogil=True)
+def _spared(beam, slope, sector, passed):  # type: ignore[no-untyped-def]
+    """Return how many columns of a beam the beams on both sides of it cover."""
+    # The largest power of two that divides its number: both neighbours at that distance begin
+    # nearer to the sensor than it does.
+    apart = beam & -beam
+    below, above = beam - apart, beam + apart
+    if not 0 < apart <= _MOST or above >= slope.size:
+        return 0
+    if not sector[below] == sector[beam] == sector[above]:
+        return 0
+    # Beams of the same direction are no distance apart, wherever.
+    gap = max(abs(slope[above] - slope[below]), 1e-9)
+    return min(passed[below], passed[above], int(_SURE / gap))
 
 
 @njit(cache=True, nogil=True)

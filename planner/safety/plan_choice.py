@@ -1,0 +1,241 @@
+"""The choice of a plan: the cheapest of those that are safe on the newest map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.motion.goal import GOES_ON, PLAN_REACHES
+from planner.motion.path import SPACING, Path, project
+from planner.motion.plan import Plan
+from planner.mpc.guess import pursue, shifted
+from planner.mpc.mpc import MPC, MPCConfig, stop_controls
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CollisionChecker
+from planner.safety.last_resort import LastResort
+from predictor.mapping.car_limits import CarLimits
+
+SLOW = 0.3
+"""A car slower than this always tries pure pursuit too: its last plan may stand still [m/s]."""
+EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
+"""Distances before the end of the best plan at which stops are tried instead [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """The situation of a tick, for which a plan is chosen.
+
+    Attributes:
+        state: x, y, yaw, v now, (4,), of a car that looks where it drives.
+        risk: the newest map around the car.
+        path: path to follow, if there is one.
+        segment: segment of the path near which the car is.
+        faults: list to which failures are appended.
+    """
+
+    state: NDArray[np.float64]
+    risk: RiskMap
+    path: Path | None
+    segment: int
+    faults: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A chosen plan.
+
+    Attributes:
+        plan: plan to drive.
+        intended: plan that would be driven if all beliefs were certain. `plan` differs from it
+            where the last resort has to hold the car back.
+        emergency: whether no plan is safe, so that the car brakes as hard as it can.
+    """
+
+    plan: Plan
+    intended: Plan
+    emergency: bool
+
+
+class PlanChooser:
+    """Chooses a plan at every tick, for one gear.
+
+    Candidates are plans of the MPC from several guesses, the rest of the last plan, braking, and
+    the last resort. Each is tested by the collision checker; the solver's word is not relied upon.
+
+    Args:
+        car: the car's limits, in that gear.
+        config: settings of the MPC.
+        goal: x, y [m].
+    """
+
+    def __init__(self, car: CarLimits, config: MPCConfig, goal: tuple[float, float]) -> None:
+        self.goal = goal
+        self.mpc, self.checker = MPC(car, config), CollisionChecker(car, config.dt)
+        self.resort = LastResort(self.mpc, self.checker)
+        self._intended: Plan | None = None
+        self._curvature = 0.0
+
+    def forget(self) -> None:
+        """Forget the last plan: the car has changed its gear since."""
+        self._intended, self.resort.controls, self._curvature = None, None, 0.0
+
+    def choose(self, now: Situation, afresh: bool) -> Choice:
+        """Choose the plan to drive.
+
+        Args:
+            now: the tick's situation; failures are appended to its faults.
+            afresh: whether to plan from pure pursuit, too.
+        """
+        intended, emergency = self._decide(now, afresh)
+        intended = self._without_waiting(now, intended)
+        plan = intended
+        if emergency:
+            now.faults.append("emergency")
+        else:
+            plan, survivable = self.resort.begin(now.state, intended, now.risk)
+            if not survivable:
+                now.faults.append("no_last_resort")
+        self._intended, self._curvature = intended, float(plan.controls[0, 1])
+        return Choice(plan, intended, emergency)
+
+    def goes_on(self, plan: Plan, risk: RiskMap) -> bool:
+        """Return whether the car can go on from a plan's end, or need not as the goal is near.
+
+        It can if some arc, or straight on, meets nothing that is barred.
+        """
+        x, y = plan.states[-1, :2]
+        if math.hypot(x - self.goal[0], y - self.goal[1]) < GOES_ON:
+            return True
+        return self.checker.leads_on(plan.states[-1], risk)
+
+    def _decide(self, now: Situation, afresh: bool) -> tuple[Plan, bool]:
+        """Return the cheapest safe plan; where none is safe, the least bad way to brake."""
+        kept, safe = self._fallbacks(now)
+        path = now.path
+        if path is None:
+            if safe:
+                return safe[-1], False
+            return self.resort.brake(now.state, kept, now.risk), True
+
+        def cost(plan: Plan) -> float:
+            return self.mpc.evaluate(plan, path, now.risk, now.segment, self._curvature)
+
+        guesses = [kept.controls]
+        if afresh or not safe or now.state[3] < SLOW:
+            guesses.append(self._pursuit(now, path))
+        solved = self._solutions(now, path, guesses)
+        if not solved:
+            now.faults.append("no_safe_solution")
+        candidates = sorted(solved + safe, key=cost)
+        if not candidates:
+            return self.resort.brake(now.state, kept, now.risk), True
+        # At the goal the drive is over: no cost of what would follow may make the car pass it by.
+        best = min(candidates, key=self._arrival)
+        if self.goes_on(best, now.risk):
+            return best, False
+        # A car that cannot reverse had better not stop with its nose against a wall.
+        sooner = self._stopping_sooner(now, path, best)
+        if sooner is not None:
+            return sooner, False
+        # Or brake and swerve to where it can go on from, while there is still room for that.
+        stops = (self.mpc.roll(now.state, way) for way in self.resort.ways(best))
+        stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
+        others = [*candidates, *sorted(stops, key=cost)]
+        # Standing still for ever is no better than standing there.
+        moving = (plan for plan in others if plan.states[:, 3].max() > 0.1)
+        return next((plan for plan in moving if self.goes_on(plan, now.risk)), best), False
+
+    def _fallbacks(self, now: Situation) -> tuple[Plan, list[Plan]]:
+        """Return the rest of the last plan, and the safe ones of the plans that need no solver.
+
+        These are the last resort, the rest of the last plan, and braking.
+        """
+        mpc, braking = self.mpc, self.mpc.limits.braking
+        stop = mpc.roll(now.state, stop_controls(mpc.stages, braking, self._curvature))
+        kept = stop
+        if self._intended is not None:
+            kept = mpc.roll(now.state, shifted(self._intended.controls, braking))
+        plans = [kept, stop]
+        if self.resort.controls is not None:
+            plans.insert(0, mpc.roll(now.state, self.resort.controls))
+        return kept, [plan for plan in plans if self.checker.is_safe(plan, now.risk)]
+
+    def _arrival(self, plan: Plan) -> float:
+        """Return the first stage at which a plan is at the goal; infinite if it does not arrive."""
+        off = np.hypot(*(plan.states[:, :2] - np.array(self.goal)).T)
+        return float(np.argmax(off < PLAN_REACHES)) if off.min() < PLAN_REACHES else math.inf
+
+    def _without_waiting(self, now: Situation, plan: Plan) -> Plan:
+        """Drop the first steps of a plan, in which a standing car would wait, if that is safe.
+
+        A solver may return a plan that moves only later, again at every tick.
+        """
+        moves = np.flatnonzero(plan.states[1:, 3] > 1e-3)
+        if now.state[3] > 0.0 or not len(moves) or moves[0] == 0:
+            return plan
+        first = int(moves[0])
+        rest = stop_controls(first, self.mpc.limits.braking, float(plan.controls[-1, 1]))
+        sooner = self.mpc.roll(now.state, np.vstack([plan.controls[first:], rest]))
+        return sooner if self.checker.is_safe(sooner, now.risk) else plan
+
+    def _stopping_sooner(self, now: Situation, path: Path, best: Plan) -> Plan | None:
+        """Return a plan that stops before the best one's end, and that the car can go on from."""
+        end, _, _ = project(path.points, *best.states[-1, :2], now.segment, 10**6)  # type: ignore[call-arg]
+        for sooner in EARLIER_STOPS:
+            last = end - round(sooner / SPACING)
+            if last < now.segment + 3:
+                break
+            shorter = Path(path.points[:last], path.source)
+            for plan in self._solutions(now, shorter, [self._pursuit(now, shorter)]):
+                if self.goes_on(plan, now.risk):
+                    return plan
+        return None
+
+    def _solutions(
+        self, now: Situation, path: Path, guesses: list[NDArray[np.float64]]
+    ) -> list[Plan]:
+        """Return the safe ones among the plans that the MPC makes of some guesses."""
+        solved = []
+        for guess in guesses:
+            try:
+                solution = self.mpc.solve(
+                    now.state, path, now.risk, guess, now.segment, self._curvature
+                )
+            except Exception:
+                # Solvers raise what they like; there is another plan, or the car stops.
+                now.faults.append("solver_failed")
+                continue
+            if solution.failed:
+                now.faults.append("solver_failed")
+            if self.checker.is_safe(solution.plan, now.risk):
+                solved.append(solution.plan)
+        return solved
+
+    def _pursuit(self, now: Situation, path: Path) -> NDArray[np.float64]:
+        """Return controls that follow a path as far as that is safe."""
+        mpc, car = self.mpc, self.mpc.limits
+        free = math.inf
+        controls = np.zeros((mpc.stages, 2))
+        for _ in range(2):
+            controls = pursue(
+                path.points,
+                now.segment,
+                now.state,
+                mpc.stages,
+                mpc.config.dt,
+                car.v_max,
+                car.acceleration,
+                car.braking,
+                car.lateral_acceleration,
+                car.max_curvature,
+                min(free, 1e6),
+            )
+            rolled = mpc.roll(now.state, controls)
+            met = self.checker.contact(rolled, ~now.risk.safe, now.risk.frame)
+            if met is None:
+                break
+            free = max(met[0] - 0.1, 0.0)
+        return controls
