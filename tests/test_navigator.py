@@ -11,6 +11,7 @@ from planner.motion.path import Path as Way
 from planner.mpc.solution import Solution, Status
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
+from planner.safety.plan_choice import Situation
 from planner.safety.sweep import swept_cells
 from predictor import FREE, OCCUPIED, Grid, GridFrame, Prediction
 from predictor.mapping.car_limits import CarLimits
@@ -147,11 +148,11 @@ def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
     cells = np.where(room, np.int8(FREE), np.int8(OCCUPIED))
     risk = RiskMap.from_prediction(Grid(frame, cells), None, 0.0)
     way = np.array([[-3.0, -3.1], [-2.3, -2.95], [0.6, 0.85]])
-    driver.guide.path = Way.through(way, "ompl")
-    plan, emergency = driver._decide(np.array([-2.4, -2.98, 0.26, 3.08]), risk, [])
-    assert not emergency
-    assert driver.chooser.checker.is_safe(plan, risk)
-    assert driver.chooser.goes_on(plan, risk)
+    state = np.array([-2.4, -2.98, 0.26, 3.08])
+    choice = driver.chooser.choose(Situation(state, risk, Way.through(way, "ompl"), 0, []), False)
+    assert not choice.emergency
+    assert driver.chooser.checker.is_safe(choice.plan, risk)
+    assert driver.chooser.goes_on(choice.plan, risk)
 
 
 class Sure:
