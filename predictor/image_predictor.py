@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from predictor.data.samples import quarters
+from predictor.data.squares import codes_of
 from predictor.mapping.grid import Grid, GridFrame, paste
 from predictor.networks.grey_map import level_of
 from predictor.networks.image import cells_of, image_of
@@ -93,11 +94,8 @@ class ImagePredictor:
         if self.config.given == "crop":
             known = known.crop(known.frame.square(x, y, WINDOW))
         given = known.crop(square)
-        codes = np.where(
-            given.free, np.uint8(0), np.where(given.occupied, np.uint8(1), np.uint8(2))
-        )
         turns = quarters(float(pose[2])) if self.config.turned else 0
-        image = image_of(np.rot90(codes, turns), self.config.side)
+        image = image_of(np.rot90(codes_of(given.cells), turns), self.config.side)
         printed = cells_of(self._run(image[None])[0], square.shape[0])
         return square, np.rot90(printed, -turns)
 

@@ -121,7 +121,8 @@ class Run:
             parent: process number of the one that begins it.
         """
         from predictor.infra.workers import follow_parent
-        from predictor.training.image_training import Stopped, train_images
+        from predictor.training.image_training import train_images
+        from predictor.training.trainer import Stopped
 
         follow_parent(parent)
         stopping = threading.Event()
@@ -156,10 +157,10 @@ class Run:
 
     def last(self) -> str:
         """Where it is, and the last of its losses; empty if there is nothing yet."""
-        from predictor.training.image_training import told
+        from predictor.training.trainer import summary_of
 
         try:
-            return told(loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
+            return summary_of(loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
         except (OSError, ValueError, IndexError):
             return ""
 

@@ -59,7 +59,7 @@ def _images(args: argparse.Namespace) -> Path:
 def _compact(args: argparse.Namespace) -> Path:
     from benchmarks.recording.training_drives import make
     from predictor.data.drives_config import DrivesConfig
-    from predictor.training.compact_training import Trainer
+    from predictor.training.compact_training import CompactTrainer
 
     default, drives = TrainConfig(), DrivesConfig()
     data, out = args.data or drives.out, args.out or Path("results/train")
@@ -90,8 +90,7 @@ def _compact(args: argparse.Namespace) -> Path:
         args.steps or default.steps, args.batch or default.batch, args.rate or default.rate,
         seed=args.seed or default.seed, start=start and start[1]["fingerprint"],
     )  # fmt: skip
-    trainer = Trainer(config, train, validation, out, start)
-    return trainer.run(validate_every=max(1, min(500, config.steps // 10)), save_every=60.0)
+    return CompactTrainer(config, train, validation, out, start).run()
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from predictor.data.squares import Square
+
 
 @dataclass(eq=False)
 class GeneratedFrames:
@@ -26,6 +28,11 @@ class GeneratedFrames:
     def truth(self, index: Any, expansion: float) -> NDArray[np.uint8]:
         inset = (200 - round(100 * expansion)) // 2
         return self.whole[index, inset : 200 - inset, inset : 200 - inset]
+
+    def square(self, index: int, expansion: float) -> Square:
+        return Square.of(
+            self.estimated[index], self.remembered[index], self.truth(index, expansion)
+        )
 
     @property
     def worlds(self) -> frozenset[str]:

@@ -20,11 +20,11 @@ from benchmarks.recording.paper_drives import (
     SimulatedConfig,
     check_apart,
     drives_of,
-    truth_of,
 )
 from benchmarks.recording.training_drives import SPLITS
 from predictor.compact import LOGS, PAPER, SHIPPED
 from predictor.data.frames import MANIFEST, Frames, FramesError
+from predictor.data.squares import truth_codes
 from predictor.dataset import main
 from predictor.mapping.grid import world_hash
 from predictor.weights import facts_of
@@ -89,7 +89,7 @@ def test_frames_are_what_a_drive_through_the_building_sees(folder):
     assert len(frames) == 46 + 12 + 10 + 10
     for number, facts in enumerate(frames.about):
         world = generate("paper", facts["map_seed"])
-        assert np.array_equal(frames.maps[number], truth_of(world))
+        assert np.array_equal(frames.maps[number], truth_codes(world.grid.free, world.surface))
     truth = frames.truth(slice(None), 2.0)
     for images, there in ((frames.estimated, truth[:, 50:150, 50:150]),
                           (frames.remembered, truth)):  # fmt: skip

@@ -14,10 +14,9 @@ from predictor.data.frames import (
     MANIFEST,
     Frames,
     FramesError,
-    cells_of,
     checksum,
-    codes_of,
 )
+from predictor.data.squares import cells_of, codes_of
 
 NAMES = ["train-000", "train-001", "test-000"]
 

@@ -6,9 +6,10 @@ from generated_frames import generated
 from hypothesis import given
 from hypothesis import strategies as st
 
-from predictor.networks.image import GREYS, cells_of, image_of, pixels_of
+from predictor.data.squares import GREYS
+from predictor.networks.image import cells_of, image_of, pixels_of
 from predictor.networks.image_config import EXPANSIONS, ImageConfig
-from predictor.training.pairs import Pairs
+from predictor.training.targets import images_of
 
 
 def some_codes(n, seed=0):
@@ -58,13 +59,13 @@ def test_several_maps_at_once():
 @pytest.mark.parametrize("side", [128, 256])
 def test_what_is_given_and_what_is_asked_for_lie_on_each_other(expansion, side):
     frames = generated(3, 0)
-    pairs = Pairs(frames, ImageConfig(expansion=expansion, side=side))
-    given_, wanted = pairs.images(np.arange(3))
+    squares = [frames.square(index, expansion) for index in range(3)]
+    given_, wanted = images_of(squares, ImageConfig(expansion=expansion, side=side))
     assert given_.shape == wanted.shape == (3, 1, side, side)
     if side == 256:
         # What was seen is true.
         assert (given_ == wanted)[given_ != 0].all()
-    n = pairs.n
+    n = round(100 * expansion)
     inset = (n - 100) // 2
     crop = cells_of(given_[:, 0], n)[:, inset : n - inset, inset : n - inset]
     if side >= n:
@@ -77,10 +78,12 @@ def test_what_is_given_and_what_is_asked_for_lie_on_each_other(expansion, side):
 def test_of_the_crop_nothing_beyond_it_is_given_and_of_the_window_all_that_was_seen():
     frames = generated(3, 0)
     crop, window = (
-        Pairs(frames, ImageConfig(expansion=2.0, given=name)) for name in ("crop", "window")
+        images_of([frames.square(0, 2.0)], ImageConfig(expansion=2.0, given=name))[0]
+        for name in ("crop", "window")
     )
+    crop, window = (cells_of(images[0, 0], 200) for images in (crop, window))
     ring = np.ones((200, 200), dtype=bool)
     ring[50:150, 50:150] = False
-    assert (crop.given(0)[ring] == 2).all()
-    assert (window.given(0)[ring] != 2).any()
-    assert np.array_equal(window.given(0), frames.remembered[0])
+    assert (crop[ring] == 0).all()
+    assert (window[ring] != 0).any()
+    assert np.array_equal(window, GREYS[frames.remembered[0]])

@@ -10,7 +10,6 @@ import torch
 from generated_frames import generated, write_frames
 
 from benchmarks.prediction.contestants import reduced
-from predictor.data.sample_frames import SampleFrames
 from predictor.data.samples import Samples, write_samples
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import PRESETS, ImageConfig, ImageTraining
@@ -18,8 +17,8 @@ from predictor.networks.image_net import ImageNet
 from predictor.train import main
 from predictor.training.checkpoint import TrainError
 from predictor.training.group import Group
-from predictor.training.image_training import ImageTrainer, Stopped, train_images
-from predictor.training.pairs import Pairs
+from predictor.training.image_training import ImageTrainer, train_images
+from predictor.training.trainer import Stopped
 from predictor.weights import load_weights
 
 TRAIN, VALIDATION = generated(10, 1), generated(4, 2)
@@ -73,12 +72,11 @@ def test_a_killed_training_ends_as_if_it_had_not_been(tmp_path, monkeypatch, arc
     whole = trainer(tmp_path / "whole", **settings).run()
     killed = trainer(tmp_path / "killed", **settings)
     middle = killed.steps // 2
-    learn = killed._learn
+    learn, save = killed._learn, killed.save
+    # Its log is a step further than its last checkpoint.
+    monkeypatch.setattr(killed, "save", lambda: save() if killed.step == middle else None)
 
     def die(*images):
-        # Its log is a step further than its last checkpoint.
-        if killed.step == middle:
-            killed.save()
         if killed.step == middle + 1:
             raise KeyboardInterrupt
         return learn(*images)
@@ -143,10 +141,11 @@ def test_the_first_half_is_at_the_full_rate_and_the_end_at_none(tmp_path, monkey
     assert 0 < rates[-1] < 1.1e-4
 
 
-def test_every_frame_is_learnt_from_once_an_epoch(tmp_path):
+def test_every_frame_is_learnt_from_once_an_epoch(tmp_path, monkeypatch):
     one = trainer(tmp_path, batch=4)
     seen = []
-    one.train.images = lambda chosen: (seen.extend(chosen), 2 * [np.zeros(1, np.int8)])[1]
+    square = one.train.square(0, 1.3)
+    monkeypatch.setattr(one.train, "square", lambda index, _: (seen.append(index), square)[1])
     for step in range(5):
         one._batch(step)
     assert sorted(seen) == sorted(2 * list(range(10)))
@@ -291,11 +290,11 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
     net, facts = load_weights(path, ImageNet)
     assert net.config.turned
     assert facts["worlds"] == ["train"]
-    pairs = Pairs(SampleFrames(Samples.load(tmp_path / "drives" / "train")), config)
-    frames = Pairs(generated(3, 1), config)
+    samples, frames = Samples.load(tmp_path / "drives" / "train"), generated(3, 1)
     for index in range(3):
-        for name in ("known", "given", "truth"):
-            assert np.array_equal(getattr(pairs, name)(index), getattr(frames, name)(index))
+        of_sample, of_frame = (each.square(index, 1.3) for each in (samples, frames))
+        for name in ("crop", "window", "truth"):
+            assert np.array_equal(getattr(of_sample, name), getattr(of_frame, name))
 
 
 def test_what_is_trained_is_left_as_it_is_on_any_number_of_threads(tmp_path, monkeypatch):
@@ -305,7 +304,7 @@ def test_what_is_trained_is_left_as_it_is_on_any_number_of_threads(tmp_path, mon
     out = tmp_path / "out"
     path = train_images(config, training, tmp_path / "data", out, 1)
     before = path.read_bytes(), path.stat().st_mtime_ns
-    monkeypatch.setattr("predictor.infra.environment.commit", lambda: "another")
+    monkeypatch.setattr("predictor.training.trainer.commit", lambda: "another")
     assert train_images(config, training, tmp_path / "data", out, 2) == path
     assert (path.read_bytes(), path.stat().st_mtime_ns) == before
     with pytest.raises(TrainError, match="trained in another way"):
@@ -315,9 +314,9 @@ def test_what_is_trained_is_left_as_it_is_on_any_number_of_threads(tmp_path, mon
 def test_weights_name_every_commit_that_made_a_step(tmp_path, monkeypatch):
     stopping = Event()
     stopping.set()
-    monkeypatch.setattr("predictor.infra.environment.commit", lambda: "one")
+    monkeypatch.setattr("predictor.training.trainer.commit", lambda: "one")
     with pytest.raises(Stopped):
         trainer(tmp_path).run(stopping)
-    monkeypatch.setattr("predictor.infra.environment.commit", lambda: "two")
+    monkeypatch.setattr("predictor.training.trainer.commit", lambda: "two")
     path = trainer(tmp_path).run()
     assert load_weights(path, ImageNet)[1]["commit"] == "one two"

@@ -15,7 +15,7 @@ from benchmarks.prediction.evaluation import spaced
 from benchmarks.prediction.paper import SSIM
 from benchmarks.prediction.pictures import straight
 from benchmarks.prediction.similarity import LEVELS, beyond_crop, similarity
-from benchmarks.prediction.square import Square
+from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.transients import Count, found, with_transients
 from benchmarks.runs.statistics import grouped_mean
 from predictor import Prediction, PredictorError
@@ -150,7 +150,7 @@ def test_without_an_unseen_cell_there_is_nothing_to_say_of_them():
 def test_cells_seen_in_the_crop_or_in_the_window_do_not_count(sets):
     frames = Frames.load(sets / "simulated", "test")
     for expansion in (1.1, 2.0):
-        square = Square.of(frames, 2, expansion)
+        square = ScoredSquare.of(frames, 2, expansion)
         assert ((square.ring >= 0) == (square.crop.unknown & square.window.unknown)).all()
         assert (
             square.truth[~square.crop.unknown] == frames.truth(2, expansion)[~square.crop.unknown]
@@ -363,7 +363,7 @@ def test_every_figure_is_drawn(done):
 
 def test_transients_are_put_where_free_space_was_seen_and_found_again(sets):
     frames = Frames.load(sets / "simulated", "test")
-    square = Square.of(frames, 2, 1.3)
+    square = ScoredSquare.of(frames, 2, 1.3)
     given, put = with_transients(square, seed=0)
     assert put.any()
     assert square.crop.free[put].all()
@@ -374,7 +374,7 @@ def test_transients_are_put_where_free_space_was_seen_and_found_again(sets):
 
 
 def test_a_network_that_copies_filters_nothing_and_one_that_whitens_all_keeps_no_wall(sets):
-    square = Square.of(Frames.load(sets / "simulated", "test"), 2, 1.3)
+    square = ScoredSquare.of(Frames.load(sets / "simulated", "test"), 2, 1.3)
     counts = {}
     for name in ("copy", "grey"):
         counts[name] = Count()

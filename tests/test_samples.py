@@ -21,8 +21,8 @@ FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
 def some_sample(seed=0, yaw=0.0):
     rng = np.random.default_rng(seed)
     known = Grid(FRAME, rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.int8), FRAME.shape))
-    truth = rng.integers(0, 3, FRAME.shape)
-    return known, truth, encoded(known, truth == 0, truth == 1, yaw)
+    truth = rng.integers(0, 3, FRAME.shape, dtype=np.uint8)
+    return known, truth, encoded(known, truth, yaw)
 
 
 def write(folder, name="000000", world="a", samples=None):
@@ -44,12 +44,12 @@ def test_a_sample_comes_back_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("yaw", np.linspace(-3.1, 3.1, 9))
 def test_what_lies_ahead_of_the_robot_lies_along_x(tmp_path, yaw):
-    truth = np.full(FRAME.shape, 2)
+    truth = np.full(FRAME.shape, 2, np.uint8)
     middle = SIDE // 2
     ahead = round(100 * np.cos(yaw)), round(100 * np.sin(yaw))
     truth[middle + ahead[1] - 3 : middle + ahead[1] + 3, middle + ahead[0] - 3 :][:, :6] = 0
     known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
-    write(tmp_path, samples=[encoded(known, truth == 0, truth == 1, yaw)])
+    write(tmp_path, samples=[encoded(known, truth, yaw)])
     rows, cols = np.nonzero(Samples.load(tmp_path)[0] // 3 == 0)
     x, y = cols.mean() - middle, rows.mean() - middle
     assert x > abs(y) - 2

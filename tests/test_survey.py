@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from predictor.data.frames import Frames, cells_of
+from predictor.data.frames import Frames
 from predictor.data.laser_log import LaserLog, LogError
+from predictor.data.squares import cells_of
 from predictor.data.survey import (
     clipped,
     frame_around,

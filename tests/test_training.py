@@ -14,12 +14,14 @@ import torch
 from benchmarks.recording.training_drives import DrivesError, _claim, seen_again
 from predictor.data.drives_config import DrivesConfig
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
+from predictor.data.squares import truth_codes
 from predictor.mapping.grid import world_hash
 from predictor.networks.compact_net import CompactNet
 from predictor.train import main
 from predictor.training import compact_training
+from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_training import TrainConfig, Trainer
+from predictor.training.compact_training import CompactTrainer, TrainConfig
 from predictor.weights import load_weights
 from sim import LidarConfig
 from sim.families import generate
@@ -37,7 +39,7 @@ def some_drive(folder, seed):
     samples = []
     for known, state in seen_again(task, states, 5.0, LidarConfig(), rng, 1):
         crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
-        samples.append(encoded(crop, *world.truth(crop.frame), state[2]))
+        samples.append(encoded(crop, truth_codes(*world.truth(crop.frame)), state[2]))
     building = world_hash(world.grid.cells)
     about = {"seed": seed, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
@@ -64,13 +66,16 @@ def small(monkeypatch):
     torch.set_num_threads(threads)
 
 
-def trainer(data, out, config=CONFIG):
+def trainer(data, out, config=CONFIG, note_every=4):
     train_set, validation = (Samples.load(data / name) for name in ("train", "validation"))
-    return Trainer(config, train_set, validation, out)
+    one = CompactTrainer(config, train_set, validation, out)
+    one.note_every = note_every
+    return one
 
 
 def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, monkeypatch):
-    trainer(data, tmp_path / "whole").run(validate_every=4, save_every=0.0)
+    monkeypatch.setattr(training_loop, "SAVE_EVERY", 0.0)
+    trainer(data, tmp_path / "whole").run()
     killed = trainer(data, tmp_path / "killed")
     learn, save = killed._learn, killed.save
 
@@ -83,11 +88,13 @@ def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, mon
     monkeypatch.setattr(killed, "save", lambda: save() if killed.step == 3 else None)
     monkeypatch.setattr(killed, "_learn", die)
     with pytest.raises(KeyboardInterrupt):
-        killed.run(validate_every=4, save_every=0.0)
-    assert [json.loads(line)["step"] for line in (killed.out / "log.jsonl").open()] == [4]
+        killed.run()
+    assert [json.loads(line)["step"] for line in (killed.weights.parent / "log.jsonl").open()] == [
+        4
+    ]
     again = trainer(data, tmp_path / "killed")
     assert again.step == 3
-    again.run(validate_every=4, save_every=0.0)
+    again.run()
     one, two = (tmp_path / name / "log.jsonl" for name in ("whole", "killed"))
     assert one.read_text() == two.read_text()
     assert [json.loads(line)["step"] for line in one.read_text().splitlines()] == [4, 8, 12]
@@ -103,7 +110,7 @@ def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, mon
 
 def test_it_learns(data, tmp_path, small):
     longer = TrainConfig(steps=60, batch=4, warmup=10)
-    trainer(data, tmp_path, longer).run(validate_every=20, save_every=60.0)
+    trainer(data, tmp_path, longer, note_every=20).run()
     losses = [json.loads(line)["loss"] for line in (tmp_path / "log.jsonl").open()]
     assert losses[-1] < 0.8 * losses[0]
     assert (tmp_path / "curve.png").stat().st_size > 5000
@@ -111,7 +118,7 @@ def test_it_learns(data, tmp_path, small):
 
 def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, small):
     one = trainer(data, tmp_path)
-    one.run(validate_every=12, save_every=60.0)
+    one.run()
     _, facts = load_weights(tmp_path / "compact.safetensors", CompactNet)
     assert facts["worlds"] == sorted(one.train.worlds)
     assert facts["validation_worlds"] == sorted(one.validation.worlds)
@@ -119,12 +126,12 @@ def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, smal
 
 
 def test_it_goes_on_from_weights_and_remembers_their_buildings(data, tmp_path, small):
-    trainer(data, tmp_path / "one").run(validate_every=12, save_every=60.0)
+    trainer(data, tmp_path / "one").run()
     start = load_weights(tmp_path / "one" / "compact.safetensors", CompactNet)
     some_drive(data / "more", 5)
     more, validation = (Samples.load(data / name) for name in ("more", "validation"))
     config = TrainConfig(steps=1, batch=2, rate=1e-9, start=start[1]["fingerprint"])
-    Trainer(config, more, validation, tmp_path / "two", start).run(1, 60.0)
+    CompactTrainer(config, more, validation, tmp_path / "two", start).run()
     net, facts = load_weights(tmp_path / "two" / "compact.safetensors", CompactNet)
     before, _ = load_weights(tmp_path / "one" / "compact.safetensors", CompactNet)
     assert facts["worlds"] == sorted(more.worlds | set(start[1]["worlds"]))
@@ -144,7 +151,7 @@ def test_other_validation_drives_are_another_training(data, tmp_path, small):
     some_drive(data / "other", 4)
     train_set, other = (Samples.load(data / name) for name in ("train", "other"))
     with pytest.raises(TrainError, match="another data, validation_worlds"):
-        Trainer(CONFIG, train_set, other, tmp_path)
+        CompactTrainer(CONFIG, train_set, other, tmp_path)
 
 
 def test_samples_of_another_recipe_are_not_mixed_in(tmp_path):
@@ -187,7 +194,7 @@ def test_other_samples_of_the_same_buildings_are_another_training(data, tmp_path
 
 
 def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, small, capsys):
-    trainer(data, tmp_path / "one").run(validate_every=12, save_every=60.0)
+    trainer(data, tmp_path / "one").run()
     weights = str(tmp_path / "one" / "compact.safetensors")
     swapped = tmp_path / "swapped"
     shutil.copytree(data / "train", swapped / "validation")
@@ -196,7 +203,7 @@ def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, sma
     train_set, validation = (Samples.load(swapped / name) for name in ("train", "validation"))
     start = load_weights(Path(weights), CompactNet)
     with pytest.raises(TrainError, match="have learned from 2 of the buildings to validate on"):
-        Trainer(config, train_set, validation, tmp_path / "two", start)
+        CompactTrainer(config, train_set, validation, tmp_path / "two", start)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from benchmarks.prediction.contestants import BASELINES, Contestant
 from benchmarks.prediction.entrants import is_printed
 from benchmarks.prediction.scoring import ScoringError
-from benchmarks.prediction.square import Square
+from benchmarks.prediction.square import ScoredSquare
 from predictor.compact import Compact
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
@@ -31,7 +31,7 @@ PRINTED = 10
 """Runs that are timed of a network as the paper prints it, which takes a second or more."""
 
 
-def cost_of(contestant: Contestant, squares: list[Square]) -> dict[str, Any] | None:
+def cost_of(contestant: Contestant, squares: list[ScoredSquare]) -> dict[str, Any] | None:
     """What a contestant's predictions cost, made one after the other on one thread.
 
     Args:

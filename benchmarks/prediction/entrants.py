@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import BASELINES, Contestant
-from benchmarks.prediction.square import Square
-from predictor.data.frames import codes_of
+from benchmarks.prediction.square import ScoredSquare
+from predictor.data.squares import TERNARY, codes_of
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.prediction import BadPredictionError, Predictor, asked
 from predictor.registry import load_predictor
-from predictor.scoring.ternary import TERNARY, ternary
+from predictor.scoring.ternary import ternary
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Answer:
 class Entrant(Protocol):
     """A contestant that is ready."""
 
-    def answer(self, square: Square) -> Answer:
+    def answer(self, square: ScoredSquare) -> Answer:
         """What it says.
 
         Raises:
@@ -86,7 +86,7 @@ class _Baseline:
     copies: bool
     rates: tuple[float, float]
 
-    def answer(self, square: Square) -> Answer:
+    def answer(self, square: ScoredSquare) -> Answer:
         crop = TERNARY[codes_of(square.crop.cells)]
         image = crop if self.copies else np.full_like(crop, 0.5)
         free, occupied = (np.full(crop.shape, rate, np.float32) for rate in self.rates)
@@ -99,7 +99,7 @@ class _Printed:
 
     predictor: ImagePredictor | Fused
 
-    def answer(self, square: Square) -> Answer:
+    def answer(self, square: ScoredSquare) -> Answer:
         known = square.crop if self.predictor.given == "crop" else square.window
         grey, p_free, p_occupied, _ = self.predictor.printed(known, square.pose)
         if not np.isfinite(grey).all():
@@ -115,7 +115,7 @@ class _Believed:
 
     predictor: Predictor
 
-    def answer(self, square: Square) -> Answer:
+    def answer(self, square: ScoredSquare) -> Answer:
         belief = asked(self.predictor, square.window, square.pose)
         image = ternary(square.window, belief)
         return Answer(image, image, belief.p_free, belief.p_occupied, belief.nan_cells)

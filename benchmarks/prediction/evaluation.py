@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import Contestant
 from benchmarks.prediction.scoring import Kept, Stretch, rates_of, score
-from benchmarks.prediction.square import Square
+from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.store import Store, read_arrays, write_arrays
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
 from predictor.infra.environment import commit
@@ -163,14 +163,14 @@ class Evaluation:
                 raise FileNotFoundError(f"{path} has gone: give the same command again")
             yield piece
 
-    def examples(self, expansion: float, count: int = 20) -> list[Square]:
+    def examples(self, expansion: float, count: int = 20) -> list[ScoredSquare]:
         """Squares spread evenly over the test drives, or else the logs, to measure costs on."""
         frames = self.sets.get("physical")
         if self.config.data is not None:
             frames = Frames.load(self.config.data, "test")
         assert frames is not None
         chosen = np.unique(np.linspace(0, len(frames) - 1, count).astype(int))
-        return [Square.of(frames, int(index), expansion) for index in chosen]
+        return [ScoredSquare.of(frames, int(index), expansion) for index in chosen]
 
 
 def key_of(expansion: float) -> str:

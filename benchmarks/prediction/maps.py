@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from benchmarks.figures.palette import INK, bare, new_figure, scale_bar, shrink
-from predictor.data.frames import RESOLUTION, Frames, cells_of
-from predictor.mapping.grid import FREE, OCCUPIED
+from predictor.data.frames import RESOLUTION, Frames
+from predictor.data.squares import TERNARY, cells_of, codes_of
 
 STYLES: dict[str, dict[str, Any]] = {
     "train": {"color": "#D00000", "linestyle": "-"},
@@ -71,8 +71,7 @@ def _draw_map(axis: Axes, codes: NDArray[np.uint8], origin: NDArray[np.float64])
     high = np.minimum(known.max(axis=0) + 1 + pad, codes.shape)
     factor = math.ceil(max(high - low) / LARGEST)
     part = shrink(cells_of(codes[low[0] : high[0], low[1] : high[1]]), factor)
-    grey = np.full(part.shape, 0.5)
-    grey[part == FREE], grey[part == OCCUPIED] = 1.0, 0.0
+    grey = TERNARY[codes_of(part)]
     (y, x), step = origin[::-1] + RESOLUTION * low, RESOLUTION * factor
     axis.imshow(grey, cmap="gray", vmin=0, vmax=1, origin="lower", interpolation="nearest",
                 extent=(x, x + step * part.shape[1], y, y + step * part.shape[0]))  # fmt: skip

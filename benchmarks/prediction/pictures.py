@@ -15,11 +15,10 @@ from benchmarks.prediction.entrants import entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation
 from benchmarks.prediction.scoring import Kept, drive_of
 from benchmarks.prediction.similarity import similarity
-from benchmarks.prediction.square import Square
+from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
-from predictor.data.frames import codes_of
-from predictor.scoring.ternary import TERNARY
+from predictor.data.squares import TERNARY, codes_of
 
 SHOWN, COLUMNS = 5, 8
 """Examples on a sheet, and predictors beside each other there."""
@@ -135,7 +134,7 @@ def _made(evaluation: Evaluation, chosen: dict[str, list[tuple[Asked, str]]]) ->
 
 def _row(evaluation: Evaluation, asked: Asked, title: str, transient: bool) -> Row:
     drive, index, expansion = asked
-    square = Square.of(drive_of(drive.folder, drive.number), index, expansion)
+    square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
     if transient:
         square, _ = with_transients(square, seed=index)
     images, ssim = {GIVEN: TERNARY[codes_of(square.crop.cells)]}, {}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.prediction.contestants import Contestant
 from benchmarks.prediction.entrants import Answer, entrant
 from benchmarks.prediction.similarity import Similarity, similarity
-from benchmarks.prediction.square import Square
+from benchmarks.prediction.square import ScoredSquare
 from predictor.data.frames import Frames
 from predictor.infra.errors import LineError
 from predictor.prediction import BadPredictionError
@@ -61,7 +61,7 @@ class Tally:
     scores: Scores = field(default_factory=Scores)
     frames: list[tuple[float, ...]] = field(default_factory=list)
 
-    def add(self, square: Square, answer: Answer) -> None:
+    def add(self, square: ScoredSquare, answer: Answer) -> None:
         """Score an answer."""
         alike = similarity(answer.image, answer.kept, square.image, square.unseen)
         before = self._sums()
@@ -93,7 +93,7 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
     ready = {one: entrant(one, stretch.rates) for one in stretch.contestants}
     tallies = {one: Tally() for one in stretch.contestants}
     for index in stretch.frames:
-        square = Square.of(frames, index, stretch.expansion)
+        square = ScoredSquare.of(frames, index, stretch.expansion)
         for one, speaker in ready.items():
             try:
                 answer = speaker.answer(square)
@@ -119,7 +119,7 @@ def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, 
     """
     counts = np.zeros(3, dtype=np.int64)
     for index in range(0, len(frames), every):
-        square = Square.of(frames, index, expansion)
+        square = ScoredSquare.of(frames, index, expansion)
         counts += np.bincount(square.truth[square.ring >= 0], minlength=3)
     free, occupied, _ = counts / max(1, counts.sum())
     return float(free), float(occupied)

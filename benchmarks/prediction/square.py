@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.similarity import beyond_crop
-from predictor.data.frames import CROP, NOTHING, RESOLUTION, SIDE, Frames, cells_of
+from predictor.data.frames import RESOLUTION, SIDE, Frames
+from predictor.data.squares import NOTHING, TERNARY, cells_of
 from predictor.mapping.grid import Grid, GridFrame
 from predictor.scoring.scores import rings_of
-from predictor.scoring.ternary import TERNARY
 
 
 @dataclass(frozen=True, eq=False)
-class Square:
-    """A frame at an expansion.
+class ScoredSquare:
+    """A frame at an expansion, with all that scoring needs.
 
     Attributes:
         crop: the 5 m crop that the whole LIDAR has seen, unknown around: what the paper gives.
@@ -40,18 +40,15 @@ class Square:
     unseen: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, frames: Frames, index: int, expansion: float) -> Square:
+    def of(cls, frames: Frames, index: int, expansion: float) -> ScoredSquare:
         """The square around a frame.
 
         Raises:
             FramesError: if there is no square of this expansion.
         """
-        truth = frames.truth(index, expansion)
-        n = len(truth)
-        inset, edge = (SIDE - n) // 2, (n - CROP) // 2
-        window = frames.remembered[index][inset : inset + n, inset : inset + n]
-        crop = np.pad(frames.estimated[index], edge, constant_values=NOTHING)
-        row, col = frames.corners[index] + inset
+        square = frames.square(index, expansion)
+        crop, window, n = square.crop, square.window, len(square.truth)
+        row, col = frames.corners[index] + (SIDE - n) // 2
         x, y = frames.origins[frames.trajectory[index]] + RESOLUTION * np.array([col, row])
         frame = GridFrame(RESOLUTION, (float(x), float(y)), (n, n))
         middle = RESOLUTION * n / 2
@@ -61,8 +58,8 @@ class Square:
             crop=Grid(frame, cells_of(crop)),
             window=Grid(frame, cells_of(window)),
             pose=np.array([x + middle, y + middle, frames.states[index, 2]]),
-            truth=truth,
-            image=TERNARY[truth],
+            truth=square.truth,
+            image=TERNARY[square.truth],
             ring=ring,
             unseen=(ring >= 0) & (beyond_crop(n) > 0),
         )

@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_edt
 from benchmarks.prediction.entrants import Entrant, entrant, prints
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.scoring import drive_of
-from benchmarks.prediction.square import Square
+from benchmarks.prediction.square import ScoredSquare
 from predictor.data.frames import RESOLUTION
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.plain_json import loads
@@ -54,7 +54,7 @@ class Count:
     walls: int = 0
     kept: int = 0
 
-    def add(self, speaker: Entrant, square: Square, put_in: bool, seed: int) -> None:
+    def add(self, speaker: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
         """Count one network's answer on one square."""
         given, transient = with_transients(square, seed) if put_in else (square, found(square))
         if not transient.any():
@@ -80,7 +80,7 @@ class Count:
         }
 
 
-def with_transients(square: Square, seed: int) -> tuple[Square, NDArray[np.bool_]]:
+def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDArray[np.bool_]]:
     """A square in whose inputs there are transients, and where, (n, n).
 
     Args:
@@ -107,7 +107,7 @@ def with_transients(square: Square, seed: int) -> tuple[Square, NDArray[np.bool_
     return replace(square, crop=crop, window=window), put
 
 
-def found(square: Square) -> NDArray[np.bool_]:
+def found(square: ScoredSquare) -> NDArray[np.bool_]:
     """Cells of the crop seen occupied that are truly free, and away from all that is not."""
     off = np.asarray(distance_transform_edt(square.truth == 0)) * RESOLUTION
     return np.asarray(square.crop.occupied & (off > OFF))
@@ -133,7 +133,7 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
             speaker = entrant(one, evaluation.rates[expansion])
             for seed, (drive, index) in enumerate(chosen):
                 of_drive = drive_of(drive.folder, drive.number)
-                count.add(speaker, Square.of(of_drive, index, expansion), put_in, seed)
+                count.add(speaker, ScoredSquare.of(of_drive, index, expansion), put_in, seed)
             shares = count.shares(put_in)
             write_whole(path, json.dumps(shares).encode())
         out[place].setdefault(key_of(expansion), {})[one.name] = shares

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 from planner.guide.guide import GuideConfig
 from planner.navigator import Navigator, NavigatorConfig
-from predictor.data.frame_set import write_trajectory
+from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.frames import FramesError
-from predictor.data.recording import WINDOW, Recording
 from predictor.data.simulated_config import SimulatedConfig
+from predictor.data.squares import truth_codes
 from predictor.infra.errors import LineError
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import TICK
@@ -32,9 +32,6 @@ from sim.task import LONGEST_LEG, NoTaskError, prolonged, sample_task
 from sim.variation import cluttered
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from sim.world import World
 
 FAMILY = "paper"
@@ -175,7 +172,7 @@ def driven(
     crowd = People(world, config.people, start[:2], crowds)
     near = task.blank(WINDOW)
     near.mark_free(start, settings.car.body, settings.start_margin)
-    recording = Recording(world.grid.frame, truth_of(world))
+    recording = Recording(world.grid.frame, truth_codes(world.grid.free, world.surface))
     state, rested = np.array([*task.start, 0.0]), 0
     turned, within = np.zeros(count + 1), round(CIRCLES[1] / TICK)
     for tick in range(count):
@@ -196,14 +193,6 @@ def driven(
         if rested > 100:
             return recording, "it stood still for 10 s"
     return recording, None
-
-
-def truth_of(world: World) -> NDArray[np.uint8]:
-    """Codes of a building, (rows, columns): 0 free, 1 surface, 2 never observable."""
-    import numpy as np
-
-    free = world.grid.free
-    return np.where(free, np.uint8(0), np.where(world.surface, np.uint8(1), np.uint8(2)))
 
 
 def _shared(total: int, among: int) -> list[int]:

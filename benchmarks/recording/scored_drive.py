@@ -13,6 +13,7 @@ from skimage.metrics import structural_similarity
 from benchmarks.recording.training_drives import driven, seen_again
 from benchmarks.runs.drive import task_in
 from planner.navigator import NavigatorConfig
+from predictor.data.squares import TERNARY, truth_codes
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import world_hash
 from predictor.networks.room import REACH
@@ -72,7 +73,7 @@ def score_drive(
         # Opened, in the sense of morphology; what lies outside the square counts as free.
         room = binary_opening(np.pad(free, REACH, constant_values=True), square_of_a_car)
         room = room[REACH:-REACH, REACH:-REACH]
-        true_image = np.where(free, 1.0, np.where(occupied, 0.0, 0.5))
+        true_image = TERNARY[truth_codes(free, occupied)]
         blank = np.full(true_image.shape, 0.5)
         similar[BLANK].append(structural_similarity(blank, true_image, data_range=1.0))
         for name, predictor in predictors.items():

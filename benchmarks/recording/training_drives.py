@@ -18,15 +18,16 @@ from typing import TYPE_CHECKING
 from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.drives_config import DrivesConfig
-from predictor.data.frames import MANIFEST, cells_of
+from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
+from predictor.data.squares import cells_of, codes_of, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError
 from predictor.infra.plain_json import loads
 from predictor.infra.workers import finished
 from predictor.mapping.body import Body
-from predictor.mapping.grid import FREE, OCCUPIED, Grid, OccupancyGrid, world_hash
+from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.families import generate
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
     from sim.lidar import LidarConfig
     from sim.task import Task
     from sim.world import World
-
-    Sample = tuple[Grid, NDArray[np.bool_], NDArray[np.bool_], float]
 
 SPLITS = {"train": 1_200_000, "validation": 520_000}
 """First seed of each split. What is measured and published uses others, below 10,000 and from
@@ -77,7 +76,7 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     world = varied(drawn, rng) if rng.random() < 0.5 else drawn
     make = _logged if config.logs else _driven
     try:
-        samples = [encoded(*sample) for sample in make(config, world, seed, rng)]
+        samples = list(make(config, world, seed, rng))
     except NoTaskError:
         samples = []
     path = path_of(config, item)
@@ -89,7 +88,7 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
 
 def _driven(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[Sample]:
+) -> Iterator[bytes]:
     """A drive's samples, of which the building is the truth.
 
     Raises:
@@ -107,12 +106,13 @@ def _driven(
         for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
             side = SIDE * known.frame.resolution
             crop = known.crop(known.frame.square(state[0], state[1], side))
-            yield crop, *task.world.truth(crop.frame), float(state[2])
+            truth = truth_codes(*task.world.truth(crop.frame))
+            yield encoded(crop, truth, float(state[2]))
 
 
 def _logged(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[Sample]:
+) -> Iterator[bytes]:
     """A log's samples, of which the map of the whole log is the truth.
 
     Raises:
@@ -139,8 +139,8 @@ def _logged(
                 # What is over is kept, but for the jump from one way to the next.
                 gone %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
-                true = truth.crop(square).cells
-                yield known.crop(square), true == FREE, true == OCCUPIED, float(pose[2])
+                true = codes_of(truth.crop(square).cells)
+                yield encoded(known.crop(square), true, float(pose[2]))
 
 
 def driven(

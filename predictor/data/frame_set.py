@@ -1,4 +1,4 @@
-"""Writing a data set: one trajectory after the other, each whole or not at all."""
+"""Recording trajectories, and writing them into a data set, each whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,10 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.data.frames import FORMAT, MANIFEST, FramesError, checksum, read_manifest
+from predictor.data.frames import (
+    CROP,
+    FORMAT,
+    MANIFEST,
+    RESOLUTION,
+    SIDE,
+    FramesError,
+    checksum,
+    read_manifest,
+)
 from predictor.data.samples import RECIPE
+from predictor.data.squares import codes_of, middle
 from predictor.infra.atomic_file import clear, write_whole
 from predictor.infra.environment import commit
+from predictor.mapping.grid import GridFrame, OccupancyGrid
+
+WINDOW = 5.0
+"""Side of the square that the confined LIDAR writes into [m]."""
 
 
 class FrameSet:
@@ -84,6 +98,58 @@ class FrameSet:
         entries = [self.done[name] for name in self.names if name in self.done]
         text = json.dumps(self._facts | {"trajectories": entries}, indent=1)
         write_whole(self.folder / MANIFEST, text.encode())
+
+
+class Recording:
+    """The frames of one trajectory, collected one by one.
+
+    Args:
+        frame: where the building's map lies.
+        truth: codes of the building's true map, (rows, columns).
+    """
+
+    def __init__(self, frame: GridFrame, truth: NDArray[np.uint8]) -> None:
+        self.frame, self.truth = frame, truth
+        self._rows: dict[str, list[NDArray]] = {
+            name: []
+            for name in ("estimated", "remembered", "states", "actions", "times", "corners")
+        }
+
+    def __len__(self) -> int:
+        return len(self._rows["times"])
+
+    def add(
+        self,
+        whole: OccupancyGrid,
+        near: OccupancyGrid,
+        state: NDArray[np.float64],
+        action: NDArray[np.float64],
+        time: float,
+    ) -> None:
+        """Add a frame.
+
+        Args:
+            whole: all that the LIDAR has seen so far.
+            near: what it has seen so far within its window.
+            state: x, y, yaw, v, (4,).
+            action: acceleration, curvature, (2,).
+            time: [s].
+        """
+        square = self.frame.square(float(state[0]), float(state[1]), SIDE * RESOLUTION)
+        rows = self._rows
+        rows["estimated"].append(middle(codes_of(whole.crop(square).cells), CROP))
+        rows["remembered"].append(codes_of(near.crop(square).cells))
+        rows["states"].append(np.asarray(state, dtype=np.float64))
+        rows["actions"].append(np.asarray(action, dtype=np.float64))
+        rows["times"].append(np.array(time, dtype=np.float64))
+        rows["corners"].append(np.array(self.frame.offset(square), dtype=np.int32))
+
+    def arrays(self) -> dict[str, NDArray]:
+        """Return all arrays of a trajectory's file."""
+        return {name: np.stack(values) for name, values in self._rows.items()} | {
+            "map": self.truth,
+            "origin": np.array(self.frame.origin),
+        }
 
 
 def write_trajectory(

@@ -16,8 +16,7 @@ The data of Katyal et al. 2018, on disk and in memory. A set is a folder:
         corners         (n, 2) int32            row and column in `map` of the 10 m square's cell
                                                 (0, 0); what lies outside the map is 2
 
-Cells are 0.05 m; row = y, column = x. Codes are 0 free, 1 occupied, 2 not known: not seen yet in
-the images, never to be seen in the truth, where 1 is a surface that a ray can hit. All squares are
+Cells are 0.05 m; row = y, column = x; `predictor.data.squares` explains the codes. All squares are
 centred on the car and parallel to the axes, as in the paper. What nobody recorded is NaN.
 
 `predictor.data.frame_set` writes sets, `predictor.dataset` makes them; docs/datasets.md explains.
@@ -36,9 +35,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.data.squares import NOTHING, Square
 from predictor.infra.errors import LineError
 from predictor.infra.plain_json import loads
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -46,8 +45,6 @@ RESOLUTION = 0.05
 """Side of a cell [m]."""
 CROP, SIDE = 100, 200
 """Sides of the smallest and the largest square [cells]: 5 m and 10 m."""
-NOTHING = 2
-"""The code of a cell of which nothing is known."""
 ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
     "estimated": ("|u1", (CROP, CROP)),
     "remembered": ("|u1", (SIDE, SIDE)),
@@ -163,6 +160,16 @@ class Frames:
             out[place] = self._padded[self.trajectory[frame]][row : row + side, col : col + side]
         return out
 
+    def square(self, index: int, expansion: float) -> Square:
+        """Return the square around a frame that is `expansion` times as wide as 5 m.
+
+        Raises:
+            FramesError: if there is no such square.
+        """
+        return Square.of(
+            self.estimated[index], self.remembered[index], self.truth(index, expansion)
+        )
+
     def alone(self, number: int) -> Frames:
         """One trajectory of these, of which alone the images are read."""
         of_it = self.trajectory == number
@@ -203,18 +210,6 @@ class Frames:
             out[at : at + len(images)] = images
             at += len(images)
         return out
-
-
-def codes_of(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
-    """Codes of a map's cells: FREE is 0, OCCUPIED 1, UNKNOWN 2."""
-    codes = np.full(cells.shape, NOTHING, dtype=np.uint8)
-    codes[cells == FREE], codes[cells == OCCUPIED] = 0, 1
-    return codes
-
-
-def cells_of(codes: NDArray[np.uint8]) -> NDArray[np.int8]:
-    """A map's cells by their codes: the reverse of `codes_of`."""
-    return np.array([FREE, OCCUPIED, UNKNOWN], dtype=np.int8)[codes]
 
 
 def checksum(path: Path) -> str:

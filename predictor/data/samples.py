@@ -8,9 +8,9 @@ anything from it. A file is a NumPy archive:
     about     (bytes,) uint8    JSON: format, side, family, seed, and the hashes of the building,
                                 as it was driven through (world) and as it was drawn (original)
 
-A sample is (side, side) uint8 of known + 3 · truth: known is 0 free, 1 occupied, 2 not seen; truth
-0 free, 1 surface, 2 never observable. The robot is in the middle, looking along +x to within 45°:
-maps are turned by quarters, which moves cells and changes none.
+A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`. The robot is in
+the middle, looking along +x to within 45°: maps are rotated by quarter turns, which move cells
+and change none.
 """
 
 from __future__ import annotations
@@ -27,16 +27,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.data.squares import Square, codes_of, joined, middle, parted
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
-from predictor.mapping.grid import FREE, OCCUPIED, Grid
+from predictor.mapping.grid import Grid
 
 FORMAT = 2
 RECIPE = "recipe.json"
 """Beside the splits' folders: how all samples there were made."""
 SIDE = 280
-"""Of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
+"""Side of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
+CROP = 100
+"""Side of the 5 m square that the paper's networks are given [cells]."""
 
 
 class SamplesError(LineError):
@@ -48,19 +51,15 @@ def quarters(yaw: float) -> int:
     return round(yaw / (0.5 * np.pi)) % 4
 
 
-def encoded(known: Grid, free: NDArray[np.bool_], surface: NDArray[np.bool_], yaw: float) -> bytes:
-    """One sample, compressed.
+def encoded(known: Grid, truth: NDArray[np.uint8], yaw: float) -> bytes:
+    """Return one sample, compressed.
 
     Args:
-        known: what has been seen, (SIDE, SIDE).
-        free: cells truly free, (SIDE, SIDE).
-        surface: cells that a ray can hit, (SIDE, SIDE).
+        known: map of all that was observed, (SIDE, SIDE).
+        truth: codes of what is true there, (SIDE, SIDE).
         yaw: heading of the robot [rad].
     """
-    seen = np.full(known.frame.shape, 2, dtype=np.uint8)
-    seen[known.cells == FREE], seen[known.cells == OCCUPIED] = 0, 1
-    truth = np.where(free, np.uint8(0), np.where(surface, np.uint8(1), np.uint8(2)))
-    codes = np.rot90(seen + np.uint8(3) * truth, quarters(yaw))
+    codes = np.rot90(joined(codes_of(known.cells), truth), quarters(yaw))
     return zlib.compress(np.ascontiguousarray(codes).tobytes(), 2)
 
 
@@ -154,6 +153,17 @@ class Samples:
             raise SamplesError(
                 f"sample {index}, of the drive of seed {seed}, is damaged: {error}"
             ) from error
+
+    def square(self, index: int, expansion: float) -> Square:
+        """Return the middle of a sample, `expansion` times as wide as 5 m.
+
+        Samples were seen through windows of 5 m and more; the crop is the 5 m in their middle.
+
+        Raises:
+            SamplesError: if the sample is damaged.
+        """
+        seen, truth = parted(self[index])
+        return Square.of(middle(seen, CROP), seen, middle(truth, round(CROP * expansion)))
 
     @property
     def worlds(self) -> frozenset[str]:

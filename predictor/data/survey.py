@@ -20,10 +20,10 @@ from scipy.ndimage import binary_dilation
 
 from predictor.data.bags import BagConfig, is_bag, read_bag
 from predictor.data.carmen import ENDINGS, name_of, read_carmen, sidecar_of
-from predictor.data.frame_set import write_trajectory
-from predictor.data.frames import NOTHING, RESOLUTION, cells_of, checksum
+from predictor.data.frame_set import WINDOW, Recording, write_trajectory
+from predictor.data.frames import RESOLUTION, checksum
 from predictor.data.laser_log import LaserLog, LogError
-from predictor.data.recording import WINDOW, Recording
+from predictor.data.squares import cells_of, truth_codes
 from predictor.mapping.beams import trace_beams
 from predictor.mapping.grid import GridFrame, OccupancyGrid, world_hash
 from predictor.mapping.kernels import njit
@@ -160,7 +160,7 @@ def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) ->
     occupied = (hits > 0) & (hits >= HITS * (hits + crossings))
     free = (crossings > 0) & ~occupied
     surface = occupied & binary_dilation(free, np.ones((3, 3), dtype=bool))
-    return np.where(free, np.uint8(0), np.where(surface, np.uint8(1), np.uint8(NOTHING)))
+    return truth_codes(free, surface)
 
 
 def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:

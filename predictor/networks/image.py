@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-GREYS = np.array([1, -1, 0], dtype=np.int8)
-"""Of the codes 0 free, 1 occupied, 2 not known."""
+from predictor.data.squares import GREYS
 
 
 def image_of(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
@@ -20,7 +19,7 @@ def image_of(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
     is lost, and nothing unknown turns free.
 
     Args:
-        codes: 0 free, 1 occupied, 2 not known.
+        codes: 0 free, 1 occupied, 2 unobserved, see `predictor.data.squares`.
         side: of the image [pixels].
     """
     n = codes.shape[-1]

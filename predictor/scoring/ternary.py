@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.restoration import denoise_tv_chambolle
 
+from predictor.data.squares import TERNARY, codes_of
 from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 
-TERNARY = np.array([1.0, 0.0, 0.5])
-"""Grey of the codes 0 free, 1 occupied, 2 not known."""
 PERIMETER = 1.0
 """What an edge of a cell's length costs, in cells that are wrongly free or wrongly not."""
 ITERATIONS = 20
@@ -31,7 +30,7 @@ def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
         known: what was seen; it stays as it is.
         belief: of the same cells, with no NaN; None: nothing is believed.
     """
-    image = TERNARY[np.where(known.free, 0, np.where(known.occupied, 1, 2))]
+    image = TERNARY[codes_of(known.cells)]
     if belief is None:
         return image
     p_free = np.where(known.unknown, belief.p_free, known.free).astype(np.float64)

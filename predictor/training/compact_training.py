@@ -1,50 +1,42 @@
-"""The training of the compact network: samples in, averaged weights out.
-
-A checkpoint holds everything that decides what comes next, and what a step does depends on its
-number and the seed alone: a training that was killed and started again by the same command ends
-as if it had not been, on a CPU to the last bit.
-"""
+"""The training of the compact network on samples of drives; it exports averaged weights."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import math
-import time
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from predictor.infra.atomic_file import clear, write_whole
-from predictor.infra.environment import commit
-from predictor.networks.compact_net import CompactNet
-from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
-from predictor.training.curve import draw_curve
+import numpy as np
+import torch
+from torch import Tensor
+
+from predictor.data.samples import Samples
+from predictor.data.squares import NOTHING, parted
+from predictor.networks.compact_net import ROOM, CompactNet
+from predictor.scoring.scores import RINGS, Scores
+from predictor.training.checkpoint import TrainError
+from predictor.training.group import Group
 from predictor.training.targets import batch_of, known_of, losses
-from predictor.training.validation import validate
+from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
-
-if TYPE_CHECKING:
-    from torch import Tensor
-
-    from predictor.data.samples import Samples
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """What decides the numbers of a training.
+    """Settings that decide the numbers of a training.
 
     Attributes:
-        steps: of the optimiser.
-        batch: samples a step, of the usual side; fewer of a larger one, more of a smaller.
+        steps: number of optimiser steps.
+        batch: samples per step at `USUAL` side; fewer of a larger side, more of a smaller.
         rate: highest learning rate.
-        warmup: steps in which it rises; then it falls along a cosine to nothing.
-        decay: of weights, by AdamW.
-        average: of weights from step to step: how much of the old average stays.
-        seed: of the first weights and of the order of samples.
-        start: fingerprint of the weights that it starts from; None: random ones.
+        warmup: steps in which the rate rises to it; then it falls along a cosine to zero.
+        decay: weight decay of AdamW.
+        average: share that the old average keeps when weights are averaged over the steps.
+        seed: seed of the first weights and of the order of samples.
+        start: fingerprint of the weights that training starts from; None: random weights.
     """
 
     steps: int = 8_000
@@ -58,27 +50,30 @@ class TrainConfig:
 
 
 SIDES = (200, 200, 200, 120, 160, 240, 280)
-"""Sides of what a step learns from [cells], drawn from: windows and expansions differ."""
+"""Sides of the squares that a step learns from, drawn at random [cells]: the windows and the
+expansions of drives differ."""
 USUAL = 200
-"""The side at a window of 5 m, twice expanded."""
-CURVES = (("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"))
-"""What of the log is drawn, by panel."""
+"""Side of the square at a window of 5 m and an expansion of 2 [cells]."""
+VALIDATED = 1024
+"""Samples of a validation."""
 
 
-class Trainer:
-    """A training that can be left and taken up again.
+class CompactTrainer(Trainer):
+    """A training of the compact network.
 
     Args:
-        config: what decides its numbers.
+        config: settings that decide its numbers.
         train: samples to learn from.
         validation: samples to measure on.
-        out: folder of checkpoint, log and weights.
-        start: weights to start from, and the facts of their training; None: random ones.
+        out: folder of checkpoint, log, curve and weights.
+        start: weights to start from, and the facts of their training; None: random weights.
 
     Raises:
         TrainError: if the folder holds another training, or the weights to start from have learned
-            from buildings to validate on.
+            from buildings of the validation samples.
     """
+
+    CURVES = (("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"))
 
     def __init__(
         self,
@@ -88,37 +83,29 @@ class Trainer:
         out: Path,
         start: tuple[CompactNet, dict[str, Any]] | None = None,
     ) -> None:
-        import torch
-
-        self.config, self.train, self.validation, self.out = config, train, validation, out
-        self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.config, self.train, self.validation = config, train, validation
+        group = Group.alone()
+        self.device = group.device
         self.brief = self.device.type == "cuda" or bool(
             torch.cpu.get_capabilities().get("avx512_bf16")
         )
-        # Where one sum in another order would make another network.
-        torch.backends.cudnn.deterministic = True
-        torch.manual_seed(config.seed)
+        deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
         both = validation.worlds & set(before.get("worlds", ()))
         if both:
-            raise TrainError(f"--start: its weights have learned from {len(both)} of the buildings "
-                             "to validate on")  # fmt: skip
+            raise TrainError(
+                f"--start: its weights have learned from {len(both)} of the buildings "
+                "to validate on"
+            )
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
-        self.optimizer = torch.optim.AdamW(self.net.parameters(), config.rate, (0.9, 0.98),
-                                           weight_decay=config.decay)  # fmt: skip
-        self.step = 0
-        self.log: list[dict[str, float]] = []
-        self.losses: list[float] = []
-        """Of the steps since the last validation."""
-        self.commits: set[str] = set()
-        """Of the code that made its steps."""
-        out.mkdir(parents=True, exist_ok=True)
-        clear(out)
-        self._facts = {
+        self.optimizer = torch.optim.AdamW(
+            self.net.parameters(), config.rate, (0.9, 0.98), weight_decay=config.decay
+        )
+        facts = {
             "config": dataclasses.asdict(config),
             "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
-            # What else decides the last bits of the sums.
+            # These also decide the last bits of the sums.
             "device": self.device.type,
             "threads (--jobs)": torch.get_num_threads(),
             "bfloat16": self.brief,
@@ -135,110 +122,42 @@ class Trainer:
                 validation.worlds | set(before.get("validation_worlds", ()))
             ),
         }
-        self._resume()
-
-    @property
-    def checkpoint(self) -> Path:
-        """Where the state is kept."""
-        return self.out / "checkpoint.pt"
-
-    def run(self, validate_every: int, save_every: float) -> Path:
-        """Train to the end, with a progress bar, and export the weights.
-
-        Args:
-            validate_every: steps.
-            save_every: seconds between checkpoints; one follows each validation too.
-        """
-        from tqdm import tqdm
-
-        steps, code = self.config.steps, commit() or "no checkout"
-        saved = time.monotonic()
-        with (
-            tqdm(total=steps, initial=self.step, unit="step", smoothing=0.05) as bar,
-            ThreadPoolExecutor(1) as ahead,
-        ):
-            for codes in self._batches(ahead):
-                self.losses.append(self._learn(codes))
-                self.step += 1
-                self.commits.add(code)
-                bar.update()
-                validated = self.step % validate_every == 0 or self.step == steps
-                if validated:
-                    self._note()
-                    last = self.log[-1]
-                    bar.set_postfix_str(
-                        f"loss {last['loss']:.3f}, validation: NLL {last['nll']:.3f}, "
-                        f"IoU free {last['iou_free']:.3f}, ECE {last['ece_free']:.3f}"
-                    )
-                if validated or time.monotonic() - saved > save_every:
-                    self.save()
-                    saved = time.monotonic()
-        return self.export()
-
-    def save(self) -> None:
-        """Write the checkpoint, whole or not at all."""
-        state = {
-            "facts": self._facts, "step": self.step, "log": self.log, "losses": self.losses,
-            "commits": sorted(self.commits), "net": self.net.state_dict(),
-            "averaged": self.averaged,
-            "optimizer": self.optimizer.state_dict(),
-        }  # fmt: skip
-        write_checkpoint(self.checkpoint, state)
-
-    def export(self) -> Path:
-        """Write the averaged weights, the log, and the curve."""
-        commits = " ".join(sorted(self.commits))
-        facts = self._facts | {"commit": commits, "validation": self.log[-1]}
-        path = self.out / "compact.safetensors"
-        save_weights(path, self.smoothed(), facts)
-        draw_curve(self.log, self.out / "curve.png", CURVES)
-        return path
+        note_every = max(1, min(500, config.steps // 10))
+        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, group)
 
     def smoothed(self) -> CompactNet:
-        """The network of averaged weights, which is what is measured and shipped."""
-        import torch
-
+        """Return the network of averaged weights, which is the one measured and exported."""
         net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         net.load_state_dict(self.averaged)
         return net.eval()
 
-    def _resume(self) -> None:
-        state = read_checkpoint(self.checkpoint, self._facts, self.device)
-        if state is not None:
-            self.net.load_state_dict(state["net"])
-            self.averaged = state["averaged"]
-            self.optimizer.load_state_dict(state["optimizer"])
-            self.step, self.log, self.losses = state["step"], state["log"], state["losses"]
-            self.commits = set(state["commits"])
+    def _state(self) -> dict[str, Any]:
+        return {
+            "net": self.net.state_dict(),
+            "averaged": self.averaged,
+            "optimizer": self.optimizer.state_dict(),
+        }
 
-    def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[Tensor]:
-        """The codes of each step still to be made, one made ready while another is learnt from."""
-        coming = ahead.submit(self._batch, self.step)
-        for step in range(self.step, self.config.steps):
-            codes = coming.result()
-            coming = ahead.submit(self._batch, step + 1)
-            yield codes
+    def _load(self, state: dict[str, Any]) -> None:
+        self.net.load_state_dict(state["net"])
+        self.averaged = state["averaged"]
+        self.optimizer.load_state_dict(state["optimizer"])
 
-    def _batch(self, step: int) -> Tensor:
-        import numpy as np
-
+    def _batch(self, step: int) -> tuple[Tensor, ...]:
         rng = np.random.default_rng([self.config.seed, step])
         side = int(rng.choice(SIDES))
         count = max(1, round(self.config.batch * (USUAL / side) ** 2))
         chosen = rng.integers(len(self.train), size=count)
-        return batch_of([self.train[int(i)] for i in chosen], side, rng.random(count) < 0.5)
+        return (batch_of([self.train[int(i)] for i in chosen], side, rng.random(count) < 0.5),)
 
-    def _learn(self, codes: Tensor) -> float:
-        """One step of the optimiser; the loss before it."""
-        import torch
-
+    def _learn(self, *batch: Tensor) -> list[float]:
         config, step = self.config, self.step
         share = min(1.0, (step + 1) / config.warmup)
         fall = 0.5 * (1.0 + math.cos(math.pi * step / config.steps))
         for group in self.optimizer.param_groups:
             group["lr"] = config.rate * share * fall
         self.net.train()
-        codes = codes.to(self.device)
+        codes = batch[0].to(self.device)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
             logits = self.net(known_of(codes))
         loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
@@ -246,7 +165,7 @@ class Trainer:
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
         self.optimizer.step()
-        # Early on, the average follows fast: it must forget the first weights.
+        # The average follows fast at first, so that it forgets the first weights.
         keep = min(config.average, step / (step + 10.0))
         with torch.no_grad():
             for name, values in self.net.state_dict().items():
@@ -254,12 +173,33 @@ class Trainer:
                     self.averaged[name].lerp_(values, 1.0 - keep)
                 else:
                     self.averaged[name].copy_(values)
-        return float(loss.detach())
+        return [float(loss.detach())]
 
-    def _note(self) -> None:
-        """Validate, and write it down."""
-        entry = {"step": self.step, "loss": sum(self.losses) / len(self.losses)}
-        self.losses = []
-        self.log.append(entry | validate(self.smoothed(), self.validation, USUAL).measures())
-        lines = "".join(json.dumps(line) + "\n" for line in self.log)
-        write_whole(self.out / "log.jsonl", lines.encode())
+    def _measures(self) -> dict[str, float]:
+        return validate(self.smoothed(), self.validation, USUAL).measures()
+
+    def _export(self, facts: dict[str, Any]) -> None:
+        save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
+
+
+def validate(net: CompactNet, samples: Samples, side: int) -> Scores:
+    """Score a network on `VALIDATED` samples, spread evenly over a set.
+
+    Args:
+        net: network, ready for inference.
+        samples: set of samples.
+        side: side of the square in their middle that is scored [cells].
+    """
+    scores = Scores()
+    device = next(net.parameters()).device
+    chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
+    for start in range(0, len(chosen), 32):
+        part = [samples[int(i)] for i in chosen[start : start + 32]]
+        codes = batch_of(part, side, np.zeros(len(part), dtype=bool))
+        with torch.inference_mode():
+            logits = net(known_of(codes.to(device)))[:, :ROOM]
+        p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
+        seen, truth = parted(codes.numpy())
+        ring = np.where(seen == NOTHING, np.int8(RINGS - 1), np.int8(-1))
+        scores.add(p_free, p_occupied, truth == 0, truth == 1, ring)
+    return scores

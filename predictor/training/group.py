@@ -26,16 +26,20 @@ class Group:
     device: torch.device
 
     @classmethod
+    def alone(cls) -> Group:
+        """Return a group of this process alone, on a GPU if there is one."""
+        return cls(0, 1, torch.device("cuda" if torch.cuda.is_available() else "cpu"))
+
+    @classmethod
     def join(cls) -> Group:
-        """The processes that torchrun has started, once all are there; else this one alone."""
-        cuda = torch.cuda.is_available()
+        """Return this process alone, or wait for all that torchrun has started, and join them."""
         if "WORLD_SIZE" not in os.environ:
-            return cls(0, 1, torch.device("cuda" if cuda else "cpu"))
-        device = torch.device("cpu")
-        if cuda:
-            device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
+            return cls.alone()
+        device, backend = torch.device("cpu"), "gloo"
+        if torch.cuda.is_available():
+            device, backend = torch.device("cuda", int(os.environ["LOCAL_RANK"])), "nccl"
             torch.cuda.set_device(device)
-        dist.init_process_group("nccl" if cuda else "gloo")
+        dist.init_process_group(backend)
         return cls(dist.get_rank(), dist.get_world_size(), device)
 
     def leave(self) -> None:

@@ -6,11 +6,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from predictor.data.frames import Frames
+from predictor.data.samples import Samples
+from predictor.data.squares import GREYS, NOTHING, Square
 from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
-from predictor.networks.image import GREYS, cells_of
+from predictor.networks.image import cells_of
 from predictor.networks.image_net import ImageNet
 from predictor.scoring.scores import RINGS, Scores
-from predictor.training.pairs import Pairs
+from predictor.training.targets import images_of
 
 VALIDATED, FITTED = 64, 1024
 """Frames, spread evenly over the drives: to look at now and then, and to fit on in the end."""
@@ -18,29 +21,29 @@ AT_ONCE = 16
 """Frames that go through a network together."""
 
 
-def images_alike(net: ImageNet, pairs: Pairs) -> dict[str, float]:
-    """Mean difference and structural similarity of a network's images and the true ones.
+def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
+    """Compute the mean difference and the structural similarity of images and the true ones.
 
     Args:
         net: the network.
-        pairs: of which VALIDATED are taken.
+        frames: set of which VALIDATED frames are taken.
     """
     from skimage.metrics import structural_similarity
 
-    chosen = _spread(pairs, VALIDATED)
-    greys = greys_of(net, pairs, chosen)
-    truths = GREYS[np.stack([pairs.truth(int(i)) for i in chosen])].astype(np.float32)
+    squares = [frames.square(i, net.config.expansion) for i in _spread(len(frames), VALIDATED)]
+    greys = greys_of(net, squares)
+    truths = GREYS[np.stack([square.truth for square in squares])].astype(np.float32)
     alike = [structural_similarity(truth, grey, data_range=2.0)
              for truth, grey in zip(truths, greys, strict=True)]  # fmt: skip
     return {"validation_l1": float(abs(greys - truths).mean()), "ssim": float(np.mean(alike))}
 
 
-def fit(net: ImageNet, pairs: Pairs) -> dict[str, float]:
-    """Fit what a network's greys mean, in place, on cells that had not been seen.
+def fit(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
+    """Fit what a network's greys mean, in place, on unobserved cells.
 
     Args:
         net: the network, whose `chances` are set.
-        pairs: of which FITTED are taken.
+        frames: set of which FITTED frames are taken.
 
     Returns:
         Scores on these same cells: they say how sharp the probabilities can be, not how well
@@ -48,12 +51,13 @@ def fit(net: ImageNet, pairs: Pairs) -> dict[str, float]:
     """
     parts = []
     counts = np.zeros((LEVELS, 3), dtype=np.int64)
-    every = _spread(pairs, FITTED)
+    every = _spread(len(frames), FITTED)
     for first in range(0, len(every), VALIDATED):
         chosen = every[first : first + VALIDATED]
-        greys = greys_of(net, pairs, chosen)
-        truth = np.stack([pairs.truth(int(i)) for i in chosen])
-        unseen = np.stack([pairs.known(int(i)) == 2 for i in chosen])
+        squares = [frames.square(i, net.config.expansion) for i in chosen]
+        greys = greys_of(net, squares)
+        truth = np.stack([square.truth for square in squares])
+        unseen = np.stack([square.window == NOTHING for square in squares])
         counts += counted(greys, truth, unseen)
         parts.append((level_of(greys[unseen]).astype(np.int16), truth[unseen]))
     chances = fitted(counts).astype(np.float32)
@@ -65,18 +69,21 @@ def fit(net: ImageNet, pairs: Pairs) -> dict[str, float]:
     return scores.measures()
 
 
-def greys_of(net: ImageNet, pairs: Pairs, chosen: NDArray[np.intp]) -> NDArray[np.float32]:
-    """What a network prints of some frames, cell by cell: (B, n, n) in [-1, 1]."""
-    out = np.empty((len(chosen), pairs.n, pairs.n), dtype=np.float32)
+def greys_of(net: ImageNet, squares: list[Square]) -> NDArray[np.float32]:
+    """Return what a network prints of some squares, cell by cell: (B, n, n) in [-1, 1]."""
+    n = len(squares[0].truth)
+    out = np.empty((len(squares), n, n), dtype=np.float32)
     device = next(net.parameters()).device
     net.eval()
-    for first in range(0, len(chosen), AT_ONCE):
-        given, _ = pairs.images(chosen[first : first + AT_ONCE])
+    for first in range(0, len(squares), AT_ONCE):
+        given, _ = images_of(squares[first : first + AT_ONCE], net.config)
         with torch.inference_mode():
             images = net(torch.from_numpy(given).to(device).float())
-        out[first : first + AT_ONCE] = cells_of(images[:, 0].float().cpu().numpy(), pairs.n)
+        out[first : first + AT_ONCE] = cells_of(images[:, 0].float().cpu().numpy(), n)
     return out
 
 
-def _spread(pairs: Pairs, count: int) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, len(pairs) - 1, count).astype(np.intp))
+def _spread(total: int, count: int) -> list[int]:
+    """Return at most `count` of the numbers below `total`, evenly spread."""
+    spread: list[int] = np.unique(np.linspace(0, total - 1, count).astype(np.intp)).tolist()
+    return spread

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
+from predictor.data.squares import NOTHING, Square, middle, parted
 from predictor.networks.compact_net import FREE, ROOM
+from predictor.networks.image import image_of
+from predictor.networks.image_config import ImageConfig
 from predictor.networks.room import REACH, question, widened
 
 
@@ -22,15 +27,14 @@ def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.boo
     """
     out = np.empty((len(samples), side, side), dtype=np.uint8)
     for number, codes in enumerate(samples):
-        first = (codes.shape[0] - side) // 2
-        middle = codes[first : first + side, first : first + side]
-        out[number] = middle[::-1] if mirror[number] else middle
+        square = middle(codes, side)
+        out[number] = square[::-1] if mirror[number] else square
     return torch.from_numpy(out)
 
 
 def known_of(codes: Tensor) -> Tensor:
     """The network's input (B, 2, H, W) of codes (B, H, W): seen free, seen occupied."""
-    seen = codes % 3
+    seen, _ = parted(codes)
     known = torch.stack([seen == 0, seen == 1], dim=1).float()
     return known.to(memory_format=torch.channels_last)
 
@@ -42,7 +46,8 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
         logits: (B, 4, H, W).
         codes: (B, H, W).
     """
-    truth, unseen = (codes // 3).long(), codes % 3 == 2
+    seen, truth = parted(codes)
+    truth, unseen = truth.long(), seen == NOTHING
     logs = F.log_softmax(logits[:, :ROOM], dim=1)
     of_truth = logs.gather(1, truth[:, None])[:, 0]
     room, asked = room_of(codes)
@@ -57,4 +62,23 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
 
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
     """Where there is truly room around a cell, and where that is a question: (B, H, W) bool."""
-    return widened((codes // 3 != FREE).byte()) == 0, question(codes % 3)[1]
+    seen, truth = parted(codes)
+    return widened((truth != FREE).byte()) == 0, question(seen)[1]
+
+
+def images_of(
+    squares: Sequence[Square], config: ImageConfig
+) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    """Return the images that a network of the paper is given and asked for.
+
+    Args:
+        squares: squares of the network's expansion.
+        config: the network.
+
+    Returns:
+        Two arrays, each (B, 1, side, side).
+    """
+    given = np.stack([square.crop if config.given == "crop" else square.window
+                      for square in squares])  # fmt: skip
+    wanted = np.stack([square.truth for square in squares])
+    return image_of(given[:, None], config.side), image_of(wanted[:, None], config.side)

@@ -1,0 +1,225 @@
+"""The training loop: steps, log, checkpoints and export, for every kind of network.
+
+A checkpoint holds all that decides the steps that follow, and what a step does depends on its
+number and the seed alone. A training that was killed and is started again by the same command
+therefore ends with the same weights as one that was not killed, on a CPU to the last bit.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from torch import Tensor
+from tqdm import tqdm
+
+from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.environment import commit
+from predictor.training.checkpoint import read_checkpoint, write_checkpoint
+from predictor.training.group import Group
+
+if TYPE_CHECKING:
+    from threading import Event
+
+SAVE_EVERY = 60.0
+"""Time between two checkpoints [s]; one also follows each entry of the log."""
+SHOWN = ("loss", "l1", "adversarial", "discriminator", "validation_l1", "ssim", "nll", "iou_free",
+         "ece_free")  # fmt: skip
+"""Values of a log entry that the progress bar shows."""
+
+
+class Stopped(Exception):
+    """A training was told to stop before its end; it can be resumed."""
+
+
+class Trainer(ABC):
+    """A training that can be interrupted and resumed.
+
+    A subclass prepares its network and data, and then calls this constructor, which resumes from
+    the checkpoint if there is one.
+
+    Args:
+        weights: file of the weights; its folder also holds the checkpoint, the log and the curve,
+            and must be visible to all processes.
+        facts: plain data that tell this training from all others.
+        steps: number of optimiser steps.
+        note_every: steps from one entry of the log to the next; the last step is always logged.
+        group: processes that train together.
+
+    Attributes:
+        step: number of steps made so far.
+        log: one entry for each validation: "step", mean losses since the entry before, measures.
+        losses: losses of each step since the last entry of the log.
+        seconds: time that the steps have taken, over all runs [s].
+        commits: commits of the code that made the steps.
+
+    Raises:
+        TrainError: if the folder holds another training.
+    """
+
+    LOSSES: tuple[str, ...] = ("loss",)
+    """Names of what `_learn` returns."""
+    CURVES: tuple[tuple[str, ...], ...]
+    """Names of the values drawn in each panel of curve.png."""
+
+    def __init__(
+        self, weights: Path, facts: dict[str, Any], steps: int, note_every: int, group: Group
+    ) -> None:
+        self.weights, self.steps, self.note_every, self.group = weights, steps, note_every, group
+        self.step, self.seconds = 0, 0.0
+        self.log: list[dict[str, float]] = []
+        self.losses: list[list[float]] = []
+        self.commits: set[str] = set()
+        self._facts = facts
+        if group.first:
+            weights.parent.mkdir(parents=True, exist_ok=True)
+            clear(weights.parent)
+        state = read_checkpoint(self.checkpoint, facts, group.device)
+        if state is not None:
+            self._load(state["learner"])
+            self.step, self.seconds = state["step"], state["seconds"]
+            self.log, self.losses = state["log"], state["losses"]
+            self.commits = set(state["commits"])
+
+    @property
+    def checkpoint(self) -> Path:
+        """Path of the checkpoint."""
+        return self.weights.with_name("checkpoint.pt")
+
+    def run(self, stopping: Event | None = None) -> Path:
+        """Train to the end with a progress bar, export, and return the path of the weights.
+
+        Args:
+            stopping: once it is set, the training ends after its next step with a checkpoint.
+
+        Raises:
+            Stopped: if `stopping` ended the training before its last step.
+        """
+        code = commit() or "no checkout"
+        saved = begun = time.monotonic()
+        before = self.seconds
+        with (
+            tqdm(total=self.steps, initial=self.step, unit="step", smoothing=0.05, mininterval=0.5,
+                 disable=not self.group.first) as bar,
+            ThreadPoolExecutor(1) as ahead,
+        ):  # fmt: skip
+            for batch in self._batches(ahead):
+                self.losses.append(self._learn(*batch))
+                self.step += 1
+                self.commits.add(code)
+                bar.update()
+                last = self.step == self.steps
+                noted = self.step % self.note_every == 0 or last
+                if noted:
+                    if self.group.first:
+                        self._note()
+                        bar.set_postfix_str(summary_of(self.log[-1]))
+                    self.losses = []
+                stop = stopping is not None and stopping.is_set() and not last
+                due = time.monotonic() - saved > SAVE_EVERY or noted or stop
+                if self.group.first and due:
+                    self.seconds = before + time.monotonic() - begun
+                    self.save()
+                    saved = time.monotonic()
+                if stop:
+                    raise Stopped
+        if self.group.first:
+            self._export(self._facts | {"commit": " ".join(sorted(self.commits))})
+            draw_curve(self.log, self.weights.with_name("curve.png"), self.CURVES)
+        return self.weights
+
+    def save(self) -> None:
+        """Write the checkpoint."""
+        names = ("step", "log", "losses", "seconds")
+        state = {name: getattr(self, name) for name in names}
+        state |= {"facts": self._facts, "commits": sorted(self.commits), "learner": self._state()}
+        write_checkpoint(self.checkpoint, state)
+
+    @abstractmethod
+    def _state(self) -> dict[str, Any]:
+        """Return all that changes while the network learns: plain data and tensors."""
+
+    @abstractmethod
+    def _load(self, state: dict[str, Any]) -> None:
+        """Go back to a `_state`."""
+
+    @abstractmethod
+    def _batch(self, step: int) -> tuple[Tensor, ...]:
+        """Return what a step learns from; called in another thread, ahead of time."""
+
+    @abstractmethod
+    def _learn(self, *batch: Tensor) -> list[float]:
+        """Make one step of the optimiser, and return the losses before it."""
+
+    @abstractmethod
+    def _measures(self) -> dict[str, float]:
+        """Measure the network on the validation data."""
+
+    @abstractmethod
+    def _export(self, facts: dict[str, Any]) -> None:
+        """Write the weights, with the facts of their training."""
+
+    def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[tuple[Tensor, ...]]:
+        """Yield the batch of each step to come, made while the step before it is learnt from."""
+        coming = ahead.submit(self._batch, self.step)
+        for step in range(self.step, self.steps):
+            batch = coming.result()
+            coming = ahead.submit(self._batch, step + 1)
+            yield batch
+
+    def _note(self) -> None:
+        """Validate, and write the log."""
+        means = np.mean(self.losses, axis=0).tolist()
+        entry = {"step": self.step, **dict(zip(self.LOSSES, means, strict=True))}
+        self.log.append(entry | self._measures())
+        lines = "".join(json.dumps(line) + "\n" for line in self.log)
+        write_whole(self.weights.with_name("log.jsonl"), lines.encode())
+
+
+def summary_of(entry: dict[str, float]) -> str:
+    """Return the main values of a log entry as one line."""
+    shown = ", ".join(f"{name.replace('_', ' ')} {value:.3f}"
+                      for name, value in entry.items() if name in SHOWN)  # fmt: skip
+    return f"epoch {entry['epoch']:g}: {shown}" if "epoch" in entry else shown
+
+
+def draw_curve(
+    log: list[dict[str, float]], path: Path, panels: tuple[tuple[str, ...], ...]
+) -> None:
+    """Draw losses and validation measures over the steps.
+
+    Args:
+        log: entries, each with its "step".
+        path: path of the picture.
+        panels: names of the values drawn in each panel.
+    """
+    figure = Figure(figsize=(4 * len(panels), 3.4), layout="constrained")
+    axes = figure.subplots(1, len(panels), squeeze=False)[0]
+    steps = [entry["step"] for entry in log]
+    for axis, names in zip(axes, panels, strict=True):
+        for name in names:
+            label = name.replace("_", " ") + (" (training)" if name == "loss" else "")
+            axis.plot(steps, [entry[name] for entry in log], label=label)
+        axis.set_xlabel("step")
+        axis.grid(alpha=0.3)
+        axis.legend(frameon=False)
+    FigureCanvasAgg(figure)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=130)
+    write_whole(path, buffer.getvalue())
+
+
+def deterministic(seed: int) -> None:
+    """Seed torch, and forbid sums whose order, and so whose last bits, may change."""
+    torch.backends.cudnn.deterministic = True
+    torch.manual_seed(seed)
