@@ -15,39 +15,36 @@ from predictor.mapping.grid import Grid, GridFrame
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What is believed of a piece of map, cell by cell.
+    """Probabilities that a predictor gives to the cells of a map.
 
-    The rest, 1 - p_free - p_occupied, is the probability that nothing will ever be observed
-    there, such as inside a wall.
+    The rest, 1 - p_free - p_occupied, is the probability that the cell can never be observed, such
+    as inside a wall.
 
     Attributes:
         frame: where the cells lie.
         p_free: probability that a cell is free, (rows, columns).
         p_occupied: probability that a cell is a surface that a ray can hit, (rows, columns).
-        confidence: trust in the two, in [0, 1], (rows, columns). 0 means unknown.
-        hypotheses: optionally, K maps that are each consistent in themselves, as probabilities
-            of free: (K, rows, columns).
-        nan_cells: how many cells not seen were NaN, and are unknown now: for `checked` to say.
+        confidence: trust in the two probabilities, in [0, 1], (rows, columns); 0 means unknown.
+        nan_cells: number of unobserved cells that were NaN and were made unknown by `checked`.
     """
 
     frame: GridFrame
     p_free: NDArray[np.float32]
     p_occupied: NDArray[np.float32]
     confidence: NDArray[np.float32]
-    hypotheses: NDArray[np.float32] | None = None
     nan_cells: int = 0
 
 
 @runtime_checkable
 class Predictor(Protocol):
-    """Anything that extends a known map: the one method a plug-in has to offer."""
+    """Anything that predicts the unobserved part of a map: the interface of a plug-in."""
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict a map.
 
         Args:
-            known: all that has been seen inside the predicted window, which is `expansion`
-                times as wide as the sensed one and centred on the robot.
+            known: map of all that was observed inside the predicted square, which is `expansion`
+                times as wide as the LIDAR's window and centred on the robot.
             pose: x, y, yaw of the robot, (3,) [m, m, rad].
 
         Returns:
@@ -61,9 +58,13 @@ class BadPredictionError(LineError):
 
 
 def checked(prediction: Prediction, known: Grid) -> Prediction:
-    """A predictor's answer, if it may be used, with observed cells as they were observed.
+    """Check a predictor's answer, and set observed cells to what was observed.
 
-    A NaN in a probability or in a confidence makes its cell unknown, and is counted.
+    A cell with a NaN in a probability or in the confidence becomes unknown, and is counted.
+
+    Args:
+        prediction: answer of the predictor.
+        known: map that it was asked about.
 
     Raises:
         BadPredictionError: if it is not a Prediction, lies elsewhere than asked, has the wrong
@@ -96,16 +97,11 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         unusable = np.isnan(sum_)
         nan_cells = int((unusable & known.unknown).sum())
         fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
-    hypotheses = prediction.hypotheses
-    if hypotheses is not None:
-        hypotheses = np.array(hypotheses)
-        if hypotheses.shape[1:] != shape or not ((hypotheses >= 0) & (hypotheses <= 1)).all():
-            raise BadPredictionError(f"hypotheses must be (K, {shape[0]}, {shape[1]}) in [0, 1]")
     seen = {"p_free": known.free, "p_occupied": known.occupied, "confidence": ~known.unknown}
     for name, observed in seen.items():
         kept = np.where(known.unknown, fields[name], observed)
         fields[name] = kept.astype(np.float32, copy=False)
-    return Prediction(known.frame, **fields, hypotheses=hypotheses, nan_cells=nan_cells)
+    return Prediction(known.frame, **fields, nan_cells=nan_cells)
 
 
 def asked(
@@ -114,13 +110,13 @@ def asked(
     pose: NDArray[np.float64],
     copies: tuple[Grid, NDArray[np.float64]] | None = None,
 ) -> Prediction:
-    """A predictor's checked answer; whatever else it raises is a `BadPredictionError` too.
+    """Ask a predictor, and check its answer; turn whatever it raises into a `BadPredictionError`.
 
     Args:
-        predictor: asked.
-        known: what has been seen.
+        predictor: predictor to ask.
+        known: map of all that was observed.
         pose: x, y, yaw of the robot, (3,) [m, m, rad].
-        copies: of the two, for the predictor, which may write into them; made if None.
+        copies: copies of `known` and `pose` that the predictor may write into; made if None.
 
     Raises:
         BadPredictionError: if it raises, or breaks the contract.
@@ -138,7 +134,7 @@ def asked(
 
 
 def _lies_within(values: NDArray, low: float, high: float) -> bool:
-    """Whether no value lies outside; a NaN does not."""
+    """Return whether no value lies outside of [low, high]; NaN counts as inside."""
     ends = values.min(initial=low), values.max(initial=low)
     if np.isnan(ends).any():
         return not ((values < low) | (values > high)).any()

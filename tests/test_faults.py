@@ -89,10 +89,6 @@ def ragged(good):
     return dataclasses.replace(good, p_free=[[1.0], [1.0, 2.0]])
 
 
-def with_bad_hypotheses(good):
-    return dataclasses.replace(good, hypotheses=np.full((2, 3), 5.0))
-
-
 FAULTS = {
     raises: "predictor_raised",
     runs_out_of_memory: "predictor_raised",
@@ -108,7 +104,6 @@ FAULTS = {
     of_text: "predictor_bad",
     with_fields_of_none: "predictor_bad",
     ragged: None,
-    with_bad_hypotheses: "predictor_bad",
 }
 
 

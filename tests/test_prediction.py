@@ -98,8 +98,6 @@ def test_nan_makes_its_cell_unknown(field):
         ({"p_free": np.full((80, 80), "a")}, "real numbers"),
         ({"p_free": None}, "p_free"),
         ({"frame": GridFrame(0.05, (1.0, -1.0), (80, 80))}, "lies on"),
-        ({"hypotheses": np.zeros((80, 80))}, "hypotheses"),
-        ({"hypotheses": np.full((2, 80, 80), 3.0)}, "hypotheses"),
     ],
 )
 def test_checked_refuses(changes, message):
