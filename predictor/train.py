@@ -1,12 +1,12 @@
-"""Train a network: the compact one, or one of the paper's.
+"""Train a network: `compact`, or one of the paper's.
 
-    python -m predictor.train                      compact; about two hours on 2 cores, all in
+    python -m predictor.train                      compact; two hours on 2 cores with its drives
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
-    python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      from weights on
+    python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      fine-tuning
     python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
     torchrun --nproc-per-node 4 -m predictor.train --arch unet_ff --batch 16      on 4 GPUs
 
-Interrupted, each goes on where it was when the same command is given again.
+The same command resumes a training that was interrupted.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     import argparse
 
 COMPACT = ("train", "validation", "steps", "start", "logs", "families")
-"""Arguments that are compact's alone."""
+"""Arguments of compact alone."""
 IMAGES = ("expansion", *NAMES)
-"""Arguments that are the paper's networks' alone."""
+"""Arguments of the paper's networks alone."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -87,17 +87,20 @@ def _compact(args: argparse.Namespace) -> Path:
     validation = Samples.load(data / "validation", tuned_on)
     check_apart({"train": train, "validation": validation})
     config = TrainConfig(
-        args.steps or default.steps, args.batch or default.batch, args.rate or default.rate,
-        seed=args.seed or default.seed, start=start and start[1]["fingerprint"],
-    )  # fmt: skip
+        args.steps or default.steps,
+        args.batch or default.batch,
+        args.rate or default.rate,
+        seed=args.seed or default.seed,
+        start=start and start[1]["fingerprint"],
+    )
     return CompactTrainer(config, train, validation, out, start).run()
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse what makes no sense.
+    """Refuse arguments of other networks.
 
     Raises:
-        TrainError: if something does not.
+        TrainError: if there is one.
     """
     compact = args.arch == "compact"
     for name in IMAGES if compact else COMPACT:
@@ -111,22 +114,36 @@ def _parser() -> argparse.ArgumentParser:
     paper, short = PRESETS["paper"], PRESETS["short"]
     parser = OneLineParser(
         prog="predictor.train",
-        description="Train a network. Interrupted, it goes on where it was: give the same command "
+        description="Train a network. Interrupted, it continues when the same command is given "
         "again.",
     )
     add = parser.add_argument
-    add("--arch", choices=("compact", *ARCHITECTURES), default="compact",
-        help="the network (default: %(default)s)")  # fmt: skip
-    add("--data", type=Path, metavar="DIR", help=f"what it learns from: compact's drives, which "
-        f"are made first where they are missing (default: {drives.out}), or the frames of "
-        "predictor.dataset (default: data/simulated), or compact's drives likewise")  # fmt: skip
-    add("--out", type=Path, metavar="DIR", help="checkpoint, log, curve and weights (default: "
-        "results/train, or results/networks/ARCH-EXPANSION)")  # fmt: skip
+    add(
+        "--arch",
+        choices=("compact", *ARCHITECTURES),
+        default="compact",
+        help="architecture of the network (default: %(default)s)",
+    )
+    add(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="folder of the training data. For compact: drives, "
+        f"which are made first if they are missing (default: {drives.out}). For the paper's "
+        "networks: frames of predictor.dataset or drives (default: data/simulated)",
+    )
+    add(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder of checkpoint, log, curve and weights "
+        "(default: results/train, or results/networks/ARCH-EXPANSION)",
+    )
     add(
         "--batch",
         type=between(1, 10**9),
         metavar="N",
-        help=f"samples a step (default: {default.batch}; paper: "
+        help=f"samples per optimiser step (default: {default.batch}; paper: "
         f"{paper.training.batch}; short: {short.training.batch})",
     )
     add(
@@ -136,8 +153,12 @@ def _parser() -> argparse.ArgumentParser:
         help=f"highest learning rate (default: {default.rate:g};"
         f" paper: {paper.training.rate:g}; short: {short.training.rate:g})",
     )
-    add("--seed", type=between(0, 2**63), metavar="N", help="of first weights and order of samples "
-        f"(default: {default.seed})")  # fmt: skip
+    add(
+        "--seed",
+        type=between(0, 2**63),
+        metavar="N",
+        help=f"seed of the first weights and of the order of samples (default: {default.seed})",
+    )
     parser.add_jobs()
     group = parser.add_argument_group("compact alone")
     add = group.add_argument
@@ -145,26 +166,50 @@ def _parser() -> argparse.ArgumentParser:
         "--train",
         type=between(1, 10**9),
         metavar="N",
-        help=f"drives to learn from (default: {drives.train})",
+        help=f"number of drives to train on (default: {drives.train})",
     )
-    add("--validation", type=between(1, 10**9), metavar="N",
-        help=f"drives to measure on (default: {drives.validation})")  # fmt: skip
+    add(
+        "--validation",
+        type=between(1, 10**9),
+        metavar="N",
+        help=f"number of drives held out for validation (default: {drives.validation})",
+    )
     add(
         "--steps",
         type=between(1, 10**9),
         metavar="N",
-        help=f"of the optimiser (default: {default.steps})",
+        help=f"number of optimiser steps (default: {default.steps})",
     )
-    add("--start", type=Path, metavar="FILE", help="weights to go on from, such as the shipped "
-        "ones: predictor/compact.safetensors (default: random ones)")  # fmt: skip
-    add("--logs", action="store_true", help="--data is of simulated robots' logs, whose truth is "
-        "what they map: see predictor.drives")  # fmt: skip
-    add("--families", nargs="+", choices=FAMILIES, metavar="F", help="of the drives' buildings, in "
-        f"turn (default: {' '.join(drives.families)})")  # fmt: skip
+    add(
+        "--start",
+        type=Path,
+        metavar="FILE",
+        help="weights to start from, such as "
+        "predictor/compact.safetensors (default: random weights)",
+    )
+    add(
+        "--logs",
+        action="store_true",
+        help="make the drives as logs of simulated robots, "
+        "with the map of each log as truth, see predictor.drives",
+    )
+    add(
+        "--families",
+        nargs="+",
+        choices=FAMILIES,
+        metavar="F",
+        help="families of the drives' "
+        f"buildings, one drive each in turn (default: {' '.join(drives.families)})",
+    )
     group = parser.add_argument_group("the paper's networks alone")
-    group.add_argument("--expansion", type=float, metavar="X", help="width of the predicted square "
-        f"over that of the 5 m crop; the paper has {', '.join(map(str, EXPANSIONS))} (default: "
-        f"{EXPANSIONS[0]})")  # fmt: skip
+    group.add_argument(
+        "--expansion",
+        type=float,
+        metavar="X",
+        help="width of the predicted square "
+        "divided by the 5 m of the crop; the paper has "
+        f"{', '.join(map(str, EXPANSIONS))} (default: {EXPANSIONS[0]})",
+    )
     add_arguments(group)
     return parser
 

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from benchmarks.recording import paper_drives as simulated
+from benchmarks.recording import data_sets
 from benchmarks.recording.data_sets import make_simulated
 from benchmarks.recording.paper_drives import (
     FIRST_DRIVE,
@@ -119,7 +119,7 @@ def test_the_car_holds_half_a_metre_a_second_and_moves_as_its_actions_say(folder
 
 def test_a_killed_set_ends_as_if_it_had_not_been(folder, tmp_path, monkeypatch):
     made = []
-    make_drive = simulated.make_drive
+    make_drive = data_sets.make_drive
 
     def die(out, config, drive):
         if len(made) == 3:
@@ -127,12 +127,12 @@ def test_a_killed_set_ends_as_if_it_had_not_been(folder, tmp_path, monkeypatch):
         made.append(drive.name)
         return make_drive(out, config, drive)
 
-    monkeypatch.setattr(simulated, "make_drive", die)
+    monkeypatch.setattr(data_sets, "make_drive", die)
     with pytest.raises(KeyboardInterrupt):
         make_simulated(tmp_path, SMALL, 1)
     with pytest.raises(FramesError, match="unfinished, it has 3 of 8"):
         Frames.load(tmp_path)
-    monkeypatch.setattr(simulated, "make_drive", make_drive)
+    monkeypatch.setattr(data_sets, "make_drive", make_drive)
     make_simulated(tmp_path, SMALL, 1)
     assert contents(tmp_path) == contents(folder)
 

@@ -9,12 +9,10 @@ from generated_frames import generated, write_frames
 
 from benchmarks.prediction import tables
 from benchmarks.prediction.__main__ import main
-from benchmarks.prediction.contestants import contestants, reduced
-from benchmarks.prediction.entrants import entrant
+from benchmarks.prediction.contestants import contestants, entrant, reduced
 from benchmarks.prediction.evaluation import spaced
-from benchmarks.prediction.paper import SSIM
 from benchmarks.prediction.pictures import straight
-from benchmarks.prediction.similarity import LEVELS, beyond_crop, similarity
+from benchmarks.prediction.report import SSIM
 from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.transients import Count, found, with_transients
 from benchmarks.runs.statistics import grouped_mean
@@ -22,6 +20,7 @@ from predictor import Prediction, PredictorError
 from predictor.data.frames import Frames
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet
+from predictor.scoring.images import LEVELS, beyond_crop, similarity
 from predictor.weights import save_weights
 
 SPLITS = {"train": 3, "validation": 4, "test": 6, "more": 4}
@@ -108,7 +107,7 @@ def done(sets, study, tmp_path_factory):
 def undrawn(monkeypatch):
     """Without figures, which take most of the time."""
     monkeypatch.setattr("benchmarks.prediction.figures.draw", lambda *_: [])
-    monkeypatch.setattr("benchmarks.prediction.hallway.write_hallway", lambda rows, out: out)
+    monkeypatch.setattr("benchmarks.prediction.figures.write_hallway", lambda rows, out: out)
 
 
 def command(sets, out, *more):

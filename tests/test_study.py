@@ -5,10 +5,11 @@ import dataclasses
 import pytest
 from generated_frames import generated, write_frames
 
-from predictor import study
 from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining
 from predictor.networks.image_net import ImageNet
-from predictor.study import ORDER, Data, Run, Study, main
+from predictor.study import ORDER, main
+from predictor.training import parallel_trainings
+from predictor.training.parallel_trainings import Data, Run, Study
 from predictor.weights import save_weights
 
 TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]
@@ -136,10 +137,10 @@ def test_an_interrupted_study_leaves_no_process(data, tmp_path, monkeypatch):
     begun = []
 
     def interrupted(sentinels, timeout):
-        begun.extend(study.multiprocessing.active_children())
+        begun.extend(parallel_trainings.multiprocessing.active_children())
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(study, "wait", interrupted)
+    monkeypatch.setattr(parallel_trainings, "wait", interrupted)
     assert main(["--data", str(data), "--out", str(tmp_path), "--jobs", "1", *TINY]) == 130
     assert len(begun) == 1
     assert not begun[0].is_alive()

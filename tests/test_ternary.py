@@ -3,7 +3,7 @@
 import numpy as np
 
 from predictor import Grid, GridFrame, Prediction
-from predictor.scoring.ternary import ternary
+from predictor.scoring.images import ternary
 
 N = 60
 FRAME = GridFrame(0.05, (0.0, 0.0), (N, N))

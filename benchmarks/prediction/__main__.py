@@ -77,8 +77,7 @@ def _run(args: argparse.Namespace) -> None:
     import torch
 
     from benchmarks.prediction.evaluation import Evaluation
-    from benchmarks.prediction.figures import draw
-    from benchmarks.prediction.hallway import write_hallway
+    from benchmarks.prediction.figures import draw, write_hallway
     from benchmarks.prediction.pictures import leader, pictures
     from benchmarks.prediction.report import costs_of, printed_costs, report
     from benchmarks.prediction.tables import summary, tables_of

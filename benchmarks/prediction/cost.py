@@ -10,8 +10,7 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.prediction.contestants import BASELINES, Contestant
-from benchmarks.prediction.entrants import is_printed
+from benchmarks.prediction.contestants import BASELINES, Contestant, is_printed
 from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import ScoredSquare
 from predictor.compact import Compact

@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from benchmarks.figures.all_figures import save_figures
 from benchmarks.figures.palette import INK, new_figure, predictor_colour
+from benchmarks.figures.video import kind_for, write_video
 from benchmarks.prediction.maps import drawn_maps
-from benchmarks.prediction.pictures import GIVEN, NOTHING, Row, Sheets, shown
+from benchmarks.prediction.pictures import GIVEN, NOTHING, TRUE, Row, Sheets, shown
 from benchmarks.prediction.tables import places_of
 from predictor.data.frames import CROP, Frames
 
@@ -34,6 +37,8 @@ MEASURES = (("iou_free", "IoU of free"), ("iou_occupied", "IoU of occupied"), ("
 """By distance beyond the frontier."""
 ENOUGH, SHARE = 1000, 5e-4
 """Cells of a ring, and share of all cells in a bin, that are needed to draw it."""
+RATE = 10.0
+"""Frames per second of the video: every other frame of a drive at 10 Hz, so twice as fast."""
 NEAR, FAR = 1.3, 2.0
 """Expansions whose reliability is shown, where they are measured."""
 
@@ -203,6 +208,41 @@ def reliability(places: dict[str, Any]) -> Figure:
         axes[-1, column].set_xlabel("probability given")
     _legend(figure, axes)
     return figure
+
+
+def write_hallway(rows: list[Row], out: Path) -> Path:
+    """Write the paper's video, hallway.mp4, or .gif without ffmpeg, and return its path.
+
+    It shows predictions frame by frame along the straightest stretch of a test drive.
+
+    Args:
+        rows: frames, in order.
+        out: folder.
+    """
+    path = out / f"hallway.{kind_for('auto')}"
+    columns = [GIVEN, *(name for name in rows[0].images if name not in (GIVEN, TRUE)), TRUE]
+    figure = Figure(figsize=(1.9 * len(columns), 2.25), dpi=100)
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.subplots(1, len(columns), squeeze=False)[0]
+    figure.subplots_adjust(0.01, 0.09, 0.99, 0.88, wspace=0.04)
+
+    for axis, column in zip(axes, columns, strict=True):
+        show(axis, rows[0], column)
+        axis.set_title(column, fontsize=9, color=INK)
+
+    def frame(number: int) -> NDArray[np.uint8]:
+        row = rows[number]
+        for axis, column in zip(axes, columns, strict=True):
+            axis.images[0].set_data(row.images[column])
+            write_ssim(axis, row, column)
+        for arrow in axes[0].patches:
+            arrow.remove()
+        draw_car(axes[0], row)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+    write_video(frame, len(rows), RATE, path)
+    return path
 
 
 def _nearest(expansions: list[str], wanted: float) -> str:

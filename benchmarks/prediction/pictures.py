@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction.contestants import BASELINES, Contestant
-from benchmarks.prediction.entrants import entrant
+from benchmarks.prediction.contestants import BASELINES, Contestant, entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation
 from benchmarks.prediction.scoring import Kept, drive_of
-from benchmarks.prediction.similarity import similarity
 from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
 from predictor.data.squares import TERNARY, codes_of
+from predictor.scoring.images import ssim
 
 SHOWN, COLUMNS = 5, 8
 """Examples on a sheet, and predictors beside each other there."""
@@ -137,15 +136,15 @@ def _row(evaluation: Evaluation, asked: Asked, title: str, transient: bool) -> R
     square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
     if transient:
         square, _ = with_transients(square, seed=index)
-    images, ssim = {GIVEN: TERNARY[codes_of(square.crop.cells)]}, {}
+    images, alike = {GIVEN: TERNARY[codes_of(square.crop.cells)]}, {}
     for one in _shown(evaluation):
         if one.does(expansion):
             said = entrant(one, evaluation.rates[expansion]).answer(square).image
             images[one.name] = said
-            ssim[one.name] = similarity(said, said, square.image, square.unseen).ssim
+            alike[one.name] = ssim(said, square.image)
     images[TRUE] = square.image
     greys = {name: np.rint(255 * image).astype(np.uint8) for name, image in images.items()}
-    return Row(title, float(square.pose[2]), greys, ssim)
+    return Row(title, float(square.pose[2]), greys, alike)
 
 
 def _chosen(evaluation: Evaluation) -> dict[str, list[tuple[Asked, str]]]:

@@ -12,22 +12,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction import similarity
 from benchmarks.prediction.contestants import BASELINES, Contestant, reduced
 from benchmarks.prediction.cost import cost_of, printed_cost
 from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, key_of, sets_of
-from benchmarks.prediction.paper import SSIM
-from benchmarks.prediction.scoring import OF_A_FRAME, Kept, scores_of
+from benchmarks.prediction.scoring import OF_A_FRAME, Kept
 from benchmarks.prediction.transients import transients
 from benchmarks.runs.statistics import grouped_mean
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import machine
-from predictor.infra.plain_json import loads
+from predictor.infra.plain_json import loads, without_nan
 from predictor.infra.results_file import write_results
 from predictor.networks import ARCHITECTURES
 from predictor.registry import load_predictor
+from predictor.scoring import images
 from predictor.scoring.scores import EDGES, RINGS, Scores
 
+SSIM = {
+    "simulated": {
+        "1.10": {"unet_ff": 0.899, "resnet_ff": 0.861, "gan": 0.818},
+        "1.30": {"unet_ff": 0.818, "resnet_ff": 0.780, "gan": 0.790},
+        "1.50": {"unet_ff": 0.770, "resnet_ff": 0.773, "gan": 0.759},
+        "1.70": {"unet_ff": 0.760, "resnet_ff": 0.752, "gan": 0.736},
+        "2.00": {"unet_ff": 0.767, "resnet_ff": 0.770, "gan": 0.574},
+    },
+    "physical": {
+        "1.10": {"unet_ff": 0.511, "resnet_ff": 0.523, "gan": 0.489},
+        "1.30": {"unet_ff": 0.517, "resnet_ff": 0.534, "gan": 0.524},
+        "1.50": {"unet_ff": 0.498, "resnet_ff": 0.489, "gan": 0.511},
+        "1.70": {"unet_ff": 0.486, "resnet_ff": 0.504, "gan": 0.486},
+        "2.00": {"unet_ff": 0.484, "resnet_ff": 0.499, "gan": 0.424},
+    },
+}
+"""SSIM that Katyal et al. 2018 print in Tables I and II: place → expansion → network."""
 COMPARED = ("grey", "copy", "none", "unet_ff")
 """Those of them that are there are what every other is compared with."""
 ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
@@ -53,7 +69,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
     results = {
         "settings": {
             "expansions": list(config.expansions), "apart": config.apart, "block": BLOCK,
-            "ssim": similarity.SETTINGS, "ssim_coarse": similarity.LEVELS,
+            "ssim": images.SETTINGS, "ssim_coarse": images.LEVELS,
             "rings": EDGES, "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
         },
         "sets": sets_of(evaluation),
@@ -67,7 +83,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "simulated": places.pop("simulated", {}),
         "physical": places,
     }  # fmt: skip
-    results = _plain(results)
+    results = without_nan(results, digits=6)
     write_results(evaluation.out / "results.json", "prediction", results)
     return results
 
@@ -138,8 +154,9 @@ def _rows(
                 commits.add(str(facts["commit"]))
                 parts.append({name: arrays[name] for name in OF_A_FRAME})
                 splits += [drive.about["split"]] * len(arrays["ssim"])
-                whole += scores_of(arrays)
-                of_split.setdefault(drive.about["split"], Scores()).__iadd__(scores_of(arrays))
+                scores = Scores.of(arrays, "scores")
+                whole += scores
+                of_split.setdefault(drive.about["split"], Scores()).__iadd__(scores)
         kept = {name: np.concatenate([part[name] for part in parts]) for name in OF_A_FRAME}
         frames[one.name] = kept
         rows[one.name] = _measures(kept, whole) | {
@@ -219,15 +236,3 @@ def _training(predictor: Any, one: Contestant) -> dict[str, Any]:
     names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
     told = {name: facts[name] for name in names if name in facts}
     return told | ({"reduced": reduced(facts)} if one.expansion is not None else {})
-
-
-def _plain(value: Any) -> Any:
-    """The same for JSON, which has no NaN and no infinity: null."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float):
-        # Six digits: a file of a third the size.
-        return float(f"{value:.6g}") if np.isfinite(value) else None
-    return value

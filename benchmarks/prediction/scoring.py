@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction.contestants import Contestant
-from benchmarks.prediction.entrants import Answer, entrant
-from benchmarks.prediction.similarity import Similarity, similarity
+from benchmarks.prediction.contestants import Answer, Contestant, entrant
 from benchmarks.prediction.square import ScoredSquare
 from predictor.data.frames import Frames
 from predictor.infra.errors import LineError
 from predictor.prediction import BadPredictionError
+from predictor.scoring.images import Similarity, similarity
 from predictor.scoring.scores import Scores
 
 OF_A_FRAME = (*Similarity.__dataclass_fields__, "brier", "nll", "cells", "nan_cells")
@@ -74,9 +73,7 @@ class Tally:
     def kept(self) -> Kept:
         """All of it, as arrays."""
         columns = np.array(self.frames, dtype=np.float64).reshape(-1, len(OF_A_FRAME)).T
-        return dict(zip(OF_A_FRAME, columns, strict=True)) | {
-            f"scores/{name}": value for name, value in vars(self.scores).items()
-        }
+        return dict(zip(OF_A_FRAME, columns, strict=True)) | self.scores.arrays("scores")
 
     def _sums(self) -> NDArray[np.float64]:
         both = 0.5 * (self.scores.brier_free.sum() + self.scores.brier_occupied.sum())
@@ -102,11 +99,6 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
                 raise ScoringError(f"{one.name}, {where}: {error}") from error
             tallies[one].add(square, answer)
     return {one: tally.kept() for one, tally in tallies.items()}
-
-
-def scores_of(kept: Kept) -> Scores:
-    """The sums over cells, of what is kept."""
-    return Scores(**{name: kept[f"scores/{name}"] for name in Scores.__dataclass_fields__})
 
 
 def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, float]:

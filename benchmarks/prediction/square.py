@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.prediction.similarity import beyond_crop
 from predictor.data.frames import RESOLUTION, SIDE, Frames
 from predictor.data.squares import NOTHING, TERNARY, cells_of
 from predictor.mapping.grid import Grid, GridFrame
+from predictor.scoring.images import beyond_crop
 from predictor.scoring.scores import rings_of
 
 

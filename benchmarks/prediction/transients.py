@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from benchmarks.prediction.entrants import Entrant, entrant, prints
+from benchmarks.prediction.contestants import Entrant, entrant, prints
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.scoring import drive_of
 from benchmarks.prediction.square import ScoredSquare

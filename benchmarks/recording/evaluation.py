@@ -19,7 +19,7 @@ from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import commit, machine
 from predictor.infra.errors import LineError
 from predictor.infra.markdown import markdown
-from predictor.infra.plain_json import loads
+from predictor.infra.plain_json import loads, without_nan
 from predictor.infra.results_file import write_results
 from predictor.infra.workers import finished
 from predictor.provenance import fingerprint_of
@@ -114,7 +114,7 @@ class Evaluation:
             if "skipped" in fact:
                 continue
             for name in names:
-                scores = Scores(**{k: arrays[f"{name}/{k}"] for k in vars(Scores())})
+                scores = Scores.of(arrays, name)
                 sums[name] += scores
                 of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
                 of_building += scores.bins("free")
@@ -139,7 +139,7 @@ class Evaluation:
             "groups": summaries,
             "drives": facts,
         }
-        write_results(self.out / "results.json", "evaluation", _plain(results))
+        write_results(self.out / "results.json", "evaluation", without_nan(results))
         draw(self.out, groups, pictures, self.config.predictors)
         return results
 
@@ -208,15 +208,6 @@ def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
     if name.endswith(RELIED):
         return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
     return measures
-
-
-def _plain(value: Any) -> Any:
-    """The same for JSON, which has no NaN: null."""
-    if isinstance(value, dict):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return None if isinstance(value, float) and value != value else value
 
 
 def table(results: dict[str, Any]) -> str:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
-from skimage.metrics import structural_similarity
 
 from benchmarks.recording.training_drives import driven, seen_again
 from benchmarks.runs.drive import task_in
@@ -21,8 +20,8 @@ from predictor.prediction import asked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
 from predictor.scoring.evaluate_config import EvaluateConfig
+from predictor.scoring.images import ssim, ternary
 from predictor.scoring.scores import Scores, rings_of
-from predictor.scoring.ternary import ternary
 from sim import LidarConfig
 from sim.task import NoTaskError
 
@@ -75,13 +74,13 @@ def score_drive(
         room = room[REACH:-REACH, REACH:-REACH]
         true_image = TERNARY[truth_codes(free, occupied)]
         blank = np.full(true_image.shape, 0.5)
-        similar[BLANK].append(structural_similarity(blank, true_image, data_range=1.0))
+        similar[BLANK].append(ssim(blank, true_image))
         for name, predictor in predictors.items():
             begin = time.perf_counter()
             belief = asked(predictor, crop, state[:3])
             taken[name].append(1e3 * (time.perf_counter() - begin))
             image = ternary(crop, belief)
-            similar[name].append(structural_similarity(image, true_image, data_range=1.0))
+            similar[name].append(ssim(image, true_image))
             trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied
             scores[name].add(belief.p_free, belief.p_occupied, free, occupied, ring)
             scores[name + TRUSTED].add(*trusted, free, occupied, ring)
@@ -89,9 +88,7 @@ def score_drive(
             if name == config.predictors[-1] and (ring >= 0).any():
                 off = float(((belief.p_free - free)[ring >= 0] ** 2).mean())
                 moments.append((off, _picture(ternary(crop, None), image, true_image)))
-    arrays = {
-        f"{name}/{key}": value for name in scores for key, value in vars(scores[name]).items()
-    }
+    arrays = {key: value for name in scores for key, value in scores[name].arrays(name).items()}
     moments.sort(key=lambda entry: entry[0])
     shown = [moments[0], moments[len(moments) // 2], moments[-1]] if moments else []
     arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}

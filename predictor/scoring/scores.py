@@ -6,7 +6,7 @@ cells together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,6 +93,15 @@ class Scores:
         for name in self.__dataclass_fields__:
             getattr(self, name)[:] += getattr(other, name)
         return self
+
+    def arrays(self, prefix: str) -> dict[str, NDArray]:
+        """Return the sums by name, after a prefix, to be kept in a file."""
+        return {f"{prefix}/{name}": values for name, values in vars(self).items()}
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray], prefix: str) -> Scores:
+        """Return the scores that `arrays` made."""
+        return cls(**{name: arrays[f"{prefix}/{name}"] for name in cls.__dataclass_fields__})
 
     def measures(self, rings: slice = slice(None)) -> dict[str, float]:
         """Scores of all cells of some rings: NaN where there is nothing to tell."""

@@ -56,10 +56,13 @@ def read_checkpoint(
         # torch.load raises whatever the first wrong byte makes it.
         raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
     if theirs != facts:
-        other = ", ".join(_told(k, theirs.get(k), facts[k]) for k in sorted(facts)
-                          if theirs.get(k) != facts[k])  # fmt: skip
-        raise TrainError(f"{path.parent} holds a training with another {other}; give the command "
-                         "that began it, or choose another folder by --out")  # fmt: skip
+        other = ", ".join(
+            _told(k, theirs.get(k), facts[k]) for k in sorted(facts) if theirs.get(k) != facts[k]
+        )
+        raise TrainError(
+            f"{path.parent} holds a training with another {other}; give the command "
+            "that began it, or choose another folder by --out"
+        )
     return state
 
 
@@ -80,8 +83,10 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
     except WeightsError as error:
         raise TrainError(f"{error}; delete it to make it again") from None
     if any(theirs.get(name) != value for name, value in facts.items()):
-        raise TrainError(f"{weights} was trained in another way or on other frames: choose another"
-                         " folder by --out")  # fmt: skip
+        raise TrainError(
+            f"{weights} was trained in another way or on other frames: choose another"
+            " folder by --out"
+        )
     return True
 
 

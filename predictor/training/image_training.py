@@ -97,8 +97,10 @@ class ImageTrainer(Trainer):
     def _batch(self, step: int) -> tuple[Tensor, ...]:
         share = self.training.batch // self.group.size
         first = step * self.training.batch + self.group.rank * share
-        chosen = [self._order(at // len(self.train))[at % len(self.train)]
-                  for at in range(first, first + share)]  # fmt: skip
+        chosen = [
+            self._order(at // len(self.train))[at % len(self.train)]
+            for at in range(first, first + share)
+        ]
         squares = [self.train.square(int(index), self.config.expansion) for index in chosen]
         given, wanted = images_of(squares, self.config)
         return torch.from_numpy(given), torch.from_numpy(wanted)
@@ -141,23 +143,23 @@ def train_images(
     threads: int,
     stopping: Event | None = None,
 ) -> Path:
-    """Train a network, unless it is there; the path of its weights.
+    """Train a network unless its weights exist, and return the path of its weights.
 
     Args:
         config: the network; `turned` is set to what the data are.
         training: how it learns.
-        data: folder that `predictor.dataset` has made, or `predictor.drives`.
-        out: folder of checkpoint, log and weights.
-        threads: of this process.
-        stopping: see `ImageTrainer.run`.
+        data: folder that `predictor.dataset` or `predictor.drives` has made.
+        out: folder of checkpoint, log, curve and weights.
+        threads: number of threads of this process.
+        stopping: see `Trainer.run`.
 
     Raises:
-        TrainError: if it cannot be done or taken up.
-        Stopped: if it was to stop before its end.
+        TrainError: if the data cannot be read, or the folder holds another training.
+        Stopped: if `stopping` ended the training before its last step.
     """
     torch.set_num_threads(threads)
     of_drives = (data / RECIPE).exists()
-    train, validation = (_samples if of_drives else _frames)(data)
+    train, validation = (_samples_of if of_drives else frames_of)(data)
     config = dataclasses.replace(config, turned=of_drives)
     weights = out / f"{config.arch}.safetensors"
     if is_trained(weights, described(config, training, (train.digest, validation.digest))):
@@ -169,16 +171,20 @@ def train_images(
         group.leave()
 
 
-def _frames(data: Path) -> list[Frames]:
-    """The frames of a data set, to learn from and to validate on."""
+def frames_of(data: Path) -> list[Frames]:
+    """Read the frames of a data set to train on, and those to validate on.
+
+    Raises:
+        TrainError: if there are none that can be read.
+    """
     try:
         return [Frames.load(data, split) for split in ("train", "validation")]
     except FramesError as error:
         raise TrainError(f"--data: {error}") from None
 
 
-def _samples(data: Path) -> list[Samples]:
-    """The samples of drives, likewise."""
+def _samples_of(data: Path) -> list[Samples]:
+    """Read the samples of drives to train on, and those to validate on."""
     try:
         return [Samples.load(data / split) for split in ("train", "validation")]
     except SamplesError as error:

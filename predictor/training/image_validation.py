@@ -12,6 +12,7 @@ from predictor.data.squares import GREYS, NOTHING, Square
 from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
 from predictor.networks.image import cells_of
 from predictor.networks.image_net import ImageNet
+from predictor.scoring.images import ssim
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.targets import images_of
 
@@ -28,13 +29,10 @@ def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
         net: the network.
         frames: set of which VALIDATED frames are taken.
     """
-    from skimage.metrics import structural_similarity
-
     squares = [frames.square(i, net.config.expansion) for i in _spread(len(frames), VALIDATED)]
     greys = greys_of(net, squares)
     truths = GREYS[np.stack([square.truth for square in squares])].astype(np.float32)
-    alike = [structural_similarity(truth, grey, data_range=2.0)
-             for truth, grey in zip(truths, greys, strict=True)]  # fmt: skip
+    alike = [ssim(grey, truth, span=2.0) for truth, grey in zip(truths, greys, strict=True)]
     return {"validation_l1": float(abs(greys - truths).mean()), "ssim": float(np.mean(alike))}
 
 

@@ -108,8 +108,9 @@ class Adversary(Learner):
             of_claimed = self._judge(given, claimed.detach())
             of_wanted = self._judge(given, wanted)
         # Halved, so that it learns more slowly than what it judges.
-        doubt = 0.5 * (judged(of_claimed.to(wanted.dtype), False)
-                       + judged(of_wanted.to(wanted.dtype), True))  # fmt: skip
+        doubt = 0.5 * (
+            judged(of_claimed.to(wanted.dtype), False) + judged(of_wanted.to(wanted.dtype), True)
+        )
         self._descend("judge", doubt, rate)
         # Not by `_judge`: the generator's loss gives the discriminator no gradients to share.
         self.judge.requires_grad_(False)

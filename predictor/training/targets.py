@@ -78,7 +78,8 @@ def images_of(
     Returns:
         Two arrays, each (B, 1, side, side).
     """
-    given = np.stack([square.crop if config.given == "crop" else square.window
-                      for square in squares])  # fmt: skip
+    given = np.stack(
+        [square.crop if config.given == "crop" else square.window for square in squares]
+    )
     wanted = np.stack([square.truth for square in squares])
     return image_of(given[:, None], config.side), image_of(wanted[:, None], config.side)

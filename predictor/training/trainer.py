@@ -33,8 +33,17 @@ if TYPE_CHECKING:
 
 SAVE_EVERY = 60.0
 """Time between two checkpoints [s]; one also follows each entry of the log."""
-SHOWN = ("loss", "l1", "adversarial", "discriminator", "validation_l1", "ssim", "nll", "iou_free",
-         "ece_free")  # fmt: skip
+SHOWN = (
+    "loss",
+    "l1",
+    "adversarial",
+    "discriminator",
+    "validation_l1",
+    "ssim",
+    "nll",
+    "iou_free",
+    "ece_free",
+)
 """Values of a log entry that the progress bar shows."""
 
 
@@ -109,10 +118,16 @@ class Trainer(ABC):
         saved = begun = time.monotonic()
         before = self.seconds
         with (
-            tqdm(total=self.steps, initial=self.step, unit="step", smoothing=0.05, mininterval=0.5,
-                 disable=not self.group.first) as bar,
+            tqdm(
+                total=self.steps,
+                initial=self.step,
+                unit="step",
+                smoothing=0.05,
+                mininterval=0.5,
+                disable=not self.group.first,
+            ) as bar,
             ThreadPoolExecutor(1) as ahead,
-        ):  # fmt: skip
+        ):
             for batch in self._batches(ahead):
                 self.losses.append(self._learn(*batch))
                 self.step += 1
@@ -188,8 +203,9 @@ class Trainer(ABC):
 
 def summary_of(entry: dict[str, float]) -> str:
     """Return the main values of a log entry as one line."""
-    shown = ", ".join(f"{name.replace('_', ' ')} {value:.3f}"
-                      for name, value in entry.items() if name in SHOWN)  # fmt: skip
+    shown = ", ".join(
+        f"{name.replace('_', ' ')} {value:.3f}" for name, value in entry.items() if name in SHOWN
+    )
     return f"epoch {entry['epoch']:g}: {shown}" if "epoch" in entry else shown
 
 

@@ -1,0 +1,205 @@
+"""Several trainings at a time, each in a process of its own; a failure stops no other."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tqdm import tqdm
+
+from predictor.infra.atomic_file import write_whole
+from predictor.infra.errors import one_line
+from predictor.infra.plain_json import loads
+from predictor.infra.workers import follow_parent
+from predictor.networks.image_config import ImageConfig, ImageTraining, described
+from predictor.training.checkpoint import is_trained
+from predictor.training.image_training import frames_of, train_images
+from predictor.training.trainer import Stopped, summary_of
+
+if TYPE_CHECKING:
+    from multiprocessing.context import SpawnProcess
+
+LOOK_EVERY = 2.0
+"""Time between two looks at the logs of the trainings [s]."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """The data set that a study learns from.
+
+    Attributes:
+        folder: folder of the frames.
+        digests: digests of the training frames and of the validation frames.
+    """
+
+    folder: Path
+    digests: tuple[str, str]
+
+    @classmethod
+    def of(cls, folder: Path) -> Data:
+        """Return the data set of a folder.
+
+        Raises:
+            TrainError: if it does not hold frames to train and to validate on.
+        """
+        train, validation = frames_of(folder)
+        return cls(folder, (train.digest, validation.digest))
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training of a study.
+
+    Attributes:
+        config: the network.
+        training: how it learns.
+        data: frames that it learns from.
+        out: folder of this training alone.
+    """
+
+    config: ImageConfig
+    training: ImageTraining
+    data: Data
+    out: Path
+
+    @property
+    def name(self) -> str:
+        """Name of its folder, and in the table."""
+        return self.out.name
+
+    def finished(self) -> bool:
+        """Return whether weights of this network exist, trained in this way on these frames.
+
+        Raises:
+            TrainError: if the weights are damaged, or were trained in another way.
+        """
+        return is_trained(
+            self.out / f"{self.config.arch}.safetensors",
+            described(self.config, self.training, self.data.digests),
+        )
+
+    def train(self, parent: int) -> None:
+        """Train in this process; on failure write one line to failed.txt.
+
+        Args:
+            parent: process number of the study, with which this process ends.
+        """
+        follow_parent(parent)
+        stopping = threading.Event()
+        signal.signal(signal.SIGTERM, lambda *_: stopping.set())
+        with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
+            try:
+                # One thread each: the sums are the same, however many train at a time.
+                train_images(self.config, self.training, self.data.folder, self.out, 1, stopping)
+            except Stopped:
+                return
+            except Exception as error:
+                traceback.print_exc()
+                line = one_line(error)
+                self._failure.write_text(line.removeprefix("TrainError: "))
+
+    def start(self) -> SpawnProcess:
+        """Start or resume the training in a process of its own."""
+        self.out.mkdir(parents=True, exist_ok=True)
+        self._failure.unlink(missing_ok=True)
+        # Forking would copy the threads and locks of libraries in whatever state they are.
+        context = multiprocessing.get_context("spawn")
+        process = context.Process(target=self.train, args=(os.getpid(),))
+        process.start()
+        return process
+
+    def outcome(self, process: SpawnProcess) -> str:
+        """Wait for the process to end, and return whether it finished or why it failed."""
+        process.join()
+        if self._failure.exists():
+            return f"failed: {self._failure.read_text()}"
+        return "finished" if self.finished() else f"failed: its process died ({process.exitcode})"
+
+    def last(self) -> str:
+        """Return the last entry of its log as one line; empty if there is none yet."""
+        try:
+            return summary_of(loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
+        except (OSError, ValueError, IndexError):
+            return ""
+
+    @property
+    def _failure(self) -> Path:
+        return self.out / "failed.txt"
+
+
+class Study:
+    """Several trainings, a few at a time, each in a process of its own.
+
+    Args:
+        runs: the trainings, in the order in which they start.
+        out: folder of status.txt.
+
+    Raises:
+        TrainError: if weights of another study are in the way.
+    """
+
+    def __init__(self, runs: list[Run], out: Path) -> None:
+        self.runs, self.out = runs, out
+        out.mkdir(parents=True, exist_ok=True)
+        self.state = {run: "finished" if run.finished() else "waiting" for run in runs}
+
+    def train(self, jobs: int, minutes: float = math.inf) -> None:
+        """Train what is missing, with a progress bar and a line for each start and end.
+
+        Args:
+            jobs: number of trainings at a time.
+            minutes: time after which running trainings are stopped; they can be resumed.
+        """
+        todo = [run for run in self.runs if self.state[run] == "waiting"]
+        running: dict[Any, tuple[Run, SpawnProcess]] = {}
+        done, end = len(self.runs) - len(todo), time.monotonic() + 60 * minutes
+        with tqdm(total=len(self.runs), initial=done, unit="network") as bar:
+            try:
+                while (todo or running) and time.monotonic() < end:
+                    while todo and len(running) < jobs:
+                        run = todo.pop(0)
+                        process = run.start()
+                        running[process.sentinel] = run, process
+                        self.state[run] = "running"
+                        bar.write(self.line(run), file=sys.stderr)
+                    for sentinel in wait(list(running), timeout=LOOK_EVERY):
+                        run, process = running.pop(sentinel)
+                        self.state[run] = run.outcome(process)
+                        bar.write(self.line(run), file=sys.stderr)
+                        bar.update()
+                    bar.set_postfix_str(
+                        " | ".join(f"{run.name} {run.last()}" for run, _ in running.values())
+                    )
+                    self._note()
+            finally:
+                for run, process in running.values():
+                    process.terminate()
+                    process.join()
+                    self.state[run] = "finished" if run.finished() else "stopped"
+                self._note()
+
+    def line(self, run: Run) -> str:
+        """Return state, epoch and losses of a training as one line."""
+        return f"{run.name:14} {self.state[run]}  {run.last()}".rstrip()
+
+    def table(self) -> str:
+        """Return the lines of all trainings."""
+        return "\n".join(self.line(run) for run in self.runs)
+
+    def failures(self) -> int:
+        """Return how many trainings have failed."""
+        return sum(state.startswith("failed") for state in self.state.values())
+
+    def _note(self) -> None:
+        write_whole(self.out / "status.txt", (self.table() + "\n").encode())
