@@ -125,17 +125,13 @@ def task_in(place: str, seed: int, car: CarLimits) -> Task:
 
 
 @lru_cache(maxsize=2)
-def shortest_length(settings: Settings, index: int) -> float | None:
-    """Length of the shortest way of an episode on the whole map, the same for every arm [m].
+def shortest_length(task: Task) -> float | None:
+    """Return the length of the shortest way of a task on the whole map [m].
 
     Returns:
         None if there is none: `benchmarks.optimal.shortest_way` may miss a gap hardly wider than
         the car.
-
-    Raises:
-        NoTaskError: if the world has no drive of the length wanted.
     """
-    task = task_of(settings, index)
     radius = CarLimits().body.half_width
     try:
         return way_length(shortest_way(task.world, task.start[:2], task.goal, radius))
@@ -243,7 +239,13 @@ def drive(settings: Settings, index: int, arm_name: str) -> tuple[DriveResult, d
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
     """
-    task = task_of(settings, index)
+    return drive_task(settings, task_of(settings, index), index, arm_name)
+
+
+def drive_task(
+    settings: Settings, task: Task, index: int, arm_name: str
+) -> tuple[DriveResult, dict[str, NDArray]]:
+    """Drive a task with one arm; as `drive`, whatever buildings the settings name."""
     arm = ARMS[arm_name]
     car = car_of(settings)
     predictor = predictor_for(arm, load_predictor(settings.predictor), task.world)
@@ -274,7 +276,7 @@ def drive(settings: Settings, index: int, arm_name: str) -> tuple[DriveResult, d
             episode.outcome,
             episode.time,
             episode.path_length,
-            shortest_length(settings, index),
+            shortest_length(task),
             car,
         ),
         mean_speed=float(episode.mean_speed),

@@ -1,0 +1,81 @@
+"""Comparisons in Python, without a folder: `drive` through a building, and `plot` the drives."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from benchmarks.figures.speed_profile import speed_profile
+from benchmarks.runs.drive import car_of, drive_task, task_in
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.summary import summarise
+from benchmarks.runs.trace import Archive
+from predictor.mapping.conventions import TICK
+from sim.task import sample_task
+from sim.world import World
+
+
+def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
+    """Drive through a building with several arms, from one start to one goal.
+
+    Args:
+        world: the building, the name of a family of generated buildings, or a map_server file.
+        seed: of start and goal, and of a generated building.
+        settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
+            `risk`, `v_max` and `vehicle`.
+
+    Returns:
+        The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` its arrays.
+
+    Raises:
+        NoTaskError: if the building has no way of 10 m or more.
+        PredictorError: if the predictor cannot be loaded.
+        UsageError: if a setting cannot be used.
+    """
+    name = world if isinstance(world, str) else world.name
+    chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    car = car_of(chosen)
+    task = task_in(world, seed, car) if isinstance(world, str) else sample_task(world, seed, car)
+    results, arrays = [], dict[str, NDArray]()
+    for arm in chosen.arms:
+        result, found = drive_task(chosen, task, 0, arm)
+        results.append(result)
+        arrays |= found
+    return Run(
+        Path(name),
+        asdict(chosen) | {"dt": TICK},
+        summarise(results, chosen.arms),
+        results,
+        InMemory(Path(name), arrays),
+    )
+
+
+def plot(run: Run) -> Figure:
+    """Draw the speed over the distance driven for each arm, and what limited the speed."""
+    return speed_profile([run])
+
+
+@dataclass(frozen=True, eq=False)
+class InMemory(Archive):
+    """Traces that are in no file.
+
+    Attributes:
+        arrays: by the names that they have in a file.
+    """
+
+    arrays: dict[str, NDArray]
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """Names of all arrays."""
+        return frozenset(self.arrays)
+
+    def array(self, name: str) -> NDArray:
+        """Return one array."""
+        return self.arrays[name]
