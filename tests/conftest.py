@@ -1,7 +1,29 @@
 """Settings of the test run."""
 
+import pytest
+from comparison import run
 from hypothesis import settings
+
+from sim import empty_straight, save_world
 
 # The first call of a compiled kernel takes long, and machines that run tests are busy.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
+
+
+@pytest.fixture(scope="session")
+def short_map(tmp_path_factory):
+    """A straight of 20 m as a map_server file."""
+    path = tmp_path_factory.mktemp("map") / "straight.yaml"
+    save_world(empty_straight(20.0, 3.0), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def narrow(tmp_path_factory):
+    """A run of one drive through a narrow building: its folder, and its command."""
+    out = tmp_path_factory.mktemp("narrow") / "run"
+    command = ("--episodes", 1, "--arms", "known", "--world", "narrow", "--seed", 3,
+               "--jobs", 1, "--out", out)  # fmt: skip
+    assert run(*command) == 0
+    return out, command

@@ -1,0 +1,71 @@
+"""Bad arguments and bad input of a comparison: status 2 and one line."""
+
+import pytest
+from comparison import run
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--arms", "known,telepathic"), ("--arms", ""), ("--arms", "known,known"),
+     ("--risk", "2"), ("--risk", "nan"), ("--risk", "-0.1"), ("--risk", "much"),
+     ("--world", "missing.yaml"), ("--world", "castle"), ("--predictor", "crystal_ball"),
+     ("--predictor", "no_such_module:Class"), ("--predictor", "json:NoSuchClass"),
+     ("--predictor", "json:dumps"), ("--episodes", "0"), ("--episodes", "-3"),
+     ("--v-max", "0"), ("--v-max", "inf"), ("--window", "0"), ("--expansion", "0.5"),
+     ("--jobs", "0"), ("--route", "scenic"), ("--noise", "-1"), ("--dropout", "1"),
+     ("--seed", "-1"), ("--seed", "1.5"), ("--vehicle", "tank"), ("--faster",), ("--world",)],
+    ids="".join,
+)  # fmt: skip
+def test_bad_arguments_exit_with_two_and_one_line(words, tmp_path, capsys):
+    assert run(*words, "--out", tmp_path / "run") == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.endswith("\n")
+    assert captured.err.count("\n") == 1, captured.err
+    assert "Traceback" not in captured.err
+    assert not (tmp_path / "run").exists()
+
+
+def broken_maps(folder):
+    (folder / "empty.yaml").write_text("")
+    (folder / "image_missing.yaml").write_text(
+        "image: gone.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    (folder / "not_yaml.yaml").write_text("{[")
+    (folder / "no_maps").mkdir()
+
+
+@pytest.mark.parametrize(
+    "name", ["empty.yaml", "image_missing.yaml", "not_yaml.yaml", "no_maps"]
+)  # fmt: skip
+def test_broken_maps_exit_with_two_and_one_line(name, tmp_path, capsys):
+    broken_maps(tmp_path)
+    assert run("--world", tmp_path / name, "--out", tmp_path / "run") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_folder_of_another_run_is_refused_in_one_line_and_left_alone(narrow, capsys):
+    out, command = narrow
+    before = (out / "results.json").read_bytes()
+    assert run(*command, "--risk", 0.5) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "risk 0.05" in error
+    assert (out / "results.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("where", ["settings.json", "results.json"])
+@pytest.mark.parametrize("content", ["{", "[]", "null", '{"episodes": 1}'])
+def test_a_run_that_cannot_be_read_is_refused_in_one_line(where, content, tmp_path, capsys):
+    out = tmp_path / "run"
+    out.mkdir()
+    (out / where).write_text(content)
+    assert run("--world", "corridor", "--episodes", 1, "--out", out) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_an_out_that_is_a_file_is_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run("--out", tmp_path / "file") == 2
+    assert capsys.readouterr().err.count("\n") == 1

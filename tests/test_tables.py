@@ -1,0 +1,58 @@
+"""The tables of results files."""
+
+import json
+import re
+from pathlib import Path
+
+from comparison import results
+
+from benchmarks import tables
+
+
+def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
+    out, _ = narrow
+    assert tables.main([str(out / "results.json")]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("|")]
+    assert "`known`" in lines[0]
+    assert len({line.count("|") for line in lines}) == 1
+    assert len({len(line) for line in lines}) == 1
+    entry = results(out)["summary"]["known"]
+    assert "SCT" in lines[2]
+    assert f"{entry['sct']:.3f}" in lines[2]
+    assert any("speed [m/s]" in line and f"{entry['mean_speed']:.2f}" in line for line in lines)
+    (tmp_path / "foreign.json").write_text("[1, 2]")
+    for name in ("foreign.json", "missing.json"):
+        assert tables.main([str(tmp_path / name)]) == 2
+        assert name in capsys.readouterr().err
+
+
+def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
+    folder = Path(__file__).parents[1] / "docs/results"
+    files = [folder / f"{name}.json" for name in ("corridor-5m", "corridor-fixed-5m")]
+    older = json.loads(files[0].read_text())
+    for episode in older["episodes"]:
+        for name in ("sct", "t_bound", "t_opt", "detour", "shortest_length", "vehicle"):
+            episode.pop(name, None)
+    older["settings"].pop("vehicle", None)
+    text = tables.tables_of(tables.summarised(older))
+    assert "dubins car" in text
+    ratio = next(line for line in text.splitlines() if "time ratio" in line)
+    assert re.search(r"0\.\d\d \(0\.\d\d to \d\.\d\d\)", ratio)
+    sct = next(line for line in text.splitlines() if "SCT" in line)
+    assert not "".join(sct.split("|")[2:]).strip()
+    assert tables.main([str(path) for path in files]) == 0
+    assert "## Overview" in capsys.readouterr().out
+
+
+def test_the_tables_of_runs_have_the_risk_asked_for_beside_what_became_of_it(capsys):
+    files = sorted((Path(__file__).parents[1] / "docs/results/risk").glob("corridor-*.json"))
+    assert len(files) > 1
+    assert tables.main([str(path) for path in files]) == 0
+    text = capsys.readouterr().out
+    rows = [line.split("|") for line in text.split("## Risks")[1].split("##")[0].splitlines()[4:]]
+    rows = [[cell.strip() for cell in row] for row in rows if len(row) > 1]
+    assert [row[1] for row in rows] == [path.stem for path in files]
+    for row, path in zip(rows, files, strict=True):
+        assert float(row[4]) == json.loads(path.read_text())["settings"]["risk"]
+        value, low, high = re.fullmatch(r"(.+) % \((.+)–(.+)\)", row[5]).groups()
+        assert float(low) < float(value) < float(high)
