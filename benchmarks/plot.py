@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from predictor.infra.command_line import OneLineParser, run_command
+from predictor.infra.command_line import OneLineParser, between, run_command
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -53,15 +53,9 @@ def _parser() -> argparse.ArgumentParser:
                         "in real time")  # fmt: skip
     parser.add_argument("--format", choices=("auto", "gif", "mp4"), default="auto",
                         help="of the video; auto: MP4 if there is ffmpeg, else GIF")  # fmt: skip
-    parser.add_argument("--stride", metavar="N", type=_positive, help="a frame every N ticks; by "
-                        "default 1, more where that exceeds 400 frames")  # fmt: skip
+    parser.add_argument("--stride", metavar="N", type=between(1, 10**9), help="draw every N-th "
+                        "tick; by default each, fewer where they exceed 400 frames")  # fmt: skip
     return parser
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
-    return int(text)
 
 
 def _draw(options: argparse.Namespace) -> list[Path]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from argparse import Namespace
     from collections.abc import Callable, Iterable
 
-    from benchmarks.timing.parts import Part
+    from benchmarks.timing.measurements import Measurement
 
 COMMAND = "benchmarks.stages"
 ARMS = ("predicted", "known", "oracle")
@@ -39,7 +39,7 @@ HALLS, HALL_TICKS = 20, 100
 """Drives of each solver of the MPC's problem, and how long they are."""
 
 
-def parts(args: StageSettings, report: Callable[[str], None]) -> list[Part]:
+def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Measurement]:
     """Return all that is measured, in order; names are group/name.
 
     Args:
@@ -47,7 +47,7 @@ def parts(args: StageSettings, report: Callable[[str], None]) -> list[Part]:
         report: told what is being measured.
     """
     from benchmarks.timing import growth, rates, throughput
-    from benchmarks.timing.parts import Part
+    from benchmarks.timing.measurements import Measurement
     from benchmarks.timing.timing import closed_loop, spread
 
     def arm(name: str) -> dict[str, dict[str, float]]:
@@ -58,36 +58,41 @@ def parts(args: StageSettings, report: Callable[[str], None]) -> list[Part]:
 
     seed = {"seed": args.seed}
     found = [
-        Part(f"arms/{name}", {"drives": args.drives, **seed}, partial(arm, name)) for name in ARMS
+        Measurement(f"arms/{name}", {"drives": args.drives, **seed}, partial(arm, name))
+        for name in ARMS
     ]
     for name in ("rays", "mapping", "distance", "risk"):
-        found.append(Part(f"measures/{name}", seed, partial(getattr(rates, name), args.seed)))
+        found.append(
+            Measurement(f"measures/{name}", seed, partial(getattr(rates, name), args.seed))
+        )
     for jobs in (1, 2):
         measure = partial(throughput.throughput, args.episodes, args.seed, jobs, report)
         settings = {"episodes": args.episodes, **seed}
-        found.append(Part(f"measures/throughput {jobs}", settings, measure))
+        found.append(Measurement(f"measures/throughput {jobs}", settings, measure))
     measure = partial(throughput.memory, args.memory, args.seed, report)
-    found.append(Part("measures/memory", {"drives": args.memory, **seed}, measure))
+    found.append(Measurement("measures/memory", {"drives": args.memory, **seed}, measure))
     for axis in growth.AXES:
-        found.append(Part(f"growth/{axis}", seed, partial(growth.grown, axis, args.seed, report)))
+        found.append(
+            Measurement(f"growth/{axis}", seed, partial(growth.grown, axis, args.seed, report))
+        )
     if args.peers:
         found += _peers(args.seed, report)
     return found
 
 
-def _peers(seed: int, report: Callable[[str], None]) -> list[Part]:
+def _peers(seed: int, report: Callable[[str], None]) -> list[Measurement]:
     from benchmarks.timing import peers, peers_mpc
-    from benchmarks.timing.parts import Part, installed
+    from benchmarks.timing.measurements import Measurement, installed
 
     packages = {"packages": installed(PEERS.values())}
     found = [
-        Part(f"peers/{name}", {"seed": seed, **packages}, partial(peers.beside, name, seed))
+        Measurement(f"peers/{name}", {"seed": seed, **packages}, partial(peers.beside, name, seed))
         for name in peers.STAGES
     ]
     for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
         measure = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
         settings = {"halls": HALLS, "ticks": HALL_TICKS, **packages}
-        found.append(Part(f"peers/{name}", settings, measure))
+        found.append(Measurement(f"peers/{name}", settings, measure))
     return found
 
 
@@ -162,24 +167,24 @@ def _run(args: Namespace) -> None:
     from tqdm import tqdm
 
     from benchmarks.timing.growth import draw
-    from benchmarks.timing.parts import RUNTIME, Parts, installed
+    from benchmarks.timing.measurements import RUNTIME, KeptMeasurements, installed
     from benchmarks.timing.tables import tables
     from predictor.infra.environment import commit, machine
     from predictor.infra.results_file import write_results
 
     torch.set_num_threads(THREADS)
-    kept = Parts(args.out / "parts")
+    kept = KeptMeasurements(args.out / "parts")
     found: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
     with tqdm(unit="part", smoothing=0.0) as bar:
-        todo = parts(settings, lambda what: bar.set_postfix_str(what))
+        todo = measurements(settings, lambda what: bar.set_postfix_str(what))
         bar.reset(len(todo))
-        for part in todo:
-            group, name = part.name.split("/", 1)
-            bar.set_description_str(" ".join(part.name.split()))
-            measured = kept.find(part)
+        for one in todo:
+            group, name = one.name.split("/", 1)
+            bar.set_description_str(" ".join(one.name.split()))
+            measured = kept.find(one)
             if measured is None:
-                measured = kept.measure(part)
-            # A part of the measures is some of them.
+                measured = kept.measure(one)
+            # Each of the measures is a dictionary of some.
             found[group] |= measured if group == "measures" else {name: measured}
             bar.set_postfix_str("")
             bar.update()

@@ -150,7 +150,7 @@ def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypat
 
 def test_peers_are_measured_anew_when_one_of_them_is_another(monkeypatch):
     monkeypatch.setattr(
-        "benchmarks.timing.parts.installed", lambda packages: dict.fromkeys(packages, "1")
+        "benchmarks.timing.measurements.installed", lambda packages: dict.fromkeys(packages, "1")
     )
     of_peers = stages._peers(0, print)
     assert {"rays", "mpc"} <= {part.name.removeprefix("peers/") for part in of_peers}

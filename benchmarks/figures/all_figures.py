@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from benchmarks.figures.moment import moment
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
 from benchmarks.runs.saved_run import Run
+from predictor.infra.atomic_file import write_whole
 
 
 def draw_all(directory: Path) -> list[Path]:
@@ -67,15 +68,9 @@ def save_figures(figures: list[tuple[str, Callable[[], Figure]]], out: Path) -> 
         The files.
     """
     out.mkdir(parents=True, exist_ok=True)
-    made: list[tuple[Path, Path]] = []
-    try:
-        for name, draw in figures:
-            part = out / f".{name}.{os.getpid()}.part"
-            made.append((part, out / name))
-            draw().savefig(part, format="png")
-        for part, path in made:
-            os.replace(part, path)
-    finally:
-        for part, _ in made:
-            part.unlink(missing_ok=True)
-    return [path for _, path in made]
+    drawn = {out / name: io.BytesIO() for name, _ in figures}
+    for data, (_, draw) in zip(drawn.values(), figures, strict=True):
+        draw().savefig(data, format="png")
+    for path, data in drawn.items():
+        write_whole(path, data.getvalue())
+    return list(drawn)

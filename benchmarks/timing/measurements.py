@@ -1,4 +1,4 @@
-"""A long measurement in parts: each is kept as it ends, and not measured twice."""
+"""Measurements that are kept on disk, so that an interrupted command continues."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RUNTIME = "openvino"
 
 
 @dataclass(frozen=True)
-class Part:
+class Measurement:
     """Something to measure.
 
     Attributes:
@@ -35,8 +35,8 @@ class Part:
     measure: Callable[[], Any]
 
 
-class Parts:
-    """The parts that a folder keeps.
+class KeptMeasurements:
+    """A folder of measurements.
 
     What was measured by other code, on another machine, with other packages or with other settings
     counts as missing.
@@ -48,26 +48,26 @@ class Parts:
     def __init__(self, folder: Path) -> None:
         self._folder = ResumableFolder(folder)
 
-    def find(self, part: Part) -> Any:
+    def find(self, one: Measurement) -> Any:
         """Return what was measured, or None."""
-        kept = self._folder.read(_file(part))
-        return kept[0]["measured"] if kept is not None and kept[0].get("of") == _of(part) else None
+        kept = self._folder.read(_file(one))
+        return kept[0]["measured"] if kept is not None and kept[0].get("of") == _of(one) else None
 
-    def measure(self, part: Part) -> Any:
-        """Measure a part and keep it."""
-        measured = part.measure()
-        self._folder.write(_file(part), {"of": _of(part), "measured": measured}, {})
+    def measure(self, one: Measurement) -> Any:
+        """Measure, and keep the result."""
+        measured = one.measure()
+        self._folder.write(_file(one), {"of": _of(one), "measured": measured}, {})
         return measured
 
 
-def _file(part: Part) -> str:
-    return "".join(c if c.isalnum() else "-" for c in part.name) + ".npz"
+def _file(one: Measurement) -> str:
+    return "".join(c if c.isalnum() else "-" for c in one.name) + ".npz"
 
 
-def _of(part: Part) -> dict[str, Any]:
+def _of(one: Measurement) -> dict[str, Any]:
     """What a measurement is of, as JSON gives it back."""
-    of = {"name": part.name, "code": code(), "machine": machine(), "runtime": installed([RUNTIME]),
-          "settings": part.settings}  # fmt: skip
+    of = {"name": one.name, "code": code(), "machine": machine(), "runtime": installed([RUNTIME]),
+          "settings": one.settings}  # fmt: skip
     plain: dict[str, Any] = json.loads(json.dumps(of))
     return plain
 
