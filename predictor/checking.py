@@ -1,4 +1,4 @@
-"""The check that authors run on a predictor of their own."""
+"""A check of predictors for the authors of plug-ins."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.prediction import BadPredictionError, Prediction, Predictor, asked
 
 TICK = 0.1
-"""The time that the planner has for a decision [s]."""
+"""Time that the planner has for a decision [s]."""
 CERTAIN = 1.0 - 1e-6
-"""A trust from which on a cell counts as claimed for certain."""
+"""Confidence times probability from which on a cell counts as certain."""
 FIELDS = ("p_free", "p_occupied", "confidence")
 
 
 def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> tuple[str, ...]:
-    """Ask a predictor what the planner will ask of it; for authors of plug-ins.
+    """Check that a predictor keeps to the contract with the planner.
 
-    It is shown an empty, a wholly unknown and a cluttered map, at two sizes and several poses, each
-    twice in a row, and all of them again in the opposite order.
+    It is asked about an empty, an unknown and a cluttered map, in two sizes and several poses, each
+    twice in a row, and then about all of them again in the opposite order.
 
     Args:
-        predictor: to be checked.
-        side: of the larger maps [m].
-        seed: of the maps.
+        predictor: predictor to check.
+        side: side of the larger maps [m].
+        seed: seed of the maps.
 
     Returns:
-        Warnings: what keeps to the contract and yet makes drives slower or hard to repeat, each on
-        one line with the remedy. None: there is nothing to mend.
+        Warnings about what the contract allows but what makes drives slower or hard to repeat, one
+        line each, with the remedy.
 
     Raises:
-        BadPredictionError: with what breaks the contract and what would be right.
+        BadPredictionError: if the predictor breaks the contract; the message names the remedy.
     """
     if not callable(getattr(predictor, "predict", None)):
         raise BadPredictionError(
@@ -64,7 +64,7 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
                 "and brakes hard where it is wrong; return a calibrated confidence below 1"
             )
         answers.append(answer)
-    # Not the first: it may have compiled, or loaded a file.
+    # The first call is left out: it may have compiled code or loaded a file.
     slowest = max(times[1:])
     if slowest > TICK:
         warnings["late"] = (
@@ -81,7 +81,7 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
 
 
 def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]:
-    """Known maps, and a pose in each."""
+    """Return maps, and a pose in each."""
     rng = np.random.default_rng(seed)
     questions = []
     for length in (side, 0.55 * side):
@@ -100,7 +100,7 @@ def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]
 
 
 def _ask(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> tuple[Prediction, float]:
-    """A checked answer, and how long it took [s]."""
+    """Return a checked answer, and the time that it took [s]."""
     given, there = copies = deepcopy(known), pose.copy()
     started = time.perf_counter()
     answer = asked(predictor, known, pose, copies)

@@ -1,4 +1,4 @@
-"""The learned predictor: a compact network, trained on generated buildings, with its weights."""
+"""The learned predictor: a compact network trained on generated buildings."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from predictor.runtime import Run, runner
 from predictor.weights import load_weights
 
 SHIPPED = Path(__file__).with_name("compact.safetensors")
-"""The weights that come with the package; their card lies beside them."""
+"""Weights that come with the package; the file beside them describes them."""
 LOGS = Path(__file__).with_name("compact-logs.safetensors")
-"""Those that went on to learn from simulated logs; likewise."""
+"""Weights fine-tuned on simulated logs."""
 PAPER = Path(__file__).with_name("compact-paper.safetensors")
-"""Those that went on to learn from buildings as in the paper alone; likewise."""
+"""Weights fine-tuned on buildings as in the paper alone."""
 RESOLUTION = 0.05
-"""Of the maps that the network was trained on [m]; others are resampled to it."""
+"""Resolution of the maps that the network was trained on [m]; others are resampled to it."""
 SUREST = 0.9999
-"""Most confidence in a cell not seen: a planner takes 1 for certain, which no network is."""
+"""Highest confidence in an unobserved cell: a planner would take 1 as certain."""
 
 Index = slice | NDArray[np.intp]
 
 
 class Compact:
-    """Predicts what a network has learned of buildings.
+    """A predictor that runs the compact network.
 
-    The probabilities are those of single cells. A car needs room: the confidence is 1 less the
-    probability that a cell is free, but in no free square as wide as the car. So where p_free is
-    high, confidence * p_free, which the planner relies upon, is the probability of such a square.
+    The probabilities are those of single cells. The confidence is 1 minus the probability that a
+    cell is free but not part of a free square as wide as the car. Where p_free is high,
+    confidence * p_free, which the planner uses, is therefore the probability of such a square.
 
     Args:
         weights: a .safetensors file; the shipped one by default.
-        runtime: what runs the network, see `predictor.runtime`; None: the fastest installed.
+        runtime: runtime of the network, see `predictor.runtime`; None: the fastest installed.
 
     Raises:
         WeightsError: if the file does not hold weights of this network.
@@ -57,10 +57,10 @@ class Compact:
         self.weights = weights
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Predict the rest of a window.
+        """Predict the unobserved part of a window.
 
         Args:
-            known: the window, of any size.
+            known: map of all that was observed in the window, of any size.
             pose: x, y, yaw of the robot, (3,) [m, m, rad].
 
         Raises:
@@ -76,7 +76,7 @@ class Compact:
         outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
         p_free, p_occupied, confidence = outputs
         if known.unknown.all():
-            # Whatever the network says of a map in which nothing was seen, it has no reason to.
+            # With nothing observed, the network has no evidence for its answer.
             confidence[:] = 0.0
         seen = ~known.unknown
         for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
@@ -85,7 +85,7 @@ class Compact:
         return Prediction(known.frame, p_free, p_occupied, confidence)
 
     def _outputs(self, codes: NDArray[np.int8]) -> NDArray[np.float32]:
-        """p_free, p_occupied, confidence (3, rows, columns) of a map that looks along +x."""
+        """Return p_free, p_occupied and confidence (3, rows, columns) of a map facing +x."""
         rows, cols = codes.shape
         over = [-n % self._multiple for n in codes.shape]
         padded = np.pad(codes, [(n // 2, n - n // 2) for n in over], constant_values=2)
@@ -95,30 +95,30 @@ class Compact:
 
 
 def of_logs() -> Compact:
-    """Predicts what a robot's log maps: what lies behind doors is mostly never seen, and said so.
+    """Return a predictor of what a robot's log will map, where most rooms behind doors are missing.
 
-    To drive by, take `Compact()`, whose truth is the building.
+    It is not meant for driving; use `Compact()` for that, which predicts the building.
     """
     return Compact(LOGS)
 
 
 def of_paper() -> Compact:
-    """Predicts buildings as in the paper, where behind a wall there never is a room.
+    """Return a predictor of buildings as in the paper, with no rooms behind walls.
 
-    To drive by in others, take `Compact()`.
+    Use `Compact()` to drive in other buildings.
     """
     return Compact(PAPER)
 
 
 class _Answers(nn.Module):
-    """From what was seen to the answers, in one piece for a runtime to run."""
+    """The network with everything around it, as one module for a runtime."""
 
     def __init__(self, net: CompactNet) -> None:
         super().__init__()
         self.net = net
 
     def forward(self, codes: Tensor) -> Tensor:
-        """p_free, p_occupied, confidence (B, 3, H, W) of codes 0 free, 1 occupied, 2 not seen."""
+        """Return p_free, p_occupied and confidence (B, 3, H, W) for codes (B, H, W)."""
         known = torch.stack([codes == 0, codes == 1], dim=1).float()
         logits = self.net(known.contiguous(memory_format=torch.channels_last))
         classes = torch.softmax(logits[:, :ROOM], dim=1)
@@ -129,9 +129,9 @@ class _Answers(nn.Module):
 
 @lru_cache(maxsize=4)
 def _loaded(weights: Path, changed: int, runtime: str | None) -> tuple[Run, int, dict[str, Any]]:
-    """What runs the network, what its input's sides are multiples of, and facts of both.
+    """Return a function that runs the network, the multiple of its input's sides, and its facts.
 
-    Kept, for every drive of a sweep makes its own predictor.
+    It is cached, since each drive makes a predictor of its own.
     """
     net, facts = load_weights(weights, CompactNet)
     run, runs_on = runner(_Answers(net.folded()), runtime)
@@ -139,22 +139,24 @@ def _loaded(weights: Path, changed: int, runtime: str | None) -> tuple[Run, int,
 
 
 def _likeliest(room: Tensor, codes: Tensor) -> Tensor:
-    """Probability of the likeliest free square around each cell not seen, (B, H, W).
+    """Return the highest probability of a free square that holds each cell, (B, H, W).
 
     Args:
         room: probability that the square around a cell is free, (B, H, W).
-        codes: what was seen there, (B, H, W).
+        codes: codes of what was observed, (B, H, W).
     """
     _, asked = question(codes)
     return widened(torch.where(asked, room, 0.0))
 
 
 def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
-    """A map at the network's resolution, and for each row and column of the map its own there.
+    """Resample a map to the network's resolution.
 
-    Its cells are 0 free, 1 occupied, 2 not seen.
+    Returns:
+        Codes 0 free, 1 occupied, 2 unobserved; and for each row and each column of the map its
+        row and its column in them.
     """
-    # In the order in which they win where several cells make one: free, not seen, occupied.
+    # Where several cells become one, the highest wins: free, unobserved, occupied.
     rank = known.unknown + np.int8(2) * known.occupied
     rows: Index = slice(None)
     cols: Index = slice(None)
@@ -169,4 +171,4 @@ def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
 
 
 _CODES = np.array([0, 2, 1], dtype=np.int8)
-"""Of free, not seen, occupied."""
+"""Codes of free, unobserved, occupied."""

@@ -1,10 +1,9 @@
-"""The classical predictor: what is seen along a straight line goes on for a while.
+"""The classical predictor: it continues walls and free space along straight lines.
 
-Buildings have straight walls, most of them along two directions. From each unknown cell it looks
-back along these to what was seen last: open space, and for how far it has been open; a wall that
-runs along the line; or a wall that bars it. These, and how near the cell is to anything seen, are
-the evidence of two logistic regressions, so that confidence * p_free is a probability that was
-fitted to drives, not a score.
+Most walls of a building run along two directions. From each unknown cell the predictor looks back
+along these to the last observed cells: open space and its length, a wall along the line, or a wall
+across it. These, and the distance to the nearest observed cells, are the inputs of two logistic
+regressions, so that confidence * p_free is a probability that was fitted to drives.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ class ExtendConfig:
     """Constants of `Extend`, fitted to drives through generated worlds.
 
     Attributes:
-        memory: way along a line after which what it has been counts as established [m].
-        reach: distance over which what a line shows loses its weight, by 1/e [m].
-        near: the same, for evidence that is only good close by [m].
-        trust: distance over which the confidence falls, by 1/e [m].
+        memory: length of open space or wall along a line that counts as full evidence [m].
+        reach: distance over which the weight of a line falls by 1/e [m].
+        near: the same for evidence that is only valid at close range [m].
+        trust: distance over which the confidence falls by 1/e [m].
         free: log-odds of free: bias, then a weight for each of the openest line, the same to the
             third power, the second openest line, a wall along a line, the nearest and the second
             wall across, a wall along a line close by, known free space close by, a known wall
@@ -46,7 +45,7 @@ class ExtendConfig:
 
 
 class Extend:
-    """Continues walls and free space beyond the frontier, with less confidence the further.
+    """A predictor that continues walls and free space, with less confidence at greater distance.
 
     Args:
         config: its constants.
@@ -58,7 +57,7 @@ class Extend:
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Extend a known map along the main direction of its walls."""
         config, resolution, cells = self.config, known.frame.resolution, known.cells
-        # Without a wall in sight, the robot's own heading is the best guess at the building's.
+        # Without a wall, the robot's heading is the best guess of the building's direction.
         angle = main_direction(cells, default=float(pose[2]))
         lines = look_back(cells, angle, config.memory / resolution)
         p_free, p_occupied, confidence = _believe(
@@ -79,7 +78,7 @@ class Extend:
 def _believe(  # type: ignore[no-untyped-def]
     cells, kind, distance, support, near_free, near_wall, reach, near, trust, free, occupied
 ):
-    """Evidence to probabilities: p_free, p_occupied and confidence, each (rows, columns)."""
+    """Return p_free, p_occupied and confidence, each (rows, columns)."""
     rows, cols = cells.shape
     out = np.zeros((3, rows, cols), dtype=np.float32)
     x = np.ones(10)
@@ -109,7 +108,7 @@ def _believe(  # type: ignore[no-untyped-def]
             confidence = math.exp(-closest / trust)
             x[2] = x[1] ** 3
             x[8], x[9] = near_free[row, col], near_wall[row, col]
-            # What was fitted is the product with the confidence.
+            # The regressions were fitted to the product with the confidence.
             a = min(1.0 / (1.0 + math.exp(-np.dot(free, x))), confidence)
             b = min(1.0 / (1.0 + math.exp(-np.dot(occupied, x))), confidence - a)
             out[0, row, col] = a / confidence

@@ -21,10 +21,10 @@ from predictor.weights import WeightsError
 
 
 class Fused:
-    """Networks of one architecture, each trained for another expansion.
+    """A predictor made of networks of one architecture, each trained for another expansion.
 
     Args:
-        weights: of each a .safetensors file that `predictor.train` has written.
+        weights: .safetensors file of each network, written by `predictor.train`.
 
     Raises:
         WeightsError: if there are fewer than two, two of one expansion, or one that is not given
@@ -48,7 +48,7 @@ class Fused:
 
     @classmethod
     def of_study(cls, spec: str) -> Fused:
-        """All that a study has trained of an architecture.
+        """Return the networks of an architecture that a study has trained, as one predictor.
 
         Args:
             spec: FOLDER/ARCH.

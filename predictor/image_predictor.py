@@ -1,4 +1,4 @@
-"""The networks of the paper as predictors: a map becomes an image, its greys probabilities."""
+"""The networks of the paper as predictors: from a map to an image, from greys to probabilities."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from predictor.runtime import Run, runner
 from predictor.weights import load_weights
 
 SUREST = 0.9999
-"""Confidence inside the square that it expands to: all that a planner may give without certainty.
-These networks say nothing of how cells hang together, so there is nothing to lower it by."""
+"""Confidence inside the predicted square, the highest below certainty: these networks say nothing
+about how cells depend on each other that could lower it."""
 
 
 class ImagePredictor:
-    """Predicts what a network of the paper prints.
+    """A predictor that runs a network of the paper.
 
-    It speaks of the square that it was trained to print, around the robot, with the confidence
-    SUREST; outside, and where nothing at all was seen, with none.
+    It predicts the square around the robot that the network was trained for, with the confidence
+    SUREST. Outside, and if nothing was observed, the confidence is 0.
 
     Args:
         weights: a .safetensors file that `predictor.train` has written.
-        runtime: what runs the network, see `predictor.runtime`; None: the fastest installed.
+        runtime: runtime of the network, see `predictor.runtime`; None: the fastest installed.
 
     Raises:
         WeightsError: if the file does not hold weights of one of these networks.
@@ -46,7 +46,7 @@ class ImagePredictor:
         self._run, self.config, self._chances, self.facts = _loaded(weights, changed, runtime)
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Predict the rest of a window.
+        """Predict the unobserved part of a window.
 
         Raises:
             ValueError: if the window is empty or the pose not finite.
@@ -55,11 +55,11 @@ class ImagePredictor:
 
     @property
     def given(self) -> str:
-        """What the network is given of a window, see `predictor.networks.image_config`."""
+        """What the network is given: one of `predictor.networks.image_config.GIVEN`."""
         return self.config.given
 
     def image(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
-        """What the network prints, raw: greys in [-1, 1] on the frame of `known`, outside 0.
+        """Return the greys of the network in [-1, 1] on the frame of `known`; 0 outside its square.
 
         Raises:
             ValueError: if the window is empty or the pose not finite.
@@ -68,11 +68,11 @@ class ImagePredictor:
         return paste(square, grey, known.frame, np.float32(0.0))
 
     def printed(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
-        """What the network prints and what it means, on the frame of `known`.
+        """Return the greys of the network and their meaning on the frame of `known`.
 
         Returns:
-            Grey in [-1, 1], p_free, p_occupied, and 1 inside the square that it speaks of; outside
-            all are 0: (4, rows, columns).
+            Grey in [-1, 1], p_free, p_occupied, and 1 inside the predicted square; all are 0
+            outside of it: (4, rows, columns).
 
         Raises:
             ValueError: if the window is empty or the pose not finite.
@@ -84,7 +84,7 @@ class ImagePredictor:
     def _printed(
         self, known: Grid, pose: NDArray[np.float64]
     ) -> tuple[GridFrame, NDArray[np.float32]]:
-        """The square that the network knows of, and its greys there."""
+        """Return the predicted square, and the greys of the network there."""
         if known.cells.size == 0:
             raise ValueError("the window is empty: there is no cell to predict")
         if not np.isfinite(pose).all():
@@ -101,7 +101,7 @@ class ImagePredictor:
 
 
 def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
-    """A prediction out of what was printed, see `ImagePredictor.printed`; what was seen stays."""
+    """Make a prediction of `ImagePredictor.printed`; observed cells stay as observed."""
     _, p_free, p_occupied, said = printed
     sure = said * np.float32(0.0 if known.unknown.all() else SUREST)
     parts = [np.where(known.unknown, values, observed).astype(np.float32)
@@ -111,7 +111,7 @@ def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
 
 
 class _Printed(nn.Module):
-    """From an image in whole greys to what the network prints, for a runtime to run."""
+    """The network as one module for a runtime, with whole greys as input."""
 
     def __init__(self, net: ImageNet) -> None:
         super().__init__()
@@ -127,9 +127,9 @@ class _Printed(nn.Module):
 def _loaded(
     weights: Path, changed: int, runtime: str | None
 ) -> tuple[Run, ImageConfig, NDArray[np.float32], dict[str, Any]]:
-    """What runs the network, what it is, what its greys mean, and facts of it.
+    """Return a function that runs the network, its configuration, meaning of greys, and facts.
 
-    Kept, for every drive of a sweep makes its own predictor.
+    It is cached, since each drive makes a predictor of its own.
     """
     net, facts = load_weights(weights, ImageNet)
     run, runs_on = runner(_Printed(net).eval(), runtime, (net.config.side, net.config.side))

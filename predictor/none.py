@@ -1,4 +1,4 @@
-"""No prediction: what has not been seen is not known."""
+"""No prediction: unobserved cells stay unknown."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from predictor.prediction import Prediction
 
 
 class NoPrediction:
-    """Believes nothing of unknown cells, and with no confidence; the baseline of every table."""
+    """A predictor that predicts nothing: the baseline."""
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Give back what has been seen, and nothing else."""
+        """Return the observed cells, with confidence 0 elsewhere."""
         return Prediction(
             frame=known.frame,
             p_free=known.free.astype(np.float32),

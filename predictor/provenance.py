@@ -1,4 +1,4 @@
-"""Where a predictor comes from, as far as it says: a learned one carries facts of its training."""
+"""Provenance of a predictor, from the facts of its training that a learned one carries."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from predictor.mapping.grid import world_hash
 
 
 def fingerprint_of(predictor: Any) -> str | None:
-    """Of a predictor's weights, and what runs them; None if it says nothing of any.
+    """Return the fingerprint of a predictor's weights and its runtime; None if it has none.
 
-    The runtime belongs to it: its last digits are its own, and a drive may turn upon them.
+    The runtime is included because it decides the last digits, on which a drive may depend.
     """
     facts = _facts(predictor)
     found = [facts[name] for name in ("fingerprint", "runtime") if name in facts]
@@ -21,7 +21,7 @@ def fingerprint_of(predictor: Any) -> str | None:
 
 
 def has_learned(predictor: Any, cells: NDArray[np.int8]) -> bool:
-    """Whether a predictor says that it was trained or tuned on a building."""
+    """Return whether a predictor was trained or validated on a building, according to its facts."""
     facts = _facts(predictor)
     return any(world_hash(cells) in facts.get(name, ()) for name in ("worlds", "validation_worlds"))
 

@@ -1,4 +1,4 @@
-"""Predictors by name: those that packages offer, any class of one's own, any file of weights."""
+"""Predictors by name: entry points of packages, classes of modules, and files of weights."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from predictor.prediction import Predictor
 from predictor.weights import WeightsError, facts_of
 
 GROUP = "foresee.predictors"
-"""The entry point group in which a package offers predictors."""
+"""Entry point group in which a package offers predictors."""
 SUFFIX = ".safetensors"
-"""What the name of a file of weights ends in."""
+"""Ending of a file of weights."""
 FUSED = "fused:"
-"""Before a study's folder and an architecture: its networks in one."""
+"""Prefix of a study's folder and an architecture, whose networks are fused into one."""
 
 
 class PredictorError(LineError):
-    """There is no such predictor, or it cannot be loaded; one line says why."""
+    """There is no such predictor, or it cannot be loaded; the message is one line."""
 
 
 def available() -> tuple[str, ...]:
-    """The names that `load_predictor` knows, sorted."""
+    """Return the names that `load_predictor` knows, sorted."""
     return tuple(sorted(_offered()))
 
 
 def load_predictor(spec: str) -> Predictor:
-    """Make a predictor from what a user wrote on a command line.
+    """Make a predictor from its name on a command line.
 
     Args:
         spec: a name out of `available()`, or `package.module:Class`, or the path of a .safetensors
@@ -49,7 +49,7 @@ def load_predictor(spec: str) -> Predictor:
             without arguments.
 
     Raises:
-        PredictorError: with what was wrong and what would be right.
+        PredictorError: if there is no such predictor, or it cannot be made.
     """
     if spec.endswith(SUFFIX):
         factory: Any = partial(_of_weights, Path(spec))
@@ -98,7 +98,7 @@ def _named(name: str) -> Any:
 
 
 def _of_weights(path: Path) -> Predictor:
-    """The predictor that runs the network which a file holds."""
+    """Return a predictor that runs the network of a file."""
     architecture, _ = facts_of(path)
     if architecture in CompactNet.ARCHITECTURES:
         return Compact(path)
@@ -127,7 +127,7 @@ def _imported(spec: str) -> Any:
 def _module(path: str, spec: str) -> ModuleType:
     here = os.getcwd()
     if here not in sys.path and "" not in sys.path:
-        # As `python -m` does, but last. It stays: a plug-in may import its neighbours later.
+        # As `python -m` does, but last. It stays, since a plug-in may import other modules later.
         sys.path.append(here)
     try:
         return importlib.import_module(path)

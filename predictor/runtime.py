@@ -1,4 +1,4 @@
-"""What runs a network on a CPU: OpenVINO where it is installed, PyTorch otherwise."""
+"""Runtimes of networks on a CPU: OpenVINO if it is installed, else PyTorch."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from torch import nn
 
 Run = Callable[[NDArray[np.int8]], NDArray[np.float32]]
 RUNTIMES = ("openvino", "torch")
-"""The fastest first."""
+"""Names of the runtimes, the fastest first."""
 MOST_SIZES = 8
-"""Of windows, that compiled networks are kept for."""
+"""Number of window sizes for which compiled networks are kept."""
 
 
 def runner(
     module: nn.Module, runtime: str | None = None, example: tuple[int, int] = (80, 120)
 ) -> tuple[Run, str]:
-    """A function that runs a network, and the name and version of what runs it.
+    """Return a function that runs a network, and the name and version of the runtime.
 
-    OpenVINO runs it on one core, PyTorch on as many as its `set_num_threads` lets it take.
+    OpenVINO uses one core, PyTorch as many as `torch.set_num_threads` allows.
 
     Args:
-        module: one int8 array (1, rows, columns) in, one float array out.
+        module: network from one int8 array (1, rows, columns) to one float array.
         runtime: one of `RUNTIMES`; None: the first that is installed.
-        example: rows and columns that it can take.
+        example: rows and columns that the network accepts.
 
     Raises:
         ValueError: if the runtime is unknown or not installed.
@@ -59,15 +59,15 @@ def _torch(module: nn.Module) -> Run:
 def _openvino(module: nn.Module, shape: tuple[int, int]) -> Run:
     import openvino as ov
 
-    # The frontend itself, not `convert_model`: that takes seconds, and reports home.
+    # The frontend itself, because `convert_model` takes seconds and sends telemetry.
     from openvino.frontend import FrontEndManager
     from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
 
     example = torch.zeros(1, *shape, dtype=torch.int8)
     with warnings.catch_warnings():
-        # Deprecated, but what OpenVINO reads for maps of any size.
+        # Deprecated, but the only form that OpenVINO reads for maps of any size.
         warnings.simplefilter("ignore", DeprecationWarning)
-        # Checks of shapes, which are kept as they turned out for the example.
+        # Checks of shapes are traced with the result that they had for the example.
         warnings.simplefilter("ignore", torch.jit.TracerWarning)
         traced = torch.jit.trace(module.eval(), example, check_trace=False)
     frontend = FrontEndManager().load_by_framework("pytorch")
@@ -78,12 +78,12 @@ def _openvino(module: nn.Module, shape: tuple[int, int]) -> Run:
     lock = Lock()
 
     def run(codes: NDArray[np.int8]) -> NDArray[np.float32]:
-        # A request answers one caller at a time.
+        # A request serves one caller at a time.
         with lock:
             return answer(codes)
 
     def answer(codes: NDArray[np.int8]) -> NDArray[np.float32]:
-        # Compiled for the size of the window: a tenth faster than for any size.
+        # Compiled for this size of window: 10 % faster than for any size.
         if codes.shape not in requests:
             if len(requests) == MOST_SIZES:
                 requests.clear()

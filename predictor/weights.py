@@ -1,4 +1,4 @@
-"""Weights on disk: safetensors, which hold numbers and a header and run no code."""
+"""Files of weights in the safetensors format, which contains no code."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from predictor.infra.plain_json import loads
 
 
 class WeightsError(LineError):
-    """A file does not hold weights of this network; the message is one line."""
+    """A file holds no weights of this network; the message is one line."""
 
 
 class Net(Protocol):
-    """A network whose weights can be kept: a torch module, made from a frozen configuration.
+    """A network whose weights can be saved: a torch module made from a frozen configuration.
 
     Attributes:
-        ARCHITECTURES: what files call networks of this class; another number when one changes its
-            meaning.
-        CONFIG: class of its configuration, whose `of` makes one of a header's fields, or raises
-            ValueError, KeyError or TypeError.
-        architecture: what a file calls this one.
-        config: its configuration.
+        ARCHITECTURES: names of the class's networks in files; the number at the end changes when
+            the meaning of weights does.
+        CONFIG: class of the configuration; its `of` makes one from the fields of a header, or
+            raises ValueError, KeyError or TypeError.
+        architecture: name of this network in files.
+        config: configuration of this network.
     """
 
     ARCHITECTURES: tuple[str, ...]
@@ -48,7 +48,7 @@ Kind = TypeVar("Kind", bound=torch.nn.Module)
 
 
 def fingerprint(tensors: dict[str, Tensor]) -> str:
-    """SHA-256 over names, shapes and values."""
+    """Return the SHA-256 of names, shapes and values."""
     digest = hashlib.sha256()
     for name in sorted(tensors):
         values = tensors[name].detach().cpu().contiguous()
@@ -61,9 +61,9 @@ def save_weights(path: Path, net: Net, facts: dict[str, Any]) -> None:
     """Write a network, whole or not at all.
 
     Args:
-        path: of the .safetensors file.
+        path: path of the .safetensors file.
         net: the network.
-        facts: what is worth knowing of its training; plain data.
+        facts: facts of its training; plain data.
     """
     tensors = {name: values.contiguous() for name, values in net.state_dict().items()}
     header = {
@@ -76,7 +76,7 @@ def save_weights(path: Path, net: Net, facts: dict[str, Any]) -> None:
 
 
 def facts_of(path: Path) -> tuple[str | None, dict[str, Any]]:
-    """Which architecture a file holds, and the facts that were written with it; no numbers.
+    """Read the architecture and the facts of a file, without its tensors.
 
     Raises:
         WeightsError: if the file is missing or damaged, or its header broken.
@@ -86,15 +86,15 @@ def facts_of(path: Path) -> tuple[str | None, dict[str, Any]]:
 
 
 def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
-    """Read a network, and the facts that were written with it.
+    """Read a network and the facts of its training.
 
     Args:
-        path: of the file.
+        path: path of the file.
         kind: class of the network, a `Net`.
 
     Raises:
         WeightsError: if the file is missing, truncated, of another network, of wrong shapes, or
-            not what was written.
+            not as it was written.
     """
     known: Any = kind
     header, tensors = _read(path, numbers=True)
@@ -106,7 +106,7 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
     facts = _facts(path, header)
     try:
         config = known.CONFIG.of(loads(header["config"]))
-        # Without memory of its own, until it is known that the file fills it.
+        # No memory is allocated before the shapes in the file are checked.
         with torch.device("meta"):
             net = known(config)
         if net.architecture != header["architecture"]:
@@ -129,7 +129,7 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
 
 
 def _read(path: Path, numbers: bool) -> tuple[dict[str, str], dict[str, Tensor]]:
-    """Header and tensors of a file, or its header alone."""
+    """Read header and tensors of a file, or its header alone."""
     try:
         with safe_open(path, framework="pt") as file:
             names = file.keys() if numbers else ()

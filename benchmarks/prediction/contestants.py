@@ -25,7 +25,7 @@ from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 from predictor.scoring.images import ternary
 
 BASELINES = ("copy", "grey")
-"""The input as it is, unknown around; and an image that is grey all over. Always compared."""
+"""Always compared: the input as it is, unknown around; and an image that is all grey."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,11 @@ class Contestant:
     """A predictor that is compared, or one of `BASELINES`.
 
     Attributes:
-        name: in the tables.
-        spec: as `predictor.load_predictor` takes it.
-        expansion: the only one that it can do; None: any.
-        identity: of its weights and what runs them, or of its source: whose scores may be kept.
+        name: name in the tables.
+        spec: argument of `predictor.load_predictor`.
+        expansion: only expansion that it can predict; None: any.
+        identity: fingerprint of its weights and runtime, or of its source, under which its scores
+            are kept.
     """
 
     name: str
@@ -45,21 +46,21 @@ class Contestant:
     identity: str
 
     def does(self, expansion: float) -> bool:
-        """Whether it can predict a square this much wider."""
+        """Return whether it can predict squares of an expansion."""
         return self.expansion is None or abs(self.expansion - expansion) < 1e-6
 
 
 def contestants(wanted: Sequence[str], expansions: Sequence[float]) -> list[Contestant]:
-    """All that are compared: the baselines, then those wanted, in their order.
+    """Return all that are compared: the baselines, then those wanted, in their order.
 
     Args:
-        wanted: each what `predictor.load_predictor` takes, or a folder of `predictor.study`; NAME=
-            before it renames it, and stands before all of a folder.
-        expansions: of the squares.
+        wanted: arguments of `predictor.load_predictor`, or folders of `predictor.study`; a prefix
+            NAME= renames a predictor, and is put before the names of a folder.
+        expansions: expansions of the squares.
 
     Raises:
-        PredictorError: if one cannot be made, does none of these expansions, or two of one name do
-            the same one.
+        PredictorError: if one cannot be made or predicts none of these expansions, or two have the
+            same name at the same expansion.
     """
     found = [Contestant(name, name, None, name) for name in BASELINES]
     for entry in wanted:
@@ -79,10 +80,10 @@ def contestants(wanted: Sequence[str], expansions: Sequence[float]) -> list[Cont
 
 
 def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
-    """In what a training differs from the paper's, with the values that it has; None: in nothing.
+    """Return the settings in which a training differs from the paper's; None if there are none.
 
     Args:
-        facts: of an image network's weights.
+        facts: facts of the weights of a network of the paper.
     """
     paper = PRESETS["paper"]
     printed = asdict(paper.training) | {
@@ -96,7 +97,7 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Contestant]:
-    """The networks of a study that are trained, at these expansions."""
+    """Return the trained networks of a study at these expansions."""
     files = sorted(folder.glob(f"*/*{SUFFIX}"))
     if not files:
         raise PredictorError(f"{folder} holds no trained networks, NAME/ARCH{SUFFIX}: "
@@ -127,40 +128,40 @@ def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
 
 
 def _short(spec: str) -> str:
-    """What a predictor is called that nobody has named."""
+    """Return the default name of a predictor."""
     if spec.startswith(FUSED):
         return f"fused_{Path(spec).name}"
     return Path(spec).stem if spec.endswith(SUFFIX) else spec
 
 
 def _expansion_of(predictor: Any) -> float | None:
-    """The only expansion that a predictor can do; None: any."""
+    """Return the only expansion that a predictor can predict; None: any."""
     return predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
 
 
 def _identity(spec: str, predictor: Any) -> str:
-    """What a predictor's scores hang on, as far as it can be told."""
+    """Return a fingerprint of all that decides a predictor's scores, as far as it is known."""
     print_ = fingerprint_of(predictor)
     if print_ is not None:
         return print_
     try:
-        # One file may hold several.
+        # One file may hold several predictors.
         return f"{spec} {checksum(Path(inspect.getfile(type(predictor))))}"
     except (TypeError, OSError):
-        # Made of compiled code, or at a prompt.
+        # The class is compiled, or was defined at a prompt.
         return f"{spec} {type(predictor).__qualname__}"
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What is said of a square, (n, n) each.
+    """A predictor's answer about a square, (n, n) each.
 
     Attributes:
-        image: greys in [0, 1]: free 1, not known 0.5, occupied 0.
-        kept: the same, in which what the predictor was given is as it was given.
-        p_free: probability of free; only cells not seen count.
-        p_occupied: likewise.
-        nan_cells: how many were NaN, which count as not known.
+        image: greys in [0, 1]: free 1, unknown 0.5, occupied 0.
+        kept: the same image with the cells that the predictor was given as they were given.
+        p_free: probability of free; only unobserved cells count.
+        p_occupied: probability of occupied; only unobserved cells count.
+        nan_cells: number of cells that were NaN, which count as unknown.
     """
 
     image: NDArray[np.float64]
@@ -171,10 +172,10 @@ class Answer:
 
 
 class Entrant(Protocol):
-    """A contestant that is ready."""
+    """A contestant whose predictor is loaded."""
 
     def answer(self, square: ScoredSquare) -> Answer:
-        """What it says.
+        """Return its answer about a square.
 
         Raises:
             BadPredictionError: if it breaks the contract of predictors.
@@ -183,12 +184,12 @@ class Entrant(Protocol):
 
 
 def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
-    """Make a contestant ready.
+    """Load a contestant's predictor.
 
     Args:
-        contestant: who.
-        rates: shares of free and of occupied among cells not seen, which is what the baselines
-            say of these.
+        contestant: predictor or baseline.
+        rates: shares of free and of occupied among unobserved cells, which the baselines give as
+            probabilities.
     """
     if contestant.name in BASELINES:
         return _Baseline(contestant.name == "copy", rates)
@@ -199,21 +200,18 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
 
 
 def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
-    """Whether a predictor is made of networks that print a grey image."""
+    """Return whether a predictor is made of the paper's networks, which give a grey image."""
     return isinstance(predictor, ImagePredictor | Fused)
 
 
 def prints(contestant: Contestant) -> bool:
-    """Whether a contestant is such a predictor."""
+    """Return whether a contestant is a predictor made of the paper's networks."""
     return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
 
 
 @dataclass(frozen=True)
 class _Baseline:
-    """The crop as it is, or nothing.
-
-    Its one grey of cells not seen means what such cells are on the validation drives.
-    """
+    """The crop as it is, or nothing; unobserved cells get their rates on the validation drives."""
 
     copies: bool
     rates: tuple[float, float]
@@ -227,7 +225,7 @@ class _Baseline:
 
 @dataclass(frozen=True)
 class _Printed:
-    """A network of the paper: its raw image is scored, and what its greys mean."""
+    """A network of the paper: its raw image is scored, and the probabilities of its greys."""
 
     predictor: ImagePredictor | Fused
 
@@ -243,7 +241,7 @@ class _Printed:
 
 @dataclass(frozen=True)
 class _Believed:
-    """Any predictor, given what a planner would give it."""
+    """Any other predictor, with the input that a planner gives it."""
 
     predictor: Predictor
 

@@ -1,4 +1,4 @@
-"""What a prediction costs: parameters, multiply-accumulates, milliseconds."""
+"""The cost of a prediction: parameters, multiply-accumulates, milliseconds."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from predictor.registry import load_predictor
 from predictor.weights import load_weights
 
 TIMED, BEFORE = 100, 3
-"""Predictions that are timed, and those made before, in which libraries get ready."""
+"""Number of timed predictions, and of predictions before them to warm up."""
 PRINTED = 10
-"""Runs that are timed of a network as the paper prints it, which takes a second or more."""
+"""Number of timed runs of a network in the paper's size, which take a second or more each."""
 
 
 def cost_of(contestant: Contestant, squares: list[ScoredSquare]) -> dict[str, Any] | None:
-    """What a contestant's predictions cost, made one after the other on one thread.
+    """Measure the cost of a contestant's predictions, one after the other on one thread.
 
     Args:
-        contestant: who; None is returned for a baseline, which predicts nothing.
-        squares: that it is asked about, in turn.
+        contestant: predictor; for a baseline, which predicts nothing, None is returned.
+        squares: squares that it is asked about in turn.
 
     Raises:
         ScoringError: if it breaks the contract of predictors.
@@ -67,10 +67,10 @@ def cost_of(contestant: Contestant, squares: list[ScoredSquare]) -> dict[str, An
 
 
 def printed_cost(arch: str) -> dict[str, Any]:
-    """What a network costs as the paper prints it, whole: on one thread, from image to image.
+    """Measure the cost of a network in the paper's size, on one thread, from image to image.
 
-    Its weights are random, which changes no time. What a predictor adds, from map to image and from
-    greys to probabilities, is left out.
+    Its weights are random, which does not change the time. The steps from map to image and from
+    greys to probabilities are not included.
 
     Args:
         arch: one of `predictor.networks.ARCHITECTURES`.
@@ -90,15 +90,15 @@ def printed_cost(arch: str) -> dict[str, Any]:
 
 
 def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | None]:
-    """Parameters and multiply-accumulates of a network; None of what is none of ours.
+    """Count parameters and multiply-accumulates; None for a predictor of another package.
 
     Args:
-        contestant: who.
-        predictor: the same.
+        contestant: contestant that is measured.
+        predictor: its predictor.
         n: side of the predicted square [cells].
     """
     if isinstance(predictor, Fused):
-        # Wider networks than the square needs are not asked.
+        # Networks that are wider than the square needs are not run.
         narrower = sum(100 * part.config.expansion < n - 1e-6 for part in predictor.parts)
         sizes = [_of_image(path) for path in predictor.weights[: narrower + 1]]
     elif isinstance(predictor, ImagePredictor):
@@ -119,8 +119,8 @@ def _of_image(weights: Path) -> tuple[int, int]:
 
 
 def _counted(net: torch.nn.Module, given: torch.Tensor) -> tuple[int, int]:
-    """Parameters, and multiply-accumulates of one run."""
+    """Count parameters, and multiply-accumulates of one run."""
     with torch.inference_mode(), FlopCounterMode(display=False) as counter:
         net(given)
-    # A multiplication and an addition count as two there.
+    # The counter counts a multiplication and an addition as two operations.
     return sum(p.numel() for p in net.parameters()), counter.get_total_flops() // 2

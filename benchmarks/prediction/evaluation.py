@@ -1,4 +1,4 @@
-"""An evaluation: which squares are looked at, who is asked about them, and what came of it."""
+"""An evaluation: the squares, the predictors that are asked about them, and their scores."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from predictor.infra.environment import commit
 from predictor.infra.workers import finished
 
 SPLITS = ("test", "more")
-"""Of a simulated set, that are scored."""
+"""Splits of a simulated set that are scored."""
 TOGETHER = 100
-"""Frames that are scored in one go."""
+"""Frames of a stretch, which is the unit of work."""
 UNTOLD = (0.5, 0.5)
-"""Probabilities that the baselines give to cells not seen if there are no validation drives."""
+"""Probabilities that the baselines give to unobserved cells without validation drives."""
 BLOCK = 10.0
-"""Of a real drive, that is resampled as one [m]: the side of the widest square, so that squares in
-blocks that are no neighbours have no cell in common, unless the drive comes back."""
+"""Length of a block of a real drive that is resampled as one [m]. It is the side of the widest
+square, so that squares of blocks that are no neighbours share no cell, unless the drive returns."""
 
 
 @dataclass(frozen=True)
 class Config:
-    """What is evaluated.
+    """Settings of an evaluation.
 
     Attributes:
         data: folder of the simulated set; None: there is none.
         logs: folder of the physical set; None: there is none.
-        expansions: of the squares.
-        apart: a square is looked at when the car has driven this far since the last [m].
-        contestants: who is asked.
+        expansions: expansions of the squares.
+        apart: distance from one scored frame to the next along a drive [m].
+        contestants: predictors that are compared.
     """
 
     data: Path | None
@@ -54,11 +54,11 @@ class Drive:
 
     Attributes:
         place: "simulated", or the site.
-        folder: of its set.
-        number: in its set.
-        about: what the manifest says of it.
-        chosen: numbers of the frames looked at, (k,).
-        ways: driven up to each of them [m], (k,).
+        folder: folder of its set.
+        number: number in its set.
+        about: facts of it from the manifest.
+        chosen: numbers of the scored frames, (k,).
+        ways: distance driven up to each of them [m], (k,).
     """
 
     place: str
@@ -70,7 +70,7 @@ class Drive:
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Which frames are resampled together, (k,): all of a simulated drive."""
+        """Block of each scored frame, (k,); a simulated drive is one block."""
         if self.place == "simulated":
             return np.full(len(self.chosen), self.number)
         return (self.ways / BLOCK).astype(np.int64)
@@ -80,8 +80,8 @@ class Evaluation:
     """An evaluation in a folder.
 
     Args:
-        config: what is evaluated.
-        out: the folder.
+        config: settings.
+        out: folder of the evaluation.
 
     Raises:
         FramesError: if a set cannot be read, or is not of the kind that it should be.
@@ -91,12 +91,12 @@ class Evaluation:
         self.config, self.out = config, out
         folders = {"simulated": config.data, "physical": config.logs}
         self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
-        """Kind → its frames, of those that there are."""
+        """Kind → frames of its set, if there is one."""
         self.drives = [drive for frames in self.sets.values()
                        for drive in _drives(frames, config.apart)]  # fmt: skip
         self.store = Store(out / "parts")
         self.rates = dict.fromkeys(config.expansions, UNTOLD)
-        """Of each expansion the shares of free and occupied cells on the validation drives."""
+        """Expansion → shares of free and of occupied cells on the validation drives."""
         if config.data is not None:
             validation = Frames.load(config.data, "validation")
             self.rates = {x: rates_of(validation, x) for x in config.expansions}
@@ -107,11 +107,11 @@ class Evaluation:
         return list(dict.fromkeys(drive.place for drive in self.drives))
 
     def who(self, expansion: float) -> list[Contestant]:
-        """Those who can predict squares of an expansion."""
+        """Return the contestants that can predict squares of an expansion."""
         return [one for one in self.config.contestants if one.does(expansion)]
 
     def stretches(self, drive: Drive, expansion: float) -> list[Stretch]:
-        """All of a drive, in pieces."""
+        """Return the stretches of a drive."""
         return [
             Stretch(drive.folder, drive.number, tuple(map(int, drive.chosen[i : i + TOGETHER])),
                     expansion, self.rates[expansion], tuple(self.who(expansion)))
@@ -132,7 +132,7 @@ class Evaluation:
         def path(stretch: Stretch, one: Contestant) -> Path:
             return self.store.scores_path(stretch, sha256[stretch.folder, stretch.drive], one)
 
-        # By expansion first: the networks of one are kept in memory, those of all would fill it.
+        # Ordered by expansion: the networks of one fit into memory, those of all do not.
         every = [stretch for expansion in self.config.expansions for drive in self.drives
                  for stretch in self.stretches(drive, expansion)]  # fmt: skip
         todo = []
@@ -151,7 +151,7 @@ class Evaluation:
     def kept(
         self, drive: Drive, expansion: float, one: Contestant
     ) -> Iterator[tuple[Kept, dict[str, Any]]]:
-        """What was kept of a contestant's answers along a drive, and facts, in order.
+        """Yield the scores of a contestant along a drive and their facts, in order.
 
         Raises:
             FileNotFoundError: if something has not been scored.
@@ -164,7 +164,7 @@ class Evaluation:
             yield piece
 
     def examples(self, expansion: float, count: int = 20) -> list[ScoredSquare]:
-        """Squares spread evenly over the test drives, or else the logs, to measure costs on."""
+        """Return squares spread evenly over the test drives, or the logs, to measure costs on."""
         frames = self.sets.get("physical")
         if self.config.data is not None:
             frames = Frames.load(self.config.data, "test")
@@ -174,12 +174,12 @@ class Evaluation:
 
 
 def key_of(expansion: float) -> str:
-    """An expansion as results name it."""
+    """Return the name of an expansion in the results."""
     return f"{expansion:.2f}"
 
 
 def sets_of(evaluation: Evaluation) -> dict[str, Any]:
-    """What the sets are, for the results."""
+    """Return the facts of the sets for the results."""
     config = evaluation.config
     out = {}
     for kind, folder in (("simulated", config.data), ("physical", config.logs)):
@@ -200,7 +200,7 @@ def _of_kind(folder: Path, kind: str) -> Frames:
 
 
 def _drives(frames: Frames, apart: float) -> list[Drive]:
-    """The drives of a set that are scored, and their frames."""
+    """Return the drives of a set that are scored, with their frames."""
     out = []
     for number, about in enumerate(frames.about):
         if about["split"] not in (*SPLITS, "physical"):
@@ -214,15 +214,15 @@ def _drives(frames: Frames, apart: float) -> list[Drive]:
 
 
 def spaced(ways: NDArray[np.float64], apart: float) -> NDArray[np.intp]:
-    """The first place of a drive, and each that lies at least so far on from the last chosen.
+    """Choose the first place of a drive, and each that lies far enough from the last chosen.
 
     Args:
-        ways: driven up to each place, (n,) [m].
-        apart: [m]; 0: all places.
+        ways: distance driven up to each place, (n,) [m].
+        apart: least distance between two chosen places [m]; 0: all are chosen.
     """
     chosen, last = [], -np.inf
     for index, way in enumerate(ways):
-        # A tenth of a millimetre short is not short: steps of 5 cm add up to less than they are.
+        # Rounding may make the sum of steps a little smaller than it is.
         if way - last >= apart - 1e-4:
             chosen.append(index)
             last = way

@@ -1,4 +1,4 @@
-"""The figures of an evaluation, from what it has saved."""
+"""The figures of an evaluation, and its video."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ TITLES = {
     "worst": "The worst squares of {leader}, one a drive",
     "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
-"""Of sheets; median and worst by SSIM."""
+"""Titles of the sheets; median and worst are by SSIM."""
 SIMILAR = {"ssim": "SSIM, whole square", "ssim_kept": "SSIM, what was seen put back",
            "ssim_unseen": "SSIM, unseen outside the crop"}  # fmt: skip
-"""By expansion."""
+"""Measures drawn over the expansion, with their labels."""
 MEASURES = (("iou_free", "IoU of free"), ("iou_occupied", "IoU of occupied"), ("brier", "Brier"),
             ("ece", "calibration error"))  # fmt: skip
-"""By distance beyond the frontier."""
+"""Measures drawn over the distance beyond the frontier, with their labels."""
 ENOUGH, SHARE = 1000, 5e-4
-"""Cells of a ring, and share of all cells in a bin, that are needed to draw it."""
+"""Least number of cells in a ring, and least share of cells in a bin, that are drawn."""
 RATE = 10.0
 """Frames per second of the video: every other frame of a drive at 10 Hz, so twice as fast."""
 NEAR, FAR = 1.3, 2.0
-"""Expansions whose reliability is shown, where they are measured."""
+"""Expansions whose reliability is shown, or the nearest measured."""
 
 
 def draw(
     out: Path, results: dict[str, Any], sheets: Sheets, sets: Mapping[str, Frames], leader: str
 ) -> list[Path]:
-    """Draw all figures; the video is apart.
+    """Draw all figures except the video, and return their paths.
 
     Args:
-        out: folder.
-        results: of `report`.
-        sheets: of `pictures`.
+        out: folder of the figures.
+        results: results of `report`.
+        sheets: sheets of `pictures`.
         sets: kind → frames, whose maps are drawn.
-        leader: whose typical and worst squares are shown.
+        leader: predictor whose typical and worst squares are shown.
     """
     places = places_of(results)
     names = {*NOTHING, *shown(_names(next(iter(places.values()))))}
@@ -77,7 +77,7 @@ def draw(
 
 
 def sheet(rows: list[Row], title: str) -> Figure:
-    """Squares below each other: what was given, what each predictor says, what is true."""
+    """Draw a sheet with one square in each row: input, predictions, truth."""
     columns = list(dict.fromkeys(name for row in rows for name in row.images if name != "truth"))
     columns.append("truth")
     figure = new_figure(1.35 * len(columns) + 0.4, 1.45 * len(rows) + 0.5, maps=True)
@@ -96,7 +96,7 @@ def sheet(rows: list[Row], title: str) -> Figure:
 
 
 def show(axis: Axes, row: Row, column: str) -> None:
-    """One image, with the 5 m crop outlined, the car in the first, and SSIM below a prediction."""
+    """Draw one image with the outline of the 5 m crop, the car in the input, and SSIM below."""
     image = row.images[column]
     n = len(image)
     axis.imshow(image, cmap="gray", vmin=0, vmax=255, origin="lower", interpolation="nearest",
@@ -116,7 +116,7 @@ def show(axis: Axes, row: Row, column: str) -> None:
 
 
 def draw_car(axis: Axes, row: Row) -> None:
-    """An arrow in the middle, the way the car looks."""
+    """Draw the car as an arrow along its heading."""
     n = len(row.images[GIVEN])
     length = 0.08 * n
     x, y = n / 2 - 0.5 * length * np.cos(row.yaw), n / 2 - 0.5 * length * np.sin(row.yaw)
@@ -125,13 +125,13 @@ def draw_car(axis: Axes, row: Row) -> None:
 
 
 def write_ssim(axis: Axes, row: Row, column: str) -> None:
-    """SSIM below a prediction."""
+    """Write SSIM below a prediction."""
     if column in row.ssim:
         axis.set_xlabel(f"{row.ssim[column]:.3f}", fontsize=6.5, color=INK, labelpad=1.5)
 
 
 def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
-    """SSIM over expansion, whole and on cells not seen, with what the paper prints."""
+    """Draw SSIM over the expansion, whole and on unobserved cells, with the paper's values."""
     figure = new_figure(2.5 * len(places) + 1.6, 2.4 * len(SIMILAR) + 0.4)
     axes = figure.subplots(len(SIMILAR), len(places), squeeze=False, sharex=True, sharey="row")
     for column, (place, entry) in enumerate(places.items()):
@@ -154,7 +154,7 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
 
 
 def by_distance(places: dict[str, Any]) -> Figure:
-    """Measures of cells not seen, by their distance beyond the frontier, most expanded."""
+    """Draw measures of unobserved cells over the distance beyond the frontier, widest square."""
     figure = new_figure(2.5 * len(places) + 1.6, 2.0 * len(MEASURES) + 0.6)
     axes = figure.subplots(len(MEASURES), len(places), squeeze=False, sharex=True, sharey="row")
     for column, (place, entry) in enumerate(places.items()):
@@ -178,7 +178,7 @@ def by_distance(places: dict[str, Any]) -> Figure:
 
 
 def reliability(places: dict[str, Any]) -> Figure:
-    """Share of cells that were free, or occupied, of those said to be with each probability."""
+    """Draw reliability diagrams of free and of occupied."""
     entry = next(iter(places.values()))
     expansions = sorted({_nearest(list(entry), wanted) for wanted in (NEAR, FAR)})
     shown = [(expansion, name) for expansion in expansions for name in ("free", "occupied")]
@@ -194,7 +194,7 @@ def reliability(places: dict[str, Any]) -> Figure:
                                            for key in ("given", "came_true", "share"))  # fmt: skip
                 colour = predictor_colour(predictor)
                 axis.plot(given, came_true, color=colour, linewidth=1.0, label=predictor)
-                # A bin's dot is as large as its share of the cells.
+                # The area of a bin's dot grows with its share of the cells.
                 axis.scatter(given, came_true, 2 + 80 * share, color=colour, alpha=0.5,
                              linewidths=0)  # fmt: skip
             axis.set_aspect("equal")

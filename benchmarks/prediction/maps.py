@@ -1,4 +1,4 @@
-"""The maps of a data set, with the drives through them: the paper's figures 2 and 4b."""
+"""The maps of a data set with the drives through them, as in the paper's figures 2 and 4b."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ STYLES: dict[str, dict[str, Any]] = {
     "test": {"color": "black", "linestyle": (0, (1, 1.2))},
     "physical": {"color": "#D00000", "linestyle": "-"},
 }
-"""Of drives, by split, as in the paper."""
+"""Line styles of drives by split, as in the paper."""
 LARGEST = 1200
-"""Side of a map's image [pixels]."""
+"""Largest side of a map's image [pixels]."""
 MARGIN = 2.0
-"""Shown around what is known of a map [m]."""
+"""Margin around the known part of a map [m]."""
 ACROSS = 3
-"""Maps beside each other."""
+"""Number of maps beside each other."""
 
 
 def drawn_maps(frames: Frames) -> Figure:
-    """All maps with drives to train, to test, or of a log; white is free, black occupied.
+    """Draw all maps with training or test drives, or of a log; white is free, black occupied.
 
     Args:
-        frames: of a whole set.
+        frames: frames of a whole set.
     """
     drives: dict[str, list[int]] = {}
     for number, about in enumerate(frames.about):
@@ -64,7 +64,7 @@ def drawn_maps(frames: Frames) -> Figure:
 
 
 def _draw_map(axis: Axes, codes: NDArray[np.uint8], origin: NDArray[np.float64]) -> None:
-    """A map in the paper's greys, cut to what is known of it."""
+    """Draw the known part of a map in the paper's greys."""
     known = np.argwhere(codes != 2)
     pad = round(MARGIN / RESOLUTION)
     low = np.maximum(known.min(axis=0) - pad, 0)

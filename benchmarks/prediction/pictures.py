@@ -1,4 +1,4 @@
-"""The squares that are shown: chosen by rules, asked once more, and kept for the figures."""
+"""The squares shown in figures: chosen by rules, predicted once more, and kept."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from predictor.data.squares import TERNARY, codes_of
 from predictor.scoring.images import ssim
 
 SHOWN, COLUMNS = 5, 8
-"""Examples on a sheet, and predictors beside each other there."""
+"""Number of examples on a sheet, and of predictors beside each other."""
 WIDEST = 1.7
-"""Of the squares in the paper's figure."""
+"""Largest expansion in the paper's figure."""
 LASTS = 240
-"""Frames of the drive in the video; every other is shown."""
+"""Number of frames of the drive in the video, of which every other is shown."""
 STRAIGHT, STEP = 0.35, 20
-"""What the heading may change there [rad], and frames between two that are looked at for it."""
+"""Largest change of heading in the video [rad], and frames between two candidates for its start."""
 LEADERS = ("unet_ff", "resnet_ff", "gan", "compact")
-"""Whose failures and whose typical square are shown: the first of them that is there."""
+"""Predictors whose failures and typical squares are shown: the first that is compared."""
 NOTHING = (*BASELINES, "none")
-"""They predict nothing."""
+"""Contestants that predict nothing."""
 GIVEN, TRUE = "input", "truth"
 """Columns beside those of the predictors."""
 
@@ -40,9 +40,9 @@ class Row:
     """One square on a sheet.
 
     Attributes:
-        title: what it is.
-        yaw: of the car [rad].
-        images: column → greys, (n, n) uint8; of who does not do the expansion there is none.
+        title: title of the row.
+        yaw: heading of the car [rad].
+        images: column → greys, (n, n) uint8; none for predictors of other expansions.
         ssim: predictor → SSIM of its image.
     """
 
@@ -61,7 +61,7 @@ Asked = tuple[Drive, int, float]
 
 
 def pictures(evaluation: Evaluation) -> Sheets:
-    """All that is shown of an evaluation; kept, and not made twice."""
+    """Return all squares shown of an evaluation, and keep them."""
     chosen = _chosen(evaluation)
     plain = {name: [(drive.about["sha256"], index, expansion, title)
                     for (drive, index, expansion), title in rows]
@@ -83,7 +83,7 @@ def pictures(evaluation: Evaluation) -> Sheets:
 
 
 def _kept(arrays: Kept, facts: dict[str, Any]) -> Sheets:
-    """What `pictures` has written."""
+    """Return the sheets that `pictures` has written."""
     sheets: Sheets = {}
     for name, rows in facts.items():
         sheets[name] = []
@@ -94,26 +94,26 @@ def _kept(arrays: Kept, facts: dict[str, Any]) -> Sheets:
 
 
 def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.intp]:
-    """Where the stretches of a drive begin in which the heading stays.
+    """Find where the straight stretches of a drive begin.
 
     Args:
-        yaw: along the drive, (n,) [rad].
-        count: of the stretches, at most n.
-        most: that the heading may change within one [rad].
+        yaw: heading along the drive, (n,) [rad].
+        count: frames of a stretch, at most n.
+        most: largest change of heading within one [rad].
     """
     views = np.lib.stride_tricks.sliding_window_view(np.unwrap(yaw), count)
     return np.flatnonzero(views.max(axis=1) - views.min(axis=1) <= most)
 
 
 def _shown(evaluation: Evaluation) -> list[Contestant]:
-    """Who is shown on sheets."""
+    """Return the contestants shown on sheets."""
     every = evaluation.config.contestants
     names = shown(one.name for one in every)
     return [one for one in every if one.name in names]
 
 
 def shown(names: Iterable[str]) -> list[str]:
-    """The first of all that predict something: more make no figure that can be read."""
+    """Return the first contestants that predict something, as many as a figure can show."""
     return [name for name in dict.fromkeys(names) if name not in NOTHING][:COLUMNS]
 
 
@@ -148,7 +148,7 @@ def _row(evaluation: Evaluation, asked: Asked, title: str, transient: bool) -> R
 
 
 def _chosen(evaluation: Evaluation) -> dict[str, list[tuple[Asked, str]]]:
-    """Which squares are on which sheet."""
+    """Choose the squares of each sheet."""
     expansions = evaluation.config.expansions
     test = [drive for drive in evaluation.drives if drive.about["split"] == "test"]
     real = [drive for drive in evaluation.drives if drive.about["split"] == "physical"]
@@ -165,7 +165,7 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[tuple[Asked, str]]]:
     out["random"] = [((*every[i], near), _told(*every[i])) for i in drawn]
     scored = [drive for drive in evaluation.drives if drive.place == "simulated"] or real
     if test:
-        # Real drives have met their own.
+        # Real drives contain their own transients.
         out["transients"] = [((*every[i], near), _told(*every[i])) for i in drawn[:3]]
     out["worst"] = [((*one, far), _told(*one)) for one in _worst(evaluation, scored, far)]
     drive, stretch = _hallway(scored)
@@ -179,14 +179,14 @@ def _told(drive: Drive, index: int) -> str:
 
 
 def leader(names: list[str]) -> str:
-    """Whose failures are shown: the first of LEADERS that is there, else the last of all."""
+    """Return the contestant whose failures are shown: the first of LEADERS, else the last."""
     return next((name for name in LEADERS if name in names), names[-1])
 
 
 def _scored(
     evaluation: Evaluation, drives: list[Drive], expansion: float
 ) -> list[tuple[float, Drive, int]]:
-    """SSIM of the leader on all squares, with drive and number of the frame."""
+    """Return SSIM of the leader on all squares with drive and frame, in ascending order."""
     who = {one.name: one for one in evaluation.who(expansion)}
     one = who[leader(list(who))]
     out = []
@@ -198,15 +198,15 @@ def _scored(
 
 
 def _typical(evaluation: Evaluation, drives: list[Drive], expansion: float) -> tuple[Drive, int]:
-    """The square that the leader does better than half of them."""
+    """Return the square with the leader's median SSIM."""
     scored = _scored(evaluation, drives, expansion)
     return scored[len(scored) // 2][1:]
 
 
 def _hallway(drives: list[Drive]) -> tuple[Drive, range]:
-    """The narrowest straight stretch of these drives: where least of the 5 m crop is free.
+    """Find the narrowest straight stretch of these drives: the least free space in the 5 m crop.
 
-    Where none is straight, it is the beginning of the first.
+    If none is straight, return the beginning of the first drive.
     """
     best = np.inf
     found = drives[0], range(min(LASTS, drives[0].about["count"]))

@@ -1,4 +1,4 @@
-"""Results of an evaluation: means with intervals, scores of cells, and what they hang on."""
+"""The results of an evaluation: means with intervals, scores of cells, costs, and settings."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ SSIM = {
 }
 """SSIM that Katyal et al. 2018 print in Tables I and II: place → expansion → network."""
 COMPARED = ("grey", "copy", "none", "unet_ff")
-"""Those of them that are there are what every other is compared with."""
+"""Predictors that every other is compared with, if they are among the contestants."""
 ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
-"""Measures of images, one a frame."""
+"""Measures of images, one value for each frame."""
 SUMMED = ("brier", "nll")
-"""Measures of cells not seen, kept as sums over a frame."""
+"""Measures of unobserved cells, kept as sums over each frame."""
 
 
 def report(evaluation: Evaluation) -> dict[str, Any]:
-    """All results of an evaluation whose frames are all scored; written to results.json too.
+    """Compute all results of an evaluation whose frames are all scored, and write results.json.
 
     Raises:
         ScoringError: if a predictor breaks its contract while its cost is measured.
@@ -89,12 +89,12 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], dict[str, Any] | None]:
-    """What each predictor costs at each expansion; measured once a machine, with a progress bar.
+    """Measure the cost of each predictor at each expansion, once on each machine.
 
-    This comes first: it also shows at once who breaks the contract of predictors.
+    Called before scoring, it also finds predictors that break the contract early.
 
     Raises:
-        ScoringError: if one does.
+        ScoringError: if a predictor breaks the contract.
     """
     from tqdm import tqdm
 
@@ -113,7 +113,7 @@ def _cost(evaluation: Evaluation, one: Contestant, expansion: float) -> dict[str
 
 
 def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
-    """What the networks cost as the paper prints them, reduced in nothing; once a machine."""
+    """Measure the cost of the networks in the paper's size, once on each machine."""
     from tqdm import tqdm
 
     return {
@@ -124,7 +124,7 @@ def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _once(path: Path, measure: Callable[[], Any]) -> Any:
-    """What was measured and kept at a path, or else is now."""
+    """Return what is kept at a path, or measure it and keep it."""
     path = path.with_suffix(".json")
     try:
         return loads(path.read_text())
@@ -141,7 +141,7 @@ def _rows(
     costs: dict[tuple[str, str], dict[str, Any] | None],
     commits: set[str],
 ) -> dict[str, Any]:
-    """Everyone's measures on some drives at one expansion."""
+    """Compute the measures of all contestants on some drives at one expansion."""
     blocks = _numbered(drives)
     rows: dict[str, Any] = {}
     frames: dict[str, Kept] = {}
@@ -180,13 +180,13 @@ def _rows(
 
 
 def _numbered(drives: Iterable[Drive]) -> NDArray[np.int64]:
-    """A number for each block of each drive, of each frame, (n,)."""
+    """Return the number of each frame's block, counted over all drives, (n,)."""
     labels = [(drive.number, int(block)) for drive in drives for block in drive.blocks]
     return np.unique(np.array(labels), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _measures(kept: Kept, scores: Scores) -> dict[str, Any]:
-    """Means over frames and scores of cells."""
+    """Compute means over frames, and scores of cells."""
     out: dict[str, Any] = {"frames": len(kept["ssim"])}
     for name in ALIKE:
         values = kept[name][np.isfinite(kept[name])]
@@ -195,7 +195,7 @@ def _measures(kept: Kept, scores: Scores) -> dict[str, Any]:
 
 
 def _cells(scores: Scores, rings: slice) -> dict[str, Any]:
-    """Scores of cells; `brier` and `ece` are means of those of free and of occupied."""
+    """Compute scores of cells; `brier` and `ece` are means over free and occupied."""
     out: dict[str, Any] = scores.measures(rings)
     out["cells"] = int(out["cells"])
     for name in ("brier", "ece"):
@@ -209,7 +209,7 @@ def _curve(scores: Scores, name: str) -> dict[str, list[float]]:
 
 
 def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
-    """My measures less theirs on the same squares, with intervals over blocks."""
+    """Compute mean differences on the same squares, with 95 % intervals over blocks."""
     one = np.ones(len(blocks))
     out = {name: grouped_mean(blocks, mine[name] - theirs[name], one) for name in ALIKE}
     cells = mine["cells"]
@@ -217,7 +217,7 @@ def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str
 
 
 def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
-    """Where each predictor comes from: by name, and by expansion where it does one alone."""
+    """Return the facts of each predictor by name, and by expansion if it can do only one."""
     out: dict[str, Any] = {}
     for one in contestants:
         facts: dict[str, Any] = {"spec": one.spec, "identity": one.identity}
@@ -231,7 +231,7 @@ def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
 
 
 def _training(predictor: Any, one: Contestant) -> dict[str, Any]:
-    """What weights say of their training; `reduced` is null where it was the paper's."""
+    """Return facts of a training from its weights; `reduced` is None if it was the paper's."""
     facts = getattr(predictor, "facts", {})
     names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
     told = {name: facts[name] for name in names if name in facts}

@@ -1,4 +1,4 @@
-"""A stretch of a drive, scored: what contestants say of its squares at one expansion."""
+"""Scores of predictors on a stretch of a drive at one expansion."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from predictor.scoring.images import Similarity, similarity
 from predictor.scoring.scores import Scores
 
 OF_A_FRAME = (*Similarity.__dataclass_fields__, "brier", "nll", "cells", "nan_cells")
-"""What is kept of each frame: SSIM, sums over the cells not seen, and how many they are."""
+"""Values kept of each frame: SSIM, sums over unobserved cells, and their number."""
 Kept = dict[str, NDArray]
-"""What is kept of a stretch: each of `OF_A_FRAME`, and the sums of `Scores`."""
+"""Arrays kept of a stretch: each of `OF_A_FRAME`, and the sums of `Scores`."""
 
 
 class ScoringError(LineError):
@@ -29,15 +29,15 @@ class ScoringError(LineError):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Some frames of a drive, and who is asked about them.
+    """Some frames of a drive, and the predictors that are asked about them.
 
     Attributes:
-        folder: of the set.
-        drive: its number in the set.
-        frames: their numbers in the drive.
-        expansion: of the squares.
-        rates: what the baselines say, see `entrants.entrant`.
-        contestants: who is asked.
+        folder: folder of the set.
+        drive: number of the drive in the set.
+        frames: numbers of the frames in the drive.
+        expansion: expansion of the squares.
+        rates: probabilities of the baselines, see `contestants.entrant`.
+        contestants: predictors that are asked.
     """
 
     folder: Path
@@ -50,18 +50,18 @@ class Stretch:
 
 @dataclass(eq=False)
 class Tally:
-    """What one contestant has got so far.
+    """The scores of one predictor so far.
 
     Attributes:
-        scores: sums over cells not seen.
-        frames: of each frame, in the order of `OF_A_FRAME`.
+        scores: sums over unobserved cells.
+        frames: values of each frame, in the order of `OF_A_FRAME`.
     """
 
     scores: Scores = field(default_factory=Scores)
     frames: list[tuple[float, ...]] = field(default_factory=list)
 
     def add(self, square: ScoredSquare, answer: Answer) -> None:
-        """Score an answer."""
+        """Add the scores of an answer."""
         alike = similarity(answer.image, answer.kept, square.image, square.unseen)
         before = self._sums()
         self.scores.add(answer.p_free, answer.p_occupied, square.truth == 0, square.truth == 1,
@@ -71,7 +71,7 @@ class Tally:
         self.frames.append((*vars(alike).values(), brier, nll, cells, answer.nan_cells))
 
     def kept(self) -> Kept:
-        """All of it, as arrays."""
+        """Return all scores as arrays."""
         columns = np.array(self.frames, dtype=np.float64).reshape(-1, len(OF_A_FRAME)).T
         return dict(zip(OF_A_FRAME, columns, strict=True)) | self.scores.arrays("scores")
 
@@ -81,7 +81,7 @@ class Tally:
 
 
 def score(stretch: Stretch) -> dict[Contestant, Kept]:
-    """Score all that a stretch asks for.
+    """Score all predictors of a stretch.
 
     Raises:
         ScoringError: if a contestant breaks the contract of predictors.
@@ -102,12 +102,12 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
 
 
 def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, float]:
-    """Shares of free and of occupied among the cells not seen.
+    """Compute the shares of free and of occupied cells among the unobserved ones.
 
     Args:
-        frames: over which they are counted.
-        expansion: of the squares.
-        every: only every so manieth frame is looked at.
+        frames: frames to count in.
+        expansion: expansion of the squares.
+        every: step from one counted frame to the next.
     """
     counts = np.zeros(3, dtype=np.int64)
     for index in range(0, len(frames), every):
@@ -119,7 +119,7 @@ def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, 
 
 @lru_cache(maxsize=2)
 def drive_of(folder: Path, drive: int) -> Frames:
-    """One drive of a set; kept, for its stretches come one after the other."""
+    """Return one drive of a set; cached, since its stretches follow each other."""
     return _set(folder).alone(drive)
 
 

@@ -1,4 +1,4 @@
-"""One frame at one expansion: what is known of the expanded square, and what is true there."""
+"""One frame at one expansion: the observed and the true square, prepared for scoring."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ class ScoredSquare:
     """A frame at an expansion, with all that scoring needs.
 
     Attributes:
-        crop: the 5 m crop that the whole LIDAR has seen, unknown around: what the paper gives.
-        window: all that a LIDAR confined to its 5 m window has seen of the square: what a planner
-            has.
-        pose: of the car, x, y, yaw [m, m, rad]; x and y are the middle of the square, from which
-            the car is half a cell away at most.
-        truth: codes, (n, n).
-        image: the truth as the paper's ternary image.
-        ring: of cells seen neither in the crop nor in the window, by distance beyond the frontier,
-            as `predictor.scoring.scores.rings_of`; -1: seen. The same for all predictors.
-        unseen: those of them outside the crop.
+        crop: 5 m crop as seen by the whole LIDAR, unknown around it: input of the paper's networks.
+        window: all that a LIDAR confined to its 5 m window has seen of the square: input of a
+            planner.
+        pose: pose of the car: x, y, yaw [m, m, rad]; x and y are the middle of the square, which
+            is at most half a cell from the car.
+        truth: codes of what is true, (n, n).
+        image: ternary image of the truth.
+        ring: ring of each cell, as `predictor.scoring.scores.rings_of`, the same for all
+            predictors; -1: observed in the crop or in the window.
+        unseen: unobserved cells outside of the crop.
     """
 
     crop: Grid
@@ -41,7 +41,7 @@ class ScoredSquare:
 
     @classmethod
     def of(cls, frames: Frames, index: int, expansion: float) -> ScoredSquare:
-        """The square around a frame.
+        """Return the square around a frame.
 
         Raises:
             FramesError: if there is no square of this expansion.

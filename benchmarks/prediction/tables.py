@@ -1,4 +1,4 @@
-"""Results of an evaluation as Markdown, with the paper's own numbers beside."""
+"""The tables of an evaluation in Markdown, with the paper's values beside them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll",
 
 SHORT = {"ssim": "SSIM", "ssim_unseen": "of cells not seen", "brier": "Brier",
          "ece_free": "calibration error of free"}  # fmt: skip
-"""Measures of the table that fits a page, and their heads there."""
+"""Measures of the short table, and their column heads."""
 
 ABOVE = """\
 ## Above the baselines
@@ -32,7 +32,7 @@ The best of the paper's networks at each expansion, by SSIM of the whole square,
 to each baseline, with 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
 """
 BEST = "the paper's best"
-"""Which of its networks that is depends on site and expansion."""
+"""Name of the paper's best network, which depends on site and expansion."""
 SITES = """
 ## Sites above the baselines
 
@@ -42,7 +42,7 @@ difference above zero. By expansion: {expansions}.
 
 
 def summary(results: dict[str, Any]) -> str:
-    """Whether the paper's networks are above the baselines, and what networks they are."""
+    """Return the comparison with the baselines, and the list of networks."""
     return "\n".join(
         (
             ABOVE.format(block=results["settings"]["block"]),
@@ -58,7 +58,7 @@ def summary(results: dict[str, Any]) -> str:
 
 
 def tables_of(results: dict[str, Any]) -> str:
-    """All tables of a results.json of `benchmarks.prediction`."""
+    """Return all tables of a results.json of `benchmarks.prediction`."""
     parts = [summary(results)]
     for place, entry in places_of(results).items():
         kind = "simulated" if place == "simulated" else "physical"
@@ -78,7 +78,7 @@ def tables_of(results: dict[str, Any]) -> str:
 
 
 def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str:
-    """A line for each predictor, its measures at all expansions side by side."""
+    """Return a row for each predictor with its measures at all expansions side by side."""
 
     def side_by_side(found: list[float | None]) -> str:
         return " / ".join(_number(value).removeprefix("0") for value in found)
@@ -96,13 +96,13 @@ def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str
 
 
 def places_of(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
-    """Place → expansion → predictor → measures: "simulated" if it was scored, then the sites."""
+    """Return place → expansion → predictor → measures, "simulated" first if it was scored."""
     simulated = {"simulated": results["simulated"]} if results["simulated"] else {}
     return simulated | results["physical"]
 
 
 def _size(entry: dict[str, Rows]) -> str:
-    """How much was looked at."""
+    """Return the number of frames and drives as a sentence."""
     row = next(iter(next(iter(entry.values())).values()))
     return f"{row['frames']} frames of {row['drives']} drive{'s' * (row['drives'] > 1)}."
 
@@ -116,7 +116,7 @@ def _asked(results: dict[str, Any]) -> list[str]:
 
 
 def _best(measured: Rows) -> str | None:
-    """The best of the paper's networks by SSIM; None if none was asked."""
+    """Return the best of the paper's networks by SSIM; None if none was compared."""
     networks = [name for name in measured if name in ARCHITECTURES]
     return max(networks, key=lambda name: measured[name]["ssim"]) if networks else None
 
@@ -151,7 +151,7 @@ def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) 
     chosen = _best(measured) if name == BEST else name
     above = measured[chosen]["above"] if chosen in measured else {}
     found = [above.get(other, {}).get(measure) for other in others]
-    # Without an interval, of one block, nothing is for certain.
+    # A single block has no interval, so no difference is statistically significant.
     return all(difference is not None and (difference["low"] or 0.0) > 0.0 for difference in found)
 
 

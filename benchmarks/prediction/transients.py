@@ -1,9 +1,9 @@
-"""Whether networks filter what comes and goes, as Katyal et al. 2018 observe of theirs.
+"""Whether networks filter transient obstacles, as Katyal et al. 2018 report of theirs.
 
-On what a network prints, raw: a planner keeps what was seen, whatever a network says of it. In
-simulation small obstacles are put into the input where free space was seen, as someone leaves
-behind who walked past; on real logs they are there already: cells seen occupied that all scans
-together found free, away from any wall.
+The raw images of networks are measured, since a planner keeps observed cells as observed. In
+simulation small obstacles are put into the input where free space was observed, like traces of
+people who walked past. Real logs contain transients already: cells observed occupied that all
+scans together found free, away from any wall.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from predictor.infra.plain_json import loads
 from predictor.mapping.grid import OCCUPIED, Grid
 
 RADIUS, CLEAR = 0.15, 0.6
-"""Of an obstacle that is put in, and from its middle to anything else, the car too [m]."""
+"""Radius of an added obstacle, and least distance of its middle from all else, the car too [m]."""
 PUT = 3
-"""Obstacles put into an input, where there is room."""
+"""Number of obstacles added to an input, if there is room."""
 OFF = 0.15
-"""Least distance of a real transient from anything truly not free [m]: nearer it may be a wall and
-an error of the pose."""
+"""Least distance of a real transient from any cell that is truly not free [m]; a nearer one may be
+a wall seen from a wrong pose."""
 FRAMES = 60
-"""Of each place, spread evenly over its drives."""
+"""Number of frames of each place, spread evenly over its drives."""
 
 
 @dataclass
@@ -41,11 +41,12 @@ class Count:
     """Cells, over all frames so far.
 
     Attributes:
-        transient: of transients.
-        filtered: of these, printed free: nearer to white than to grey.
-        before: of these, printed free without the transient; only where it was put in.
-        walls: seen occupied, and truly so.
-        kept: of these, printed occupied: a network that wipes out everything filters well too.
+        transient: cells of transients.
+        filtered: cells of transients that the network draws free, nearer to white than to grey.
+        before: the same in the image without the transients; only if they were added.
+        walls: cells observed occupied that are truly occupied.
+        kept: cells of walls that the network draws occupied; a network that erases everything
+            also filters well.
     """
 
     transient: int = 0
@@ -55,7 +56,7 @@ class Count:
     kept: int = 0
 
     def add(self, speaker: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
-        """Count one network's answer on one square."""
+        """Add one network's answer about one square."""
         given, transient = with_transients(square, seed) if put_in else (square, found(square))
         if not transient.any():
             return
@@ -69,7 +70,7 @@ class Count:
         self.kept += int((image[walls] < 0.25).sum())
 
     def shares(self, put_in: bool) -> dict[str, Any]:
-        """For the results; null where there is nothing to tell."""
+        """Return the shares for the results; NaN if there are no cells."""
         of, walls = self.transient or np.nan, self.walls or np.nan
         return {
             "cells": self.transient,
@@ -81,11 +82,11 @@ class Count:
 
 
 def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDArray[np.bool_]]:
-    """A square in whose inputs there are transients, and where, (n, n).
+    """Add transients to the inputs of a square, and return it with their cells, (n, n).
 
     Args:
-        square: without.
-        seed: of their places.
+        square: square without transients.
+        seed: seed of their places.
     """
     rng = np.random.default_rng(seed)
     n = len(square.truth)
@@ -94,7 +95,7 @@ def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDAr
     clear &= np.hypot(rows, cols) * RESOLUTION >= CLEAR
     put = np.zeros((n, n), dtype=bool)
     for _ in range(PUT):
-        # What lies outside the square may be anything.
+        # Cells outside of the square count as not clear.
         room = distance_transform_edt(np.pad(clear & ~put, 1))[1:-1, 1:-1] * RESOLUTION
         places = np.argwhere(room >= CLEAR)
         if not len(places):
@@ -108,16 +109,16 @@ def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDAr
 
 
 def found(square: ScoredSquare) -> NDArray[np.bool_]:
-    """Cells of the crop seen occupied that are truly free, and away from all that is not."""
+    """Return cells of the crop observed occupied that are truly free, and far from any wall."""
     off = np.asarray(distance_transform_edt(square.truth == 0)) * RESOLUTION
     return np.asarray(square.crop.occupied & (off > OFF))
 
 
 def transients(evaluation: Evaluation) -> dict[str, Any]:
-    """Place → expansion → network → shares; kept, and not measured twice."""
+    """Measure place → expansion → network → shares, and keep them."""
     from tqdm import tqdm
 
-    # By expansion first: the networks of one are kept in memory, those of all would fill it.
+    # Ordered by expansion: the networks of one fit into memory, those of all do not.
     asked = [(x, place, one) for x in evaluation.config.expansions for place in evaluation.places
              for one in evaluation.who(x) if prints(one)]  # fmt: skip
     out: dict[str, Any] = {place: {} for place in evaluation.places}
@@ -141,7 +142,7 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _chosen(drives: list[Drive]) -> list[tuple[Drive, int]]:
-    """Frames of some drives, spread evenly."""
+    """Return frames of some drives, spread evenly."""
     every = [(drive, int(index)) for drive in drives for index in drive.chosen]
     places = np.unique(np.linspace(0, len(every) - 1, FRAMES).astype(int))
     return [every[i] for i in places]

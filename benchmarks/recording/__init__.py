@@ -1,1 +1,1 @@
-"""Recording: what a car or a robot sees on simulated drives, as samples, frames and scores."""
+"""Simulated drives recorded as training samples, as frames of data sets, and as scores."""

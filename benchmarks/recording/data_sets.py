@@ -23,12 +23,12 @@ from predictor.infra.workers import finished
 
 
 def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
-    """Make all that is missing of the simulated set, with a progress bar.
+    """Make all missing drives of the simulated set, with a progress bar.
 
     Args:
-        folder: of the set.
-        config: what is in it.
-        jobs: processes.
+        folder: folder of the set.
+        config: settings of the set.
+        jobs: number of processes.
 
     Raises:
         FramesError: if the folder holds another set.
@@ -36,7 +36,7 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     """
     drives = {drive.name: drive for drive in drives_of(config)}
     frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
-    # The longest first, so that no process is left alone with one at the end.
+    # The longest first, so that no process works alone at the end.
     todo = sorted((drives[name] for name in frames.missing), key=lambda drive: -drive.count)
     total = sum(drive.count for drive in drives.values())
     there = total - sum(drive.count for drive in todo)
@@ -50,15 +50,16 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
 
 
 def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int) -> None:
-    """Make all that is missing of a set of logs, with a progress bar, and say what was skipped.
+    """Make all missing frames of a set of logs, with a progress bar, and report what was skipped.
 
-    The set is of these logs: of one that is not named any more the file stays, but is not in it.
+    The set consists of these logs. The file of a log that is no longer named stays in the folder
+    without belonging to the set.
 
     Args:
-        folder: of the set.
-        paths: of the logs: CARMEN, or bags of ROS 1 or 2.
-        config: which topics of a bag.
-        jobs: processes.
+        folder: folder of the set.
+        paths: paths of the logs: CARMEN, or bags of ROS 1 or 2.
+        config: topics to read from a bag.
+        jobs: number of processes.
 
     Raises:
         FramesError: if the folder holds another set.

@@ -34,17 +34,17 @@ class EvaluateError(LineError):
 
 
 def group_of(place: str) -> str:
-    """What a family or a map file is reported under: its family, or its folder."""
+    """Return the group in which a family or a map file is reported: the family, or its folder."""
     path = Path(place)
     return path.resolve().parent.name if path.suffix else place
 
 
 class Evaluation:
-    """A folder of scores that grows drive by drive.
+    """A folder of scores, one part for each drive.
 
     Args:
-        config: what is scored.
-        out: the folder.
+        config: settings of the evaluation.
+        out: folder of the evaluation.
 
     Raises:
         EvaluateError: if the folder holds an evaluation with other settings.
@@ -57,7 +57,7 @@ class Evaluation:
         if len(set(places)) < len(places) or len(set(config.predictors)) < len(config.predictors):
             raise EvaluateError("--world and --predictors want each name once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
-        # Scores of other weights are other scores, whatever the weights' name.
+        # Scores depend on the weights, whatever their name.
         prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
         kept = asdict(config) | {"weights": prints, "measures": MEASURES}
         self.settings = mine = json.loads(json.dumps(kept))
@@ -124,7 +124,7 @@ class Evaluation:
         }
         learned = [group for group in groups if group in LEARNED]
         if len(learned) > 1:
-            # One family may look like another; what is then true of both is true of neither.
+            # Scores of all learned families together, since families may resemble each other.
             pooled = {name: Scores() for name in names}
             for group in learned:
                 for name in names:
@@ -144,7 +144,7 @@ class Evaluation:
         return results
 
     def _read(self, item: tuple[str, int]) -> tuple[dict[str, Any], dict[str, NDArray]] | None:
-        """What is kept of a drive; None if there is nothing, or nothing that can be read."""
+        """Read the part of a drive; None if it is missing or damaged."""
         import zipfile
         import zlib
 
@@ -167,12 +167,12 @@ def _summary(
     sums: dict[str, Scores],
     families: list[dict[str, dict[str, NDArray]]],
 ) -> dict[str, Any]:
-    """A group's scores: predictor → measures.
+    """Compute the scores of a group: predictor → measures.
 
     Args:
-        facts: of each drive.
-        sums: scores of all drives, by predictor.
-        families: of each, predictor → building → `Scores.bins` of free.
+        facts: facts of each drive.
+        sums: predictor → scores of all drives.
+        families: for each family, predictor → building → `Scores.bins` of free.
     """
     import numpy as np
 
@@ -203,7 +203,7 @@ def _summary(
 
 
 def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
-    """Scores of a row; one of room says nothing of surfaces."""
+    """Compute the scores of a row; rows of room have no scores of occupied cells."""
     measures = scores.measures(rings)
     if name.endswith(RELIED):
         return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
@@ -211,7 +211,7 @@ def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
 
 
 def table(results: dict[str, Any]) -> str:
-    """The scores as Markdown: of each group of all cells, and by distance; a line a predictor."""
+    """Return the scores of each group in Markdown: of all cells, and by distance."""
     columns = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier_free",
                "brier_occupied", "nll", "ece_free", "ece_occupied", "ssim", "ms")  # fmt: skip
     parts = []
@@ -233,7 +233,7 @@ def table(results: dict[str, Any]) -> str:
 
 
 def _by_distance(predictors: dict[str, Any]) -> str:
-    """Free cells by distance beyond the frontier, of what predictors say without confidence."""
+    """Return the scores of free by distance beyond the frontier, without confidence."""
     rows: list[list[str]] = []
     for name, row in predictors.items():
         if "rings" in row and "(" not in name:

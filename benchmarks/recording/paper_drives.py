@@ -1,12 +1,12 @@
 """The paper's simulated data: drives of the project's own planner, recorded at every tick.
 
 Katyal et al. 2018: two maps with paths 3.5–10 m wide, six trajectories at 10 Hz and 0.5 m/s with a
-LIDAR of 270° and 20 m; four of them, 5,221 images, to train on and two, 1,090 images, to test on.
-Both maps have two of the four and one of the two. Added to that, each on a map of its own, are
-drives to validate on and more drives to test on.
+LIDAR of 270° and 20 m. Four of them, 5,221 images, are for training and two, 1,090 images, for
+testing; each map has two of the four and one of the two. Added to these are drives for validation
+and more test drives, each on a map of its own.
 
-Beyond the paper the buildings may be cluttered, the ranges noisy, and people may walk about whom no
-map has: what real logs have and the paper's simulation has not.
+Unlike in the paper, the buildings may be cluttered, the ranges noisy, and people may walk about who
+are in no map, as in real logs.
 """
 
 from __future__ import annotations
@@ -35,20 +35,19 @@ if TYPE_CHECKING:
     from sim.world import World
 
 FAMILY = "paper"
-"""Of the generated buildings."""
+"""Family of the generated buildings."""
 SPEED = 0.5
-"""Of the car [m/s]."""
+"""Speed of the car [m/s]."""
 FIRST_MAP, FIRST_DRIVE = 700_000, 710_000
-"""First seeds of buildings and of drives: far from those of the samples that weights learn from,
-and of all that is published."""
+"""First seeds of buildings and of drives; training samples and published results use others."""
 PATH_EVERY = 40
-"""Ticks from one path to the next: 2 m at this speed. A path costs as much time as ten ticks."""
+"""Ticks from one path search, which takes as long as ten ticks, to the next: 2 m at this speed."""
 PER_SPLIT = 1_000
-"""Seeds of buildings that each split has."""
+"""Number of seeds of buildings for each split."""
 TRIES = 20
-"""Seeds that each drive has."""
+"""Number of seeds for each drive."""
 CIRCLES = 1.5, 40.0
-"""A car that has turned round this often within this time [s] has lost its way: it circles."""
+"""Turns of a car within a time [s] from which on it counts as going round in circles."""
 
 
 class DriveError(LineError):
@@ -60,11 +59,11 @@ class Drive:
     """One trajectory of the set.
 
     Attributes:
-        name: of its file.
-        split: that it belongs to.
-        map_seed: of its building.
-        seed: of its task, the first that is tried.
-        count: frames.
+        name: name of its file.
+        split: split that it belongs to.
+        map_seed: seed of its building.
+        seed: seed of its task, the first that is tried.
+        count: number of frames.
     """
 
     name: str
@@ -75,13 +74,13 @@ class Drive:
 
 
 def settings_of(config: SimulatedConfig) -> dict[str, Any]:
-    """All that decides the frames of a set."""
+    """Return all settings that decide the frames of a set."""
     return asdict(config) | {"family": FAMILY, "speed": SPEED, "tick": TICK,
                              "first_map": FIRST_MAP, "first_drive": FIRST_DRIVE}  # fmt: skip
 
 
 def check_apart(about: list[dict[str, Any]]) -> None:
-    """Make sure that drives to tune on, or to test on besides the paper's, share no building.
+    """Check that validation drives and the further test drives share no building with others.
 
     Raises:
         FramesError: if one does.
@@ -96,14 +95,14 @@ def check_apart(about: list[dict[str, Any]]) -> None:
 
 
 def drives_of(config: SimulatedConfig) -> list[Drive]:
-    """All trajectories of a set."""
+    """Return all trajectories of a set."""
     shares = {"train": _shared(config.train, 4), "test": _shared(config.test, 2),
               "more": [config.length] * config.more,
               "validation": [config.length] * config.validation}  # fmt: skip
     drives = []
     for place, (split, counts) in enumerate(shares.items()):
         for number, count in enumerate(counts):
-            # The paper's six are on two maps; each of the others has its own.
+            # The six drives of the paper are on two maps; each of the others has a map of its own.
             paper = split in ("train", "test")
             map_seed = FIRST_MAP + (number % 2 if paper else place * PER_SPLIT + number)
             seed = FIRST_DRIVE + TRIES * (place * PER_SPLIT + number)
@@ -112,10 +111,10 @@ def drives_of(config: SimulatedConfig) -> list[Drive]:
 
 
 def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str, Any]:
-    """Drive, record, and write the trajectory's file; what the manifest is to say of it.
+    """Drive, record and write a trajectory, and return its facts for the manifest.
 
     Raises:
-        DriveError: if every seed of the drive led to an end before the last frame.
+        DriveError: if with every seed the drive ended before the last frame.
     """
     import numpy as np
 
@@ -143,13 +142,13 @@ def driven(
     """Drive from goal to goal until there are enough frames.
 
     Args:
-        world: where.
-        seed: of the task, the path search, the noise and the people.
-        count: frames.
-        config: the LIDAR's noise, and how many people walk about.
+        world: building to drive through.
+        seed: seed of the task, the path search, the noise and the people.
+        count: number of frames.
+        config: noise of the LIDAR, and number of people.
 
     Returns:
-        The frames, and why the drive ended before they were enough: None if it did not.
+        The frames, and why the drive ended too early; None if it did not.
 
     Raises:
         NoTaskError: if the building has no way that long.
@@ -157,9 +156,9 @@ def driven(
     import numpy as np
 
     car, lidar = DubinsCar(CarLimits(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
-    # Streams of their own: who walks where does not hang on the noise.
+    # Separate streams, so that the people do not depend on the noise.
     noise, crowds = (np.random.default_rng([seed, stream]) for stream in (2, 3))
-    # The route is longer than the drive: the car does not slow down for a goal.
+    # The route is longer than the drive, so that the car does not slow down for the goal.
     length = SPEED * TICK * count + 10.0
     first = sample_task(world, seed, car.limits, max_length=LONGEST_LEG)
     task = prolonged(first, length, car.limits)
@@ -196,5 +195,5 @@ def driven(
 
 
 def _shared(total: int, among: int) -> list[int]:
-    """A number of frames, shared out as evenly as can be."""
+    """Split a number of frames as evenly as possible."""
     return [total // among + (number < total % among) for number in range(among)]

@@ -1,10 +1,9 @@
-"""A robot's log as simulation has it: what a physical set would hold, of a generated building.
+"""Simulated logs of a robot in a generated building.
 
 The logs of docs/datasets.md differ from the paper's simulation in more than the buildings. Their
-LIDAR sees 180°, in beams half a degree or a degree apart; what was kept of them are scans up to a
-metre apart; people walk through them; and what they call the truth is a map made of those very
-scans, in which most of what lies behind a door was never seen. A network that is to predict such
-maps can be shown such maps.
+LIDAR sees 180°, in beams half a degree or a degree apart. Their scans are up to a metre apart, and
+people walk through them. Their truth is a map made of the same scans, in which most rooms behind
+doors are missing. Networks that predict such maps can be trained on logs simulated here.
 """
 
 from __future__ import annotations
@@ -23,21 +22,21 @@ from sim.people import People
 from sim.task import Task
 
 ROBOT = CarLimits(v_max=0.5, turning_radius=0.3, body=Body(0.4, 0.4))
-"""Which way such a robot could go: through any door, and round in any room."""
+"""A car that fits through any door and turns in any room, for planning the robot's way."""
 LOOK = 0.2
-"""Longest that people walk before they look where they are going [s]."""
+"""Longest time that people walk before they choose their direction again [s]."""
 
 
 @dataclass(frozen=True)
 class LogConfig:
-    """How a log is made; each log draws its own from these.
+    """Settings of simulated logs; each log draws its own values from them.
 
     Attributes:
-        beams: of a scan over 180°.
-        apart: shortest and longest way from one scan to the next [m].
+        beams: number of beams of a scan over 180°.
+        apart: shortest and longest distance from one scan to the next [m].
         noise: standard deviation of the ranges [m].
-        dropout: share of the beams that nothing came back of.
-        people: who walk about, on a square metre of floor [1/m²].
+        dropout: share of beams without a return.
+        people: number of people walking per area of floor [1/m²].
         misplaced: standard deviation of the poses, each coordinate [m].
         misturned: standard deviation of the headings [rad].
     """
@@ -54,12 +53,12 @@ class LogConfig:
 def simulated_log(
     tasks: list[Task], rng: np.random.Generator, config: LogConfig | None = None
 ) -> LaserLog:
-    """Take a robot through a building, and log what its LIDAR sees.
+    """Move a robot through a building, and log what its LIDAR sees.
 
     Args:
         tasks: ways through one building, one after the other.
-        rng: decides all that is drawn.
-        config: what is drawn from.
+        rng: generator of all random values.
+        config: settings that values are drawn from.
     """
     config = config or LogConfig()
     lidar = Lidar(LidarConfig(fov=math.pi, beams=int(rng.choice(config.beams)), mount=(0, 0, 0),
@@ -80,18 +79,17 @@ def simulated_log(
     misplaced = float(rng.choice(config.misplaced))
     sigmas = np.array([misplaced, misplaced, config.misturned if misplaced else 0.0])
     logged = poses + sigmas * rng.standard_normal(poses.shape)
-    # A building's walls lie on the edges of its cells; those of a log lie anywhere, and so do those
-    # of the map that is made of it.
+    # The walls of a generated building lie on the edges of cells; those of a real log lie anywhere.
     logged[:, :2] += rng.uniform(0.0, world.grid.frame.resolution, 2)
     return LaserLog(world.name, tuple(scans), logged, None)
 
 
 def poses_along(points: NDArray[np.float64], apart: float) -> NDArray[np.float64]:
-    """Poses (n, 3) along a way of points (m, 2), looking ahead, so far apart [m]."""
+    """Return poses (n, 3) along a way of points (m, 2), a distance apart [m], facing ahead."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     at = np.arange(0.0, along[-1], apart)
-    # Looks to where it will be a little later, so that it turns before a bend and not at it.
+    # The robot faces where it will be a metre later, so that it turns before a bend.
     here, there = (
         np.stack([np.interp(where, along, points[:, axis]) for axis in (0, 1)], axis=1)
         for where in (at, np.minimum(at + 1.0, along[-1]))

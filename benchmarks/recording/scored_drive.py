@@ -1,4 +1,4 @@
-"""One drive, scored: what predictors say along it of what the car has not seen yet."""
+"""The scores of predictors along one drive, on what the car has not observed yet."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from sim import LidarConfig
 from sim.task import NoTaskError
 
 BLANK = "grey"
-"""In the tables: an image that is grey all over, for comparing SSIM."""
+"""Name of an image that is all grey, in the tables, for comparing SSIM."""
 TRUSTED = " (c·p)"
-"""After a predictor's name: its probabilities times its confidence."""
+"""Suffix of a predictor's name: its probabilities times its confidence are scored."""
 RELIED = " (room)"
-"""After a predictor's name: confidence · p_free, as a planner relies upon it, scored not against
-whether a cell is free, but whether it lies in a free square as wide as the car."""
+"""Suffix of a predictor's name: confidence · p_free, which the planner uses, is scored as the
+probability that a cell lies in a free square as wide as the car."""
 
 
 MEASURES = 2
-"""What is measured; another number when a measure changes its meaning."""
+"""Version of the measures; it changes when the meaning of one does."""
 
 
 def score_drive(
     config: EvaluateConfig, item: tuple[str, int]
 ) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
-    """Plain facts of one drive, and its scores by name; or a line why there was no drive.
+    """Score one drive, and return its facts and arrays, or a line that says why there is no drive.
 
     Args:
-        config: what.
-        item: a family or a map file, and a seed.
+        config: settings of the evaluation.
+        item: family or map file, and seed.
 
     Raises:
         BadPredictionError: if a predictor breaks its contract, or raises.
@@ -69,7 +69,7 @@ def score_drive(
         crop = known.crop(square)
         ring = rings_of(crop)
         free, occupied = world.truth(square)
-        # Opened, in the sense of morphology; what lies outside the square counts as free.
+        # Morphological opening; cells outside of the square count as free.
         room = binary_opening(np.pad(free, REACH, constant_values=True), square_of_a_car)
         room = room[REACH:-REACH, REACH:-REACH]
         true_image = TERNARY[truth_codes(free, occupied)]
@@ -104,7 +104,7 @@ def score_drive(
 
 
 def rows_of(config: EvaluateConfig) -> list[str]:
-    """What is scored: each predictor in three ways."""
+    """Return the names of the rows: each predictor is scored in three ways."""
     return [name + end for name in config.predictors for end in ("", TRUSTED, RELIED)]
 
 

@@ -1,7 +1,7 @@
-"""Samples to learn from: the car drives through generated buildings, and its LIDAR records.
+"""Training samples, recorded on drives through generated buildings.
 
-The car drives by its own planner, without prediction. Each drive is then seen again through LIDARs
-of other windows and other noise, which costs a tenth of driving it.
+The car drives with its own planner, without prediction. Each drive is then replayed with LIDARs of
+other windows and other noise, which takes a tenth of the time of driving.
 """
 
 from __future__ import annotations
@@ -43,27 +43,27 @@ if TYPE_CHECKING:
     from sim.world import World
 
 SPLITS = {"train": 1_200_000, "validation": 520_000}
-"""First seed of each split. What is measured and published uses others, below 10,000 and from
-700,000 on; the 200,000 before the first and 20,000 before the second made earlier weights."""
+"""First seed of each split. Published measurements use other seeds, below 10,000 and from 700,000
+on; earlier weights used the 200,000 before the first and the 20,000 before the second."""
 WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
-"""Sides of the square that the LIDAR writes into [m], drawn from."""
+"""Sides of the square that the LIDAR writes into, drawn at random [m]."""
 JOURNEYS, APART = (1, 2, 4, 8), 2.0
-"""Of a simulated log: ways through its building, drawn from, for some robots have been through each
-door and some down one corridor; and from one of its samples to the next [m]."""
+"""Number of ways through the building of a simulated log, drawn at random, since some robots visit
+each room and some one corridor; and distance from one sample to the next [m]."""
 SPREAD = 10_000_000
-"""From the seed of one of them to the next: no split has as many."""
+"""Difference of seeds from one way to the next, larger than any split."""
 
 
 class DrivesError(LineError):
-    """Samples cannot be made; the message is one line."""
+    """The samples cannot be made; the message is one line."""
 
 
 def record(config: DrivesConfig, item: tuple[str, int]) -> int:
-    """Make one drive's samples and write them; the number of samples.
+    """Make and write the samples of one drive, and return their number.
 
     Args:
-        config: how.
-        item: a split, and which of its drives.
+        config: settings of the set.
+        item: split, and number of the drive in it.
     """
     import numpy as np
 
@@ -72,7 +72,7 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     rng = np.random.default_rng(seed)
     family = config.families[number % len(config.families)]
     drawn = generate(family, seed)
-    # Half as they are: where they differ from what it learned, the network is ill calibrated.
+    # Half of the buildings are varied, since the network is calibrated only on what it has learned.
     world = varied(drawn, rng) if rng.random() < 0.5 else drawn
     make = _logged if config.logs else _driven
     try:
@@ -89,13 +89,13 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
 def _driven(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
 ) -> Iterator[bytes]:
-    """A drive's samples, of which the building is the truth.
+    """Yield the samples of a drive, with the building as truth.
 
     Raises:
         NoTaskError: if there is nowhere to drive.
     """
     task = sample_task(world, seed)
-    # Half the drives rely on all that was not seen occupied: faster, and they end otherwise.
+    # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
     window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
     states = driven(task, window, risk, rng, config.longest)
     for _ in range(config.views):
@@ -113,12 +113,12 @@ def _driven(
 def _logged(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
 ) -> Iterator[bytes]:
-    """A log's samples, of which the map of the whole log is the truth.
+    """Yield the samples of a simulated log, with the map of the whole log as truth.
 
     Raises:
         NoTaskError: if there is nowhere to drive.
     """
-    # All but the first may be missing: from some starts there is no way that long.
+    # All ways but the first may be missing: from some starts there is none of that length.
     tasks = [sample_task(world, seed, ROBOT)]
     for number in range(1, int(rng.choice(JOURNEYS))):
         with contextlib.suppress(NoTaskError):
@@ -136,7 +136,7 @@ def _logged(
             known.integrate(scan, pose)
             gone += math.dist(pose[:2], log.poses[max(number - 1, 0), :2])
             if gone >= APART:
-                # What is over is kept, but for the jump from one way to the next.
+                # The remainder is carried over, except for the jump from one way to the next.
                 gone %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = codes_of(truth.crop(square).cells)
@@ -150,14 +150,14 @@ def driven(
     rng: np.random.Generator,
     longest: float | None = None,
 ) -> NDArray[np.float64]:
-    """The states (T, 4) of a drive without prediction.
+    """Drive without prediction, and return the states (T, 4).
 
     Args:
-        task: where.
-        window: of the LIDAR [m].
-        risk: 0: careful; 1: relying on all that was not seen occupied.
-        rng: noise of the LIDAR.
-        longest: the drive is broken off after this [s]; None: it goes on to its end.
+        task: building, start and goal.
+        window: window of the LIDAR [m].
+        risk: 0: unobserved cells count as occupied; 1: as free.
+        rng: generator of the LIDAR's noise.
+        longest: time after which the drive is stopped [s]; None: never.
     """
     import numpy as np
 
@@ -180,9 +180,9 @@ def seen_again(
     every: int,
     first: int = 0,
 ) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """A drive through another LIDAR: what is known, and the state, every few ticks.
+    """Replay a drive with another LIDAR, and yield the map so far and the state every few ticks.
 
-    The grid is one and grows; take from it what is to be kept.
+    The map is the same object each time and grows; copy what is to be kept.
     """
     known, sensor = task.blank(window), Lidar(lidar)
     known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
@@ -193,12 +193,12 @@ def seen_again(
 
 
 def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
-    """Where a drive's samples are."""
+    """Return the path of a drive's samples."""
     return config.out / item[0] / f"{item[1]:06d}.npz"
 
 
 def make(config: DrivesConfig, jobs: int) -> None:
-    """Make all that is missing of a set, with a progress bar.
+    """Make all missing samples of a set, with a progress bar.
 
     Raises:
         DrivesError: if the folder holds samples that were made in another way.
@@ -217,7 +217,7 @@ def make(config: DrivesConfig, jobs: int) -> None:
 
 
 def _claim(config: DrivesConfig) -> None:
-    """Make the folders, and see to it that one folder holds samples of one recipe."""
+    """Make the folders, and refuse a folder with samples made with other settings."""
     if (config.out / MANIFEST).exists():
         raise DrivesError(f"{config.out} holds frames of predictor.dataset: choose another folder")
     for split in SPLITS:

@@ -30,21 +30,21 @@ POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceS
          "nav_msgs/msg/Odometry")  # fmt: skip
 STATIC = "/tf_static"
 POSED = "(pose topic)"
-"""What the frame is called here that a pose topic gives poses in."""
+"""Name given here to the frame that a pose topic's poses are in."""
 MAX_METADATA = 1_000_000
-"""Of a ROS 2 bag; a larger one is refused [bytes]."""
+"""Largest metadata file of a ROS 2 bag that is read [bytes]."""
 LEVEL = math.cos(math.radians(10.0))
-"""Cosine of how far a laser may lean and still count as level."""
+"""Cosine of the largest tilt at which a laser counts as level."""
 
 
 @dataclass(frozen=True)
 class BagConfig:
-    """What to read of a bag; None: the only one that there is.
+    """Topics to read from a bag.
 
     Attributes:
-        scans: topic of the scans.
-        poses: topic of the poses; None: /tf if that knows the map, else the only pose topic.
-        map_frame: frame of /tf that poses are wanted in.
+        scans: topic of the scans; None: the only one.
+        poses: topic of the poses; None: /tf if it knows the map frame, else the only pose topic.
+        map_frame: frame of /tf that poses are given in.
     """
 
     scans: str | None = None
@@ -53,7 +53,7 @@ class BagConfig:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path looks like a bag: a file .bag or .mcap or .db3, or a folder of ROS 2."""
+    """Return whether a path is a bag: a file .bag, .mcap or .db3, or a folder of ROS 2."""
     return path.suffix in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file()
 
 
@@ -61,12 +61,12 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
     """Read all scans of a bag that have a pose.
 
     Args:
-        path: of the file, or of a ROS 2 bag's folder.
-        config: which topics.
+        path: path of the file, or of a ROS 2 bag's folder.
+        config: topics to read.
 
     Raises:
-        LogError: if rosbags is not installed, the bag cannot be read, or has no scans, no poses,
-            or several and nobody said which.
+        LogError: if rosbags is not installed, the bag cannot be read, it has no scans or no poses,
+            or several topics of them and `config` names none.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -78,15 +78,15 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
     described = path / "metadata.yaml"
     try:
         if described.is_file():
-            # rosbags would expand whatever it says.
+            # Checked first, since rosbags would expand any YAML.
             read_yaml(described, MAX_METADATA)
-        # Old bags of ROS 2 do not say how their messages are laid out.
+        # Old ROS 2 bags do not contain the layout of their messages.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_FOXY)) as reader:
             return _Bag(path, reader, config or BagConfig()).log()
     except LogError:
         raise
     except Exception as error:
-        # rosbags raises whatever the first wrong byte makes it.
+        # On a damaged file rosbags raises exceptions of any kind.
         line = (str(error) or type(error).__name__).splitlines()[0]
         raise LogError(f"{path} cannot be read as a bag: {line}") from error
 
@@ -116,14 +116,14 @@ class _Bag:
         poses = np.column_stack([positions[:, :2], yaw])
         order = np.argsort(times, kind="stable")
         order = order[known[order]]
-        # Hung upside down, it turns the other way round.
+        # A laser mounted upside down turns the other way round.
         kept = [scans[i] if matrices[i, 2, 2] > 0 else _mirrored(scans[i]) for i in order]
         skipped = {"bad ranges": bad, "scans without a pose": int((~known).sum())}
         name = self.path.name.removesuffix(self.path.suffix)
         return LaserLog(name, tuple(kept), poses[order], times[order], skipped)
 
     def _scans(self) -> tuple[list[Scan], NDArray[np.float64], str, int]:
-        """The scans, their times [s], the laser's frame, and how many ranges were bad."""
+        """Read the scans, their times [s], the laser's frame, and the number of bad ranges."""
         topic = self._chosen(self.config.scans, (SCAN,), "scans", "--scans")
         scans, times, bad, frame = [], [], 0, ""
         for message in self._messages(topic):
@@ -157,7 +157,7 @@ class _Bag:
         return transforms
 
     def _source(self, transforms: Transforms, laser: str) -> str:
-        """The frame that poses are wanted in; one that a pose topic gives is entered."""
+        """Return the frame that poses are given in, and add the poses of a pose topic."""
         root, wanted = self.config.map_frame, self.config.poses
         by_transforms = root in transforms.chain(laser)
         if wanted is None and by_transforms:
@@ -170,7 +170,7 @@ class _Bag:
             return root
         topic = self._chosen(wanted, POSES, "poses", "--poses")
         robot = transforms.carrier(laser)
-        # What /tf says of the robot is another's word for the same.
+        # The pose topic replaces what /tf says about the robot.
         transforms.edges.pop(robot, None)
         for message in self._messages(topic):
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
@@ -180,10 +180,10 @@ class _Bag:
         return POSED
 
     def _chosen(self, wanted: str | None, kinds: tuple[str, ...], what: str, flag: str) -> str:
-        """The topic asked for, else the only one of some kinds.
+        """Return the topic asked for, else the only one of some kinds.
 
         Raises:
-            LogError: if there is none, or several; it lists the topics that there are.
+            LogError: if there is none, or several; the message lists all topics.
         """
         have = ", ".join(f"{t} ({kind})" for t, kind in sorted(self.kinds.items())) or "none"
         fitting = [topic for topic, kind in sorted(self.kinds.items()) if kind in kinds]

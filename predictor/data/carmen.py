@@ -6,7 +6,7 @@ A scan is a line
 
 of n ranges [m] and the pose of the laser [m, m, rad], which is the corrected one where somebody
 has corrected the log. All other lines are passed over. The line does not say where the beams
-look, nor from which range on there was no return: a file of the log's name that ends in .json may,
+look, nor from which range on there was no return. A file of the log's name with .json may,
 
     {"angle_min_deg": -90.0, "angle_inc_deg": 0.5, "no_return_at_or_above_m": 80.0,
      "timestamps_usable": true}
@@ -32,23 +32,23 @@ from predictor.infra.plain_json import loads
 from predictor.mapping.scan import Scan
 
 NO_RETURN = 80.0
-"""A SICK's answer where nothing came back [m]."""
+"""Range from which on a SICK had no return [m]."""
 HALF_DEGREE = 300
-"""From this many beams on they are half a degree apart, not a degree."""
+"""Number of beams from which on they are half a degree apart, not a degree."""
 ENDINGS = (".log", ".clf", ".carmen")
-"""Of a log's file, before .gz; in a folder of logs all such files are logs."""
+"""Endings of a log's file before .gz; in a folder of logs all such files are logs."""
 COMMON = (180, 181, 360, 361)
-"""Beams of a SICK's scan."""
+"""Usual numbers of beams of a SICK's scan."""
 
 
 @dataclass(frozen=True)
 class Sidecar:
-    """What a log's own lines do not say; None: nobody has said it.
+    """Facts that the lines of a log do not contain; None: unknown.
 
     Attributes:
         angle_min: direction of the first beam [rad].
         angle_increment: from one beam to the next [rad].
-        no_return: ranges at or above this are none [m].
+        no_return: range from which on there was no return [m].
         clock: whether the times can be used.
     """
 
@@ -94,7 +94,7 @@ class Sidecar:
 
 
 def name_of(path: Path) -> str:
-    """A log's name without its endings."""
+    """Return the name of a log without endings."""
     name = path.name.removesuffix(".gz")
     for ending in (*ENDINGS, ".txt"):
         name = name.removesuffix(ending)
@@ -102,15 +102,15 @@ def name_of(path: Path) -> str:
 
 
 def sidecar_of(path: Path) -> Path:
-    """Where the file beside a log is, if there is one."""
+    """Return the path of the .json file beside a log, which may be missing."""
     return path.with_name(name_of(path) + ".json")
 
 
 def read_carmen(path: Path) -> LaserLog:
-    """Read a log whole.
+    """Read a whole log.
 
-    A range that is negative or not a number says nothing and is counted. Everything else that is
-    wrong is an error, since nothing after it can be trusted.
+    A range that is negative or NaN says nothing and is counted. Any other fault is an error, since
+    the lines after it cannot be trusted.
 
     Raises:
         LogError: if the log is cut off or damaged, or has no FLASER line.

@@ -32,21 +32,21 @@ WINDOW = 5.0
 
 
 class FrameSet:
-    """The folder of a set that is being made.
+    """The folder of a data set that is being made.
 
-    The manifest is written whenever a trajectory is done, from the first one on. A set whose making
-    was killed goes on where it was; one may grow and shrink by trajectories.
+    The manifest is written after each trajectory, so that the next run continues if the process was
+    killed. A set may also grow and shrink by trajectories.
 
     Args:
-        folder: made if need be.
+        folder: folder of the set; made if it is missing.
         kind: "simulated" or "physical".
-        settings: all that decides the frames, but the logs.
-        names: of the trajectories that belong to it, in order.
-        sources: fingerprints of the logs that they are made from: those made from another are
-            missing.
+        settings: all that decides the frames except the logs.
+        names: names of the trajectories that belong to the set, in order.
+        sources: fingerprints of the logs that trajectories are made from; a trajectory made from
+            another log counts as missing.
 
     Raises:
-        FramesError: if the folder holds another set, or a manifest that cannot be read.
+        FramesError: if the folder holds another set, or a damaged manifest.
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class FrameSet:
 
     @property
     def missing(self) -> list[str]:
-        """Names of the trajectories still to be made."""
+        """Names of the trajectories that are not made yet."""
         return [name for name in self.names if name not in self.done]
 
     def add(self, name: str, facts: dict[str, Any]) -> None:
-        """Enter a trajectory whose file is written; after this a kill cannot lose it."""
+        """Add a trajectory, whose file is written, to the manifest."""
         source = {"source": self.sources[name]} if name in self.sources else {}
         self.done[name] = facts | source
         self._write()
@@ -155,13 +155,13 @@ class Recording:
 def write_trajectory(
     folder: Path, name: str, arrays: dict[str, NDArray], about: dict[str, Any]
 ) -> dict[str, Any]:
-    """Write a trajectory's file, and return what the manifest is to say of it.
+    """Write a trajectory's file, and return its facts for the manifest.
 
     Args:
-        folder: of the set.
-        name: of the file, without its ending.
-        arrays: as `predictor.data.frames` says.
-        about: split, map, world and whatever else is worth knowing.
+        folder: folder of the set.
+        name: name of the file without its ending.
+        arrays: all arrays of the file, see `predictor.data.frames`.
+        about: split, map, world and other facts.
     """
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)

@@ -1,4 +1,4 @@
-"""Frames of a data set: what was seen around the car, tick by tick, and what was true there.
+"""Frames of a data set: what was observed around the car at each tick, and what is true there.
 
 The data of Katyal et al. 2018, on disk and in memory. A set is a folder:
 
@@ -53,29 +53,29 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
     "times": ("<f8", ()),
     "corners": ("<i4", (2,)),
 }
-"""What a trajectory's file holds for each frame: type and shape."""
+"""Arrays of a trajectory's file with one entry for each frame: type and shape of an entry."""
 NEEDED: dict[str, type] = {"file": str, "split": str, "map": str, "world": str, "count": int,
                            "sha256": str}  # fmt: skip
-"""What the manifest must say of a trajectory."""
+"""Facts that the manifest must give of a trajectory, with their types."""
 DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
-"""What reading a damaged archive raises."""
+"""Exceptions that reading a damaged archive raises."""
 
 
 class FramesError(LineError):
-    """A folder does not hold frames that can be read, or not those asked for; one line."""
+    """A folder holds no readable frames, or not those asked for; the message is one line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
     """The frames of a set, or of one split of it.
 
-    The images are read when they are first asked for: 50 kB a frame in memory, 2 kB on disk.
+    The images are read on first access: 50 kB per frame in memory, 2 kB on disk.
 
     Attributes:
-        folder: of the set.
-        about: of each trajectory what the manifest says: split, map, seed, count, `world` (the
+        folder: folder of the set.
+        about: facts of each trajectory from the manifest: split, map, seed, count, `world` (the
             building's hash), and more.
-        trajectory: which of them each frame is of, (n,).
+        trajectory: number of the trajectory that each frame belongs to, (n,).
         states: x, y [m], yaw [rad], v [m/s], (n, 4).
         actions: acceleration [m/s²], curvature [1/m], (n, 2).
         times: since the trajectory's beginning, or of the log's clock [s], (n,).
@@ -96,11 +96,11 @@ class Frames:
 
     @classmethod
     def load(cls, folder: Path, split: str | None = None) -> Frames:
-        """Read a set; everything is checked but the images' codes, which are when they are read.
+        """Read and check a set; the codes of the images are checked when they are read.
 
         Args:
-            folder: with the manifest.
-            split: of which only the trajectories are read; None: all.
+            folder: folder with the manifest.
+            split: split whose trajectories are read; None: all.
 
         Raises:
             FramesError: if there is no set, it is unfinished, damaged or of another format, or
@@ -131,19 +131,19 @@ class Frames:
 
     @cached_property
     def estimated(self) -> NDArray[np.uint8]:
-        """The 5 m square of what the whole LIDAR has seen, (n, 100, 100) codes."""
+        """Codes of the 5 m square as seen by the whole LIDAR, (n, 100, 100)."""
         return self._images("estimated")
 
     @cached_property
     def remembered(self) -> NDArray[np.uint8]:
-        """The 10 m square of what a LIDAR confined to the window has seen, (n, 200, 200) codes."""
+        """Codes of the 10 m square as seen by a LIDAR confined to its window, (n, 200, 200)."""
         return self._images("remembered")
 
     def truth(self, index: Any, expansion: float) -> NDArray[np.uint8]:
-        """The true square that is `expansion` times as wide as 5 m, (..., side, side) codes.
+        """Return the true square that is `expansion` times as wide as 5 m, (..., side, side) codes.
 
         Args:
-            index: of a frame, or a slice or array of several.
+            index: number of a frame, or a slice or array of several.
             expansion: 1.0 to 2.0 in steps of 0.02, so that the square has a middle.
 
         Raises:
@@ -171,7 +171,7 @@ class Frames:
         )
 
     def alone(self, number: int) -> Frames:
-        """One trajectory of these, of which alone the images are read."""
+        """Return the frames of one trajectory; only its images are read on access."""
         of_it = self.trajectory == number
         rows = {name: getattr(self, name)[of_it]
                 for name in ("states", "actions", "times", "corners")}  # fmt: skip
@@ -186,13 +186,13 @@ class Frames:
 
     @property
     def digest(self) -> str:
-        """Of all frames, in hexadecimal: other frames have another."""
+        """SHA-256 of the files of all trajectories, in hexadecimal."""
         files = "".join(facts["sha256"] for facts in self.about)
         return hashlib.sha256(files.encode()).hexdigest()
 
     @cached_property
     def _padded(self) -> list[NDArray[np.uint8]]:
-        # A square may reach beyond the map, by its own side at most.
+        # A square may reach beyond the map by at most its own side.
         return [np.pad(cells, SIDE, constant_values=NOTHING) for cells in self.maps]
 
     def _images(self, name: str) -> NDArray[np.uint8]:
@@ -213,13 +213,13 @@ class Frames:
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
+    """Return the SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a set, finished or not.
+    """Read the manifest of a set, finished or not.
 
     Raises:
         FramesError: if there is none, or it is no manifest of this format.
@@ -244,14 +244,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         for key, kind in NEEDED.items():
             if not isinstance(facts, dict) or not isinstance(facts.get(key), kind):
                 raise FramesError(f"{path} is broken: trajectory {number} has no proper {key!r}")
-        # Whoever wrote this file does not choose what else of the disk is read.
+        # The manifest must not name files outside of the folder.
         if Path(facts["file"]).name != facts["file"] or facts["count"] < 1:
             raise FramesError(f"{path} is broken: trajectory {number} has an odd file or count")
     return manifest
 
 
 def _about(folder: Path) -> list[dict[str, Any]]:
-    """What the manifest of a finished set says of each trajectory."""
+    """Return the facts of each trajectory from the manifest of a finished set."""
     manifest = read_manifest(folder)
     about: list[dict[str, Any]] = manifest["trajectories"]
     if not about or len(about) < manifest["planned"]:
@@ -261,7 +261,7 @@ def _about(folder: Path) -> list[dict[str, Any]]:
 
 
 def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray]:
-    """All of a trajectory but its images, whose types and shapes are looked at."""
+    """Read a trajectory without its images, of which types and shapes are checked."""
     if not path.is_file():
         raise FramesError(f"{path} is missing: the command that made the set makes it again")
     if checksum(path) != facts["sha256"]:
@@ -288,7 +288,7 @@ def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray]:
 
 
 def _head(path: Path, name: str) -> tuple[str, tuple[int, ...]]:
-    """Type and shape of an array in an archive, read without reading the array."""
+    """Read type and shape of an array in an archive, but not the array."""
     with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as file:
         if np.lib.format.read_magic(file) != (1, 0):
             raise ValueError(f"{name} is no array of NumPy's format 1.0")

@@ -1,4 +1,4 @@
-"""What a real robot's log comes down to: scans, and from where each was taken."""
+"""The log of a real robot: scans, and the pose of each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from predictor.infra.errors import LineError
 from predictor.mapping.scan import Scan
 
 FARTHEST = 1e7
-"""From the origin of a map [m]: what lies beyond is no place."""
+"""Largest coordinate of a pose [m]; larger ones are refused."""
 
 
 class LogError(LineError):
@@ -23,12 +23,12 @@ class LaserLog:
     """Scans of a planar LIDAR, and the corrected pose of each.
 
     Attributes:
-        name: of the site.
-        scans: in the order in which they were taken; no longer range than the sensor's own counts.
+        name: name of the site.
+        scans: scans in the order in which they were taken; each has its sensor's range.
         poses: x, y [m], yaw [rad] of the sensor at each scan, (n, 3).
-        times: of the scans [s], (n,), or None where the log's clock is of no use.
-        skipped: what was passed over, and how often: "bad ranges" (not a number, or negative),
-            "scans without a pose".
+        times: times of the scans [s], (n,); None if the log's clock cannot be used.
+        skipped: what was skipped, and how often: "bad ranges" (NaN or negative), "scans without
+            a pose".
     """
 
     name: str
@@ -51,14 +51,14 @@ class LaserLog:
 
 
 def cleaned(ranges: NDArray[np.float64], shortest: float) -> tuple[NDArray[np.float64], int]:
-    """Ranges as `Scan` wants them, and how many of them were bad.
+    """Return ranges as `Scan` wants them, and the number of bad ones.
 
-    Bad ones, NaN or negative, say nothing (NaN); neither do those below the sensor's shortest. What
-    one at or above its longest says is the reader's to decide.
+    Bad ranges (NaN or negative) and those below the sensor's shortest become NaN, which says
+    nothing. Ranges at or above the longest stay as they are.
 
     Args:
-        ranges: as they were logged [m].
-        shortest: that the sensor measures [m].
+        ranges: ranges as logged [m].
+        shortest: shortest range of the sensor [m].
     """
     bad = np.isnan(ranges) | (ranges < 0.0)
     return np.where(bad | (ranges < shortest), np.nan, ranges), int(bad.sum())

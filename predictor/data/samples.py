@@ -1,7 +1,7 @@
-"""Samples to learn from: what was known at a moment of a drive, and what was true.
+"""Training samples: what was observed at a moment of a drive, and what is true there.
 
-A folder of files, one a drive, each written whole or not at all, and read without running
-anything from it. A file is a NumPy archive:
+A folder holds one file for each drive, a NumPy archive that is written whole or not at all and
+read without running code from it:
 
     codes     (bytes,) uint8    zlib-compressed samples, one after the other
     ends      (n,) int64        where each ends in `codes`
@@ -35,7 +35,7 @@ from predictor.mapping.grid import Grid
 
 FORMAT = 2
 RECIPE = "recipe.json"
-"""Beside the splits' folders: how all samples there were made."""
+"""File beside the folders of the splits: how the samples were made."""
 SIDE = 280
 """Side of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
 CROP = 100
@@ -43,11 +43,11 @@ CROP = 100
 
 
 class SamplesError(LineError):
-    """A folder or file does not hold samples that can be read; the message is one line."""
+    """A folder or file holds no readable samples; the message is one line."""
 
 
 def quarters(yaw: float) -> int:
-    """By how many quarter turns `numpy.rot90` brings a heading [rad] to within 45° of +x."""
+    """Return how many turns of `numpy.rot90` bring a heading [rad] to within 45° of +x."""
     return round(yaw / (0.5 * np.pi)) % 4
 
 
@@ -83,8 +83,8 @@ class Samples:
 
     Attributes:
         codes: one block of bytes a drive.
-        starts: per sample, which drive, and where it begins and ends there: (n, 3).
-        about: per drive, what is known of it.
+        starts: drive of each sample, and where it begins and ends in its block: (n, 3).
+        about: facts of each drive.
     """
 
     codes: list[NDArray[np.uint8]]
@@ -96,11 +96,11 @@ class Samples:
         """Read a folder.
 
         Args:
-            folder: with the files of drives.
-            drives: how many, the first ones; None: all.
+            folder: folder with the files of drives.
+            drives: number of drives to read, from the first on; None: all.
 
         Raises:
-            SamplesError: if there is nothing, a drive between others is missing, or a file is
+            SamplesError: if there are no samples, a drive between others is missing, or a file is
                 damaged or of another format.
         """
         paths = sorted(folder.glob("*.npz"))[:drives] if folder.is_dir() else []
@@ -134,14 +134,14 @@ class Samples:
         return len(self.starts)
 
     def __getitem__(self, index: int) -> NDArray[np.uint8]:
-        """The codes of a sample, (SIDE, SIDE).
+        """Return the codes of a sample, (SIDE, SIDE).
 
         Raises:
             SamplesError: if they are damaged.
         """
         drive, begin, end = self.starts[index]
         try:
-            # No more than is wanted: a few bytes may unpack to gigabytes.
+            # Limited, since a few bytes may unpack to gigabytes.
             unpacked = zlib.decompressobj()
             cells = unpacked.decompress(self.codes[drive][begin:end].tobytes(), SIDE * SIDE + 1)
             codes = np.frombuffer(cells, dtype=np.uint8).reshape(SIDE, SIDE)
@@ -167,12 +167,12 @@ class Samples:
 
     @property
     def worlds(self) -> frozenset[str]:
-        """Hashes of the buildings, as they were driven through and as they were drawn."""
+        """Hashes of the buildings, as driven through and as generated."""
         return frozenset(str(facts[key]) for facts in self.about for key in ("world", "original"))
 
     @property
     def digest(self) -> str:
-        """Of all samples, in hexadecimal: others have another."""
+        """SHA-256 of all samples, in hexadecimal."""
         digest = hashlib.sha256(self.starts.tobytes())
         for block in self.codes:
             digest.update(block.tobytes())
@@ -180,7 +180,7 @@ class Samples:
 
 
 def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, Any]]:
-    """The codes, where each sample ends in them, and what is known of a drive.
+    """Read the codes of a drive, where each sample ends in them, and its facts.
 
     Raises:
         SamplesError: if it is of another format.
@@ -207,7 +207,7 @@ def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, 
 
 
 def check_apart(splits: dict[str, Samples]) -> None:
-    """Make sure that no building is in two splits.
+    """Check that no building is in two splits.
 
     Raises:
         SamplesError: if one is.

@@ -1,10 +1,10 @@
-"""From a log to frames: the map of all scans as truth, and what each scan found the map to be.
+"""Frames of a robot's log: the map of all scans is the truth.
 
 The truth counts, over the whole log, how many scans hit a cell and how many crossed it. A cell is
 occupied where at least a quarter of these were hits, and free where it was crossed otherwise. The
-order of the scans does not matter, so who walked past is not in the map: where a person stood for
-two scans, twenty others saw the floor. A quarter, because walls that are met at a grazing angle
-are crossed more often than hit (it is GMapping's threshold too).
+order of the scans does not matter, so people who walked past are not in the map: where a person
+stood for two scans, twenty others saw the floor. The threshold is a quarter, as in GMapping,
+because walls at a grazing angle are crossed more often than hit.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from predictor.mapping.kernels import njit
 from predictor.mapping.scan import Scan
 
 HITS = 0.25
-"""Least share of hits, of hits and crossings, in an occupied cell."""
+"""Least share of hits among hits and crossings of an occupied cell."""
 REACH = 20.0
-"""Ranges are cut off here: the paper's LIDAR [m]."""
+"""Range of the paper's LIDAR, at which longer ranges are cut off [m]."""
 LARGEST = 1000.0
-"""Extent of the poses of a log [m]; its map has 0.4 GB of cells then."""
+"""Largest extent of a log's poses [m]; its map then has 0.4 GB of cells."""
 
 
 def site_of(path: Path) -> str:
-    """What a log is called: its file's name without endings."""
+    """Return the name of a log: that of its file without endings."""
     return name_of(path) if path.is_file() and not is_bag(path) else path.stem
 
 
@@ -49,7 +49,7 @@ def logs_in(paths: list[Path]) -> list[Path]:
     with or without .gz.
 
     Args:
-        paths: of logs, and of folders of logs.
+        paths: paths of logs and of folders of logs.
 
     Raises:
         LogError: if a folder holds no log.
@@ -68,12 +68,12 @@ def logs_in(paths: list[Path]) -> list[Path]:
 
 
 def settings_of(bag: BagConfig) -> dict[str, Any]:
-    """All that decides the frames of a log, but the log."""
+    """Return all settings that decide the frames of a log."""
     return {"reach": REACH, "window": WINDOW, "hits": HITS, "bag": asdict(bag)}
 
 
 def sources_of(paths: list[Path]) -> dict[str, str]:
-    """What each log is called, and the fingerprint of all that it is made of.
+    """Return the name and the fingerprint of each log.
 
     Raises:
         LogError: if a log does not exist, or two have one name.
@@ -88,12 +88,12 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
 
 
 def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
-    """Read a log, and write its frames; what the manifest is to say of them.
+    """Read a log, write its frames, and return their facts for the manifest.
 
     Args:
-        folder: of the set.
-        bag: which topics of a bag.
-        path: of the log.
+        folder: folder of the set.
+        bag: topics to read from a bag.
+        path: path of the log.
 
     Raises:
         LogError: if it cannot be read.
@@ -109,12 +109,12 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
 
 
 def record(log: LaserLog) -> Recording:
-    """All frames of a log, one a scan.
+    """Return the frames of a log, one for each scan.
 
-    Speed and actions are NaN, for a log has neither; times are NaN where it has no clock.
+    Speed and actions are NaN, since a log has neither; times are NaN if it has no clock.
 
     Raises:
-        LogError: if the log's map is empty, or no building.
+        LogError: if the log's map has no free cell, or is too large for a building.
     """
     frame = frame_around(log.poses, REACH)
     scans = [clipped(scan, REACH) for scan in log.scans]
@@ -133,14 +133,14 @@ def record(log: LaserLog) -> Recording:
 
 
 def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The map of a whole log as codes, (rows, columns): 0 free, 1 surface, 2 never seen.
+    """Return the map of a whole log as codes, (rows, columns).
 
-    What is occupied with nothing free around it is no surface: it is 2, as inside walls.
+    Occupied cells without a free neighbour are no surface: they are 2, like the inside of walls.
 
     Args:
-        frame: where the map lies.
-        scans: all of the log.
-        poses: of each, (n, 3).
+        frame: frame of the map.
+        scans: all scans of the log.
+        poses: pose of each scan, (n, 3).
     """
     hits, crossings = (np.zeros(frame.shape, dtype=np.int32) for _ in range(2))
     for scan, pose in zip(scans, poses, strict=True):
@@ -164,10 +164,10 @@ def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) ->
 
 
 def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
-    """A frame that holds all that a LIDAR of a reach [m] can see from some poses (n, 3).
+    """Return a frame around all that a LIDAR of a reach [m] can see from some poses (n, 3).
 
     Raises:
-        LogError: if they lie so far apart that no building holds them.
+        LogError: if the poses lie farther apart than in any building.
     """
     extent = float(np.ptp(poses[:, :2], axis=0).max())
     if extent > LARGEST:
@@ -180,12 +180,12 @@ def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
 
 
 def clipped(scan: Scan, reach: float) -> Scan:
-    """A scan of which ranges beyond a reach [m] count as free up to there."""
+    """Return a scan whose ranges beyond a reach [m] count as free up to it."""
     return replace(scan, range_max=min(reach, scan.range_max))
 
 
 def _fingerprint(path: Path) -> str:
-    """Of all that a log is made of: its file, or its folder's, and the file beside it."""
+    """Return the SHA-256 of a log: of its file or folder, and of the file beside it."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     beside = sidecar_of(path)
     digests = [checksum(file) for file in [*files, *([beside] if beside.is_file() else [])]]

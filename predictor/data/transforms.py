@@ -1,4 +1,4 @@
-"""Where one frame of a robot lies in another, at any time: ROS's tree of transforms."""
+"""The tree of transforms of ROS (tf): where one frame lies in another at any time."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 LONGEST_GAP = 1.0
-"""Between two transforms that are interpolated [s]: in a longer one a robot may go anywhere."""
+"""Longest time between two transforms that are interpolated [s]."""
 MOST_FRAMES = 50
-"""Of a chain; a longer one runs in a circle."""
+"""Longest chain of frames; a longer one is a loop."""
 
 
 @dataclass
@@ -19,11 +19,11 @@ class Edge:
     """The transforms from a parent to one child; a fixed one holds at all times.
 
     Attributes:
-        parent: the frame that it is given in.
-        fixed: whether it holds at all times.
-        times: [s].
-        positions: x, y, z [m].
-        turns: quaternions x, y, z, w.
+        parent: frame that the transforms are given in.
+        fixed: whether the last one holds at all times.
+        times: times of the transforms [s].
+        positions: x, y, z of each [m].
+        turns: quaternion x, y, z, w of each.
     """
 
     parent: str
@@ -33,7 +33,7 @@ class Edge:
     turns: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     def at(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], Rotation, NDArray]:
-        """Positions (n, 3), rotations, and whether they are known at each time (n,)."""
+        """Return positions (n, 3), rotations, and whether they are known at each time (n,)."""
         if self.fixed:
             count = len(times)
             turn = Rotation.from_quat(np.tile(self.turns[-1], (count, 1)))

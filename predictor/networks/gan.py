@@ -1,7 +1,7 @@
 """gan: the U-Net of `unet_ff`, trained against a discriminator (Isola et al. 2017, pix2pix).
 
-The discriminator looks at a pair, what was given and what is claimed to be true, and says of each
-patch whether it is. It is pix2pix's for patches of 286 × 286, whose widths the paper prints:
+The discriminator sees a pair, the input and an image that may be true or generated, and classifies
+each patch. It is pix2pix's for patches of 286 × 286, whose widths the paper prints:
 
     pair    (B,   2, 256, 256)
     c1      (B,  64, 128, 128)        4 × 4, stride 2, not normalised
@@ -25,15 +25,15 @@ from torch import Tensor, nn
 from predictor.networks.normalisation import norm_of
 
 L1_WEIGHT = 100.0
-"""Of the L1 loss beside the adversarial one: pix2pix's, for the paper gives none."""
+"""Weight of the L1 loss beside the adversarial one, from pix2pix; the paper gives none."""
 
 
 class Discriminator(nn.Module):
     """See the head of this file.
 
     Args:
-        side: of the images [pixels], a power of two, at least 16.
-        width: factor of all channels.
+        side: side of the images [pixels], a power of two, at least 16.
+        width: factor of the number of channels.
         over: what is normalised over, see `predictor.networks.normalisation`.
     """
 
@@ -50,11 +50,11 @@ class Discriminator(nn.Module):
         self.layers = nn.Sequential(*layers)
 
     def forward(self, given: Tensor, claimed: Tensor) -> Tensor:
-        """Logits (B, 1, 6, 6) that two images (B, 1, side, side) are what was given and true."""
+        """Return logits (B, 1, 6, 6) that images (B, 1, side, side) are an input and its truth."""
         out: Tensor = self.layers(torch.cat([given, claimed], dim=1))
         return out
 
 
 def judged(logits: Tensor, true: bool) -> Tensor:
-    """The loss of taking patches for true, or for false: binary cross-entropy."""
+    """Return the binary cross-entropy of patches that are true, or that are not."""
     return F.binary_cross_entropy_with_logits(logits, torch.full_like(logits, float(true)))

@@ -1,7 +1,7 @@
-"""Maps as grey images: free white, +1; not known grey, 0; occupied black, -1.
+"""Maps as grey images: free is white, +1; unobserved is grey, 0; occupied is black, -1.
 
-What a network is given and what it is asked for are images of the same square, so that what is
-known lies where it is asked for again, and the skips of a U-Net carry it.
+Input and target of a network are images of the same square, so that an observed cell is at the
+same place in both, and the skip connections of a U-Net can copy it.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from predictor.data.squares import GREYS
 
 
 def image_of(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
-    """The image (..., side, side) of maps (..., n, n), nearest neighbour.
+    """Return the images (..., side, side) of maps (..., n, n), by nearest neighbour.
 
-    Where several cells make one pixel, occupied wins over not known, and that over free: no wall
-    is lost, and nothing unknown turns free.
+    Where several cells make one pixel, occupied wins over unobserved, and that over free: no wall
+    is lost, and nothing unobserved becomes free.
 
     Args:
         codes: 0 free, 1 occupied, 2 unobserved, see `predictor.data.squares`.
-        side: of the image [pixels].
+        side: side of the image [pixels].
     """
     n = codes.shape[-1]
     if side >= n:
@@ -33,11 +33,11 @@ def image_of(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
 
 
 def pixels_of(n: int, side: int) -> NDArray[np.intp]:
-    """The row of an image of `side` pixels in which the middle of each of n rows of cells lies."""
+    """Return the row of pixels, of `side`, that holds the middle of each of n rows of cells."""
     return ((np.arange(n) + 0.5) * (side / n)).astype(np.intp)
 
 
 def cells_of(image: NDArray, n: int) -> NDArray:
-    """The pixel of each cell's middle: images (..., side, side) back to (..., n, n)."""
+    """Return the pixel at each cell's middle: from images (..., side, side) back to (..., n, n)."""
     pixels = pixels_of(n, image.shape[-1])
     return image[..., pixels[:, None], pixels]

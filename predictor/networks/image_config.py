@@ -1,6 +1,6 @@
-"""What decides a network of the paper and its training, and the presets.
+"""Settings of the paper's networks and of their training, and the presets.
 
-Nothing heavy is imported here: the command line is built from it.
+Nothing heavy is imported here, since command lines are built from it.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import Any
 from predictor.networks import ARCHITECTURES
 
 GIVEN = ("crop", "window")
-"""What a network may be given: the 5 m crop alone, as in the paper, or all that was seen inside
-its expanded square."""
+"""Inputs of a network: the 5 m crop alone, as in the paper, or all that was observed inside the
+expanded square."""
 SIDES = (64, 128, 256)
-"""Of images [pixels]."""
+"""Sides of images [pixels]."""
 OVER = ("image", "batch")
-"""What channels are normalised over, see `predictor.networks.normalisation`."""
+"""Ways to normalise channels, see `predictor.networks.normalisation`."""
 EXPANSIONS = (1.1, 1.3, 1.5, 1.7, 2.0)
-"""That the paper trains for."""
+"""Expansions that the paper trains for."""
 WINDOW = 5.0
 """Side of the crop that is expanded [m]."""
 
@@ -29,13 +29,13 @@ class ImageConfig:
 
     Attributes:
         arch: one of `ARCHITECTURES`.
-        expansion: of the 5 m crop.
+        expansion: width of the predicted square divided by that of the 5 m crop.
         given: one of `GIVEN`.
-        width: factor of all channels; 1 is the paper's.
-        side: of the images [pixels]; 256 is what the paper's 8 layers need.
+        width: factor of the number of channels; 1 in the paper.
+        side: side of the images [pixels]; the paper's 8 layers need 256.
         over: one of `OVER`.
-        turned: whether maps are turned by quarters before, so that the robot looks along +x to
-            within 45°, as in the samples of drives; the paper's frames are not.
+        turned: whether maps are rotated by quarter turns so that the robot faces +x to within 45°,
+            as in samples of drives; frames are not rotated.
     """
 
     arch: str = "unet_ff"
@@ -70,26 +70,26 @@ class ImageConfig:
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> ImageConfig:
-        """The configuration that a header claims.
+        """Return the configuration with the fields of a header.
 
         Raises:
             ValueError: if no network can have it.
-            TypeError: if something is missing, too much, or of the wrong kind.
+            TypeError: if a field is missing, unknown or of the wrong type.
         """
         return cls(**fields)
 
 
 @dataclass(frozen=True)
 class ImageTraining:
-    """What else decides the numbers of a training.
+    """Settings of the training of a network.
 
     Attributes:
-        epochs: times that every frame is learnt from; need not be whole.
-        batch: frames a step, over all processes.
-        rate: learning rate of Adam; it falls linearly to nothing over the second half.
+        epochs: number of passes over the frames; need not be whole.
+        batch: frames per step, over all processes.
+        rate: learning rate of Adam; it falls linearly to zero over the second half.
         sigma: standard deviation of the first weights.
-        brief: bfloat16 where it may stand in for single precision.
-        seed: of the first weights, of the order of frames and of dropout.
+        brief: whether to compute in bfloat16 where torch's autocast allows it.
+        seed: seed of the first weights, of the order of frames and of dropout.
     """
 
     epochs: float = 200.0
@@ -112,12 +112,12 @@ class ImageTraining:
 
 @dataclass(frozen=True)
 class Preset:
-    """A size and a schedule, the same for all architectures.
+    """Size and schedule, the same for all architectures.
 
     Attributes:
-        width: of `ImageConfig`.
-        side: of `ImageConfig` [pixels].
-        training: the schedule.
+        width: see `ImageConfig`.
+        side: see `ImageConfig` [pixels].
+        training: schedule.
     """
 
     width: float
@@ -129,19 +129,19 @@ PRESETS = {
     "paper": Preset(1.0, 256, ImageTraining()),
     "short": Preset(0.125, 128, ImageTraining(epochs=4.0, batch=8, rate=1e-3)),
 }
-"""`paper` is Katyal et al. 2018's. `short` is what 2 CPU cores do, for all 20 networks, in two
-or three hours, and is nobody's but ours."""
+"""`paper` is that of Katyal et al. 2018. `short` is for 2 CPU cores, which train all 20 networks in
+two or three hours."""
 
 
 def described(
     config: ImageConfig, training: ImageTraining, digests: tuple[str, str]
 ) -> dict[str, Any]:
-    """What tells one training from another, in checkpoints and weights.
+    """Return the facts that identify a training in checkpoints and weights.
 
     Args:
-        config: the network.
-        training: how it learns.
-        digests: of the frames to learn from, and of those to validate on.
+        config: settings of the network.
+        training: settings of the training.
+        digests: digests of the training frames and of the validation frames.
     """
     return {"config": asdict(training), "network": asdict(config),
             "data": list(digests)}  # fmt: skip

@@ -1,4 +1,4 @@
-"""A network of the paper with what its greys mean, which is kept with its weights."""
+"""A network of the paper, and the meaning of its greys, which is saved with the weights."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ImageNet(nn.Module):
     """
 
     ARCHITECTURES = tuple(f"foresee-{name}-1" for name in ARCHITECTURES)
-    """What files of weights call it; another number when a network changes its meaning."""
+    """Names in files of weights; the number changes when the meaning of weights does."""
     CONFIG = ImageConfig
 
     def __init__(self, config: ImageConfig) -> None:
@@ -29,22 +29,22 @@ class ImageNet(nn.Module):
         self.config = config
         self.net = _network(config)
         self.chances: Tensor
-        """(2, LEVELS), see `grey_map`; until it is fitted, greys at their word."""
+        """(2, LEVELS), see `grey_map`; `literal` until it is fitted."""
         self.register_buffer("chances", torch.from_numpy(literal()).float())
 
     @property
     def architecture(self) -> str:
-        """What a file of these weights calls it."""
+        """Name in a file of these weights."""
         return self.ARCHITECTURES[ARCHITECTURES.index(self.config.arch)]
 
     def forward(self, images: Tensor) -> Tensor:
-        """(B, 1, side, side) to the same, in [-1, 1]."""
+        """Return images (B, 1, side, side) in [-1, 1] for images of the same shape."""
         out: Tensor = self.net(images)
         return out
 
 
 def _network(config: ImageConfig) -> nn.Module:
-    """The generator, where there is more to an architecture than that."""
+    """Return the network of an architecture, for a GAN its generator."""
     if config.arch == "mlp":
         return MLP(config.side, config.width)
     if config.arch == "resnet_ff":

@@ -1,4 +1,4 @@
-"""Room: whether there is a free square around a cell as wide as a car."""
+"""Room: whether the square around a cell, as wide as a car, is free."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ import torch.nn.functional as F
 from torch import Tensor
 
 REACH = 3
-"""ROOM asks for a free square that reaches this far around a cell [cells]: 0.35 m wide, a car's
-width and a cell."""
+"""How far the square of ROOM reaches around a cell [cells]: it is 0.35 m wide, as wide as a car and
+one cell."""
 
 
 def question(seen: Tensor) -> tuple[Tensor, Tensor]:
-    """Where what was seen leaves no room around a cell, and where it leaves the question open.
+    """Return where observed cells exclude room around a cell, and where that is not yet known.
 
     Args:
-        seen: 0 free, 1 occupied, 2 not seen, (B, H, W).
+        seen: codes 0 free, 1 occupied, 2 unobserved, (B, H, W).
 
     Returns:
-        Whether the square around a cell holds something seen occupied, and whether it holds
-        nothing such, but something not seen: (B, H, W) bool. Else all of it was seen free.
+        Whether the square around a cell holds a cell observed occupied; and whether it holds none,
+        but an unobserved cell: (B, H, W) bool. Else all of it was observed free.
     """
     barred = widened((seen == 1).byte()) > 0
     return barred, (widened((seen == 2).byte()) > 0) & ~barred
 
 
 def widened(values: Tensor) -> Tensor:
-    """The largest value in the square around each cell; values are at least 0, (B, H, W)."""
-    # By doubling, and one axis after the other: 20 times as fast as max_pool2d.
+    """Return the largest value in the square around each cell; values are at least 0, (B, H, W)."""
+    # Doubling the width, one axis after the other, is 20 times as fast as max_pool2d.
     out = F.pad(values, (REACH, REACH, REACH, REACH))
     for axis in (1, 2):
         width = 1

@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: reliability, scores by distance, and good and bad predictions."""
+"""Figures of an evaluation: reliability, scores by distance, and good and bad predictions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from predictor.infra.atomic_file import write_whole
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores
 
 COLOURS = ("#0072B2", "#E69F00", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
-"""Of predictors, in their order; after Okabe & Ito 2008, safe for the colour-blind."""
+"""Colours of the predictors in their order (Okabe & Ito 2008, for colour-blind readers)."""
 SHOWN = 5
 """Pictures of each kind on the sheet."""
 
@@ -29,10 +29,10 @@ def draw(
     """Write reliability.png, rings.png and sheet.png into a folder.
 
     Args:
-        out: the folder.
+        out: folder of the figures.
         groups: group → predictor → scores.
-        pictures: an error, and images (3, rows, columns) of what was known, predicted and true.
-        predictors: in the order of the legend.
+        pictures: error, and images (3, rows, columns) of what was observed, predicted and true.
+        predictors: names in the order of the legend.
     """
     if not groups:
         return
@@ -63,7 +63,7 @@ def _reliability(groups: dict[str, dict[str, Scores]], predictors: tuple[str, ..
             for predictor, colour in zip(predictors, cycle(COLOURS), strict=False):
                 p, rate, weight = scores[predictor].reliability(name)
                 axis.plot(p, rate, color=colour, linewidth=1.0, label=predictor)
-                # A bin's dot is as large as its share of the cells.
+                # The area of a bin's dot grows with its share of the cells.
                 axis.scatter(p, rate, 4 + 300 * np.nan_to_num(weight), color=colour, alpha=0.5,
                              linewidths=0)  # fmt: skip
             axis.set_aspect("equal")
@@ -76,7 +76,7 @@ def _reliability(groups: dict[str, dict[str, Scores]], predictors: tuple[str, ..
             if column == 0:
                 axis.set_ylabel(f"share that was {name}")
     axes[0, 0].legend(frameon=False, loc="upper left", fontsize=8)
-    figure.suptitle(f"Reliability on cells not seen, {BINS} bins")
+    figure.suptitle(f"Reliability on unobserved cells, {BINS} bins")
     return figure
 
 

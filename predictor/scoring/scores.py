@@ -1,7 +1,6 @@
-"""How good predictions are: on cells not seen, by distance beyond the frontier.
+"""Scores of predictions on unobserved cells, by their distance beyond the frontier.
 
-Everything is kept as counts and sums that add up, so scores of many maps are scores of all their
-cells together.
+They are kept as counts and sums, so that scores of several maps can be added.
 """
 
 from __future__ import annotations
@@ -16,31 +15,31 @@ from scipy.ndimage import distance_transform_edt
 from predictor.mapping.grid import Grid
 
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, np.inf)
-"""Of the rings of distance beyond the frontier [m]."""
+"""Edges of the rings of distance beyond the frontier [m]."""
 LEVELS = 1000
-"""Levels of probability that are told apart, for the area under the curve."""
+"""Levels of probability that are distinguished for the area under the curve."""
 BINS = 20
-"""Of equal width, of the reliability diagram and the calibration error."""
+"""Bins of equal width of the reliability diagram and of the calibration error."""
 SMALLEST = 1e-6
-"""Probabilities are not taken as smaller than this in the log-likelihood: a predictor that is
-certain, and wrong, is punished by 13.8 nat and not without bound."""
+"""Least probability in the log-likelihood, so that a wrong certainty costs 13.8 nat and not
+infinitely many."""
 
 RINGS = len(EDGES) - 1
 
 
 @dataclass(eq=False)
 class Scores:
-    """Sums over cells, each by ring.
+    """Sums over cells, for each ring.
 
     Attributes:
-        free: how often each level of p_free was given where it was not, and was, free: (RINGS,
+        free: number of cells at each level of p_free that are not free, and that are free, (RINGS,
             LEVELS, 2).
-        occupied: the same, for p_occupied.
+        occupied: the same for p_occupied.
         brier_free: sum of (p_free - free)², (RINGS,).
-        brier_occupied: likewise.
-        nll: sum of -log of the probability of what was true [nat], (RINGS,).
+        brier_occupied: the same for p_occupied.
+        nll: sum of -log of the probability of the true class [nat], (RINGS,).
         level_free: sum of p_free in each level, (RINGS, LEVELS).
-        level_occupied: likewise.
+        level_occupied: the same for p_occupied.
     """
 
     free: NDArray[np.int64] = field(default_factory=lambda: np.zeros((RINGS, LEVELS, 2), np.int64))
@@ -61,14 +60,14 @@ class Scores:
         occupied: NDArray[np.bool_],
         ring: NDArray[np.int8],
     ) -> None:
-        """Count some cells.
+        """Add some cells.
 
         Args:
-            p_free: believed, any shape.
-            p_occupied: believed.
-            free: true.
-            occupied: true: a surface that a ray can hit.
-            ring: of each cell, of `rings`; -1: does not count.
+            p_free: predicted probability of free, any shape.
+            p_occupied: predicted probability of occupied, the same shape.
+            free: which cells are truly free.
+            occupied: which cells are truly a surface that a ray can hit.
+            ring: ring of each cell, see `rings_of`; -1: the cell does not count.
         """
         counted = ring >= 0
         at = ring[counted].astype(np.int64)
@@ -104,7 +103,7 @@ class Scores:
         return cls(**{name: arrays[f"{prefix}/{name}"] for name in cls.__dataclass_fields__})
 
     def measures(self, rings: slice = slice(None)) -> dict[str, float]:
-        """Scores of all cells of some rings: NaN where there is nothing to tell."""
+        """Compute the scores of all cells in some rings; NaN if there are no cells."""
         out: dict[str, float] = {"cells": float(self.free[rings].sum())}
         for name in ("free", "occupied"):
             counts = getattr(self, name)[rings].sum(axis=0)
@@ -124,21 +123,21 @@ class Scores:
     def reliability(
         self, name: str, rings: slice = slice(None)
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """The reliability diagram of "free" or "occupied", each (BINS,).
+        """Compute the reliability diagram of "free" or "occupied".
 
         Returns:
-            Mean probability given, rate at which it came true, share of the cells; the first two
-            are NaN in an empty bin.
+            Mean predicted probability, observed rate, and share of the cells in each bin, (BINS,)
+            each; the first two are NaN in an empty bin.
         """
         n, p, hits = self.bins(name, rings).T
         with np.errstate(invalid="ignore"):
             return p / n, hits / n, n / max(1.0, n.sum())
 
     def bins(self, name: str, rings: slice = slice(None)) -> NDArray[np.float64]:
-        """Of each bin of "free" or "occupied": cells, sum of the probabilities, how many came true.
+        """Compute the bins of the reliability diagram of "free" or "occupied".
 
         Returns:
-            (BINS, 3).
+            Number of cells, sum of their probabilities, and number that came true, (BINS, 3).
         """
         counts = getattr(self, name)[rings].sum(axis=0).reshape(BINS, -1, 2).sum(axis=1)
         sums = getattr(self, f"level_{name}")[rings].sum(axis=0).reshape(BINS, -1).sum(axis=1)
@@ -148,17 +147,17 @@ class Scores:
 def calibration_interval(
     families: Sequence[Sequence[NDArray[np.float64]]], rounds: int = 2000
 ) -> tuple[float, float] | None:
-    """95 % interval of a calibration error, buildings resampled within their families.
+    """Compute the 95 % bootstrap interval of a calibration error, over buildings within families.
 
-    The percentiles of an error, which cannot be negative: chance in few buildings raises it, so
-    that the interval may lie above the error itself.
+    A calibration error cannot be negative, and chance raises it where there are few buildings;
+    the interval may therefore lie above the error itself.
 
     Args:
-        families: of each, `Scores.bins` of each building, (BINS, 3).
-        rounds: resamplings; their seed is fixed.
+        families: for each family, `Scores.bins` of each building, (BINS, 3).
+        rounds: number of resamplings; their seed is fixed.
 
     Returns:
-        Its ends; None if a family has less than two buildings, or no cell.
+        Both ends; None if a family has less than two buildings, or no cell.
     """
     if min(len(family) for family in families) < 2:
         return None
@@ -176,7 +175,7 @@ def calibration_interval(
 
 
 def _area(counts: NDArray[np.int64]) -> float:
-    """Area under the receiver operating characteristic of (levels, 2) counts."""
+    """Compute the area under the receiver operating characteristic of (levels, 2) counts."""
     negative, positive = counts.sum(axis=0)
     if negative == 0 or positive == 0:
         return np.nan
@@ -186,12 +185,12 @@ def _area(counts: NDArray[np.int64]) -> float:
 
 
 def rings_of(known: Grid) -> NDArray[np.int8]:
-    """By how far a cell not seen lies beyond the frontier, its ring of EDGES; -1: it was seen.
+    """Return the ring of EDGES that each cell lies in, (rows, columns); -1 for observed cells.
 
-    The frontier is where what was seen free ends.
+    The distance of a cell beyond the frontier is that to the nearest cell observed free.
 
     Args:
-        known: what was seen, (rows, columns).
+        known: map of all that was observed, (rows, columns).
     """
     if not known.free.any():
         return np.where(known.unknown, np.int8(RINGS - 1), np.int8(-1))

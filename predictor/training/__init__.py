@@ -1,1 +1,1 @@
-"""Training: what is learnt from, step by step, and what is kept of it."""
+"""Training of networks: batches, steps, validation, checkpoints and weights."""

@@ -1,4 +1,4 @@
-"""Checkpoints: all that decides what a training does next, and what training it is."""
+"""Checkpoints of trainings, each with the facts that identify its training."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 
 class TrainError(LineError):
-    """A training cannot be done or taken up; the message is one line."""
+    """A training cannot start or be resumed; the message is one line."""
 
 
 def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
     """Write a checkpoint, whole or not at all.
 
     Args:
-        path: of the file.
-        state: plain data and tensors; its "facts" say what training it is.
+        path: path of the file.
+        state: plain data and tensors; its "facts" identify the training.
     """
     import torch
 
@@ -35,12 +35,12 @@ def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
 def read_checkpoint(
     path: Path, facts: dict[str, Any], device: torch.device
 ) -> dict[str, Any] | None:
-    """Read a checkpoint, running nothing from it; None if there is none.
+    """Read a checkpoint without running code from it; return None if there is none.
 
     Args:
-        path: of the file.
-        facts: of the training that wants to go on; plain data.
-        device: where its tensors are wanted.
+        path: path of the file.
+        facts: facts of the training to resume; plain data.
+        device: device of the tensors returned.
 
     Raises:
         TrainError: if it cannot be read, or belongs to another training.
@@ -53,7 +53,7 @@ def read_checkpoint(
         state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
         theirs = state["facts"]
     except Exception as error:
-        # torch.load raises whatever the first wrong byte makes it.
+        # On a damaged file torch.load raises exceptions of any kind.
         raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
     if theirs != facts:
         other = ", ".join(
@@ -67,14 +67,14 @@ def read_checkpoint(
 
 
 def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
-    """Whether weights are there that were trained as some facts say.
+    """Return whether a file of weights exists, from a training with these facts.
 
     Args:
-        weights: file of them.
-        facts: of the training that would make them; plain data, of the names that count.
+        weights: file of the weights.
+        facts: facts that the training must have; plain data. Other facts of it do not matter.
 
     Raises:
-        TrainError: if they are damaged, or were trained in another way.
+        TrainError: if the weights are damaged, or come from another training.
     """
     if not weights.exists():
         return False
@@ -91,6 +91,6 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
 
 
 def _told(name: str, theirs: Any, mine: Any) -> str:
-    """What differs, and how where that fits into a line."""
+    """Return the name of a fact that differs, with both values if they are short."""
     how = f"{theirs}, not {mine}"
     return f"{name} ({how})" if len(how) < 80 else name

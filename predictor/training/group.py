@@ -1,4 +1,4 @@
-"""The processes of one training: this one alone, or as many as `torchrun` has started."""
+"""The processes that train one network together: this one alone, or those of `torchrun`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from torch.nn.parallel import DistributedDataParallel
 
 @dataclass(frozen=True)
 class Group:
-    """A process and those that it trains with.
+    """A process and the processes that it trains with.
 
     Attributes:
         rank: number of this process.
-        size: how many there are.
-        device: what this one computes on.
+        size: number of processes.
+        device: device that this process computes on.
     """
 
     rank: int
@@ -43,25 +43,25 @@ class Group:
         return cls(dist.get_rank(), dist.get_world_size(), device)
 
     def leave(self) -> None:
-        """Part from the others."""
+        """Leave the group."""
         if dist.is_initialized():
             dist.destroy_process_group()
 
     @property
     def first(self) -> bool:
-        """Whether this is the process that writes and speaks."""
+        """Whether this process writes the files and shows the progress."""
         return self.rank == 0
 
     def shared(self, net: nn.Module) -> nn.Module:
-        """A network that starts from the same weights and gets the same gradients everywhere."""
+        """Wrap a network so that all processes share its first weights and its gradients."""
         if self.size == 1:
             return net
         places = [self.device] if self.device.type == "cuda" else None
-        # Running averages are the same everywhere: `BatchNorm` is over all processes.
+        # Running averages need no broadcast: `BatchNorm` already spans all processes.
         return DistributedDataParallel(net, device_ids=places, broadcast_buffers=False)
 
     def mean(self, values: Tensor) -> Tensor:
-        """The mean over the processes."""
+        """Return the mean of the values over the processes."""
         if self.size > 1:
             dist.all_reduce(values)
             values = values / self.size

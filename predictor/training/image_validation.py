@@ -1,4 +1,4 @@
-"""How good a network's images are on validation drives, and what their greys mean."""
+"""Validation of the paper's networks, and the fit of what their greys mean."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from predictor.scoring.scores import RINGS, Scores
 from predictor.training.targets import images_of
 
 VALIDATED, FITTED = 64, 1024
-"""Frames, spread evenly over the drives: to look at now and then, and to fit on in the end."""
+"""Number of frames to validate on, and to fit on at the end; spread evenly over the drives."""
 AT_ONCE = 16
-"""Frames that go through a network together."""
+"""Frames per call of the network."""
 
 
 def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
@@ -44,8 +44,8 @@ def fit(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
         frames: set of which FITTED frames are taken.
 
     Returns:
-        Scores on these same cells: they say how sharp the probabilities can be, not how well
-        calibrated they are elsewhere.
+        Scores on the same cells. They show how sharp the probabilities are; their calibration
+        must be measured on other cells.
     """
     parts = []
     counts = np.zeros((LEVELS, 3), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""One step of learning: by L1 alone, or against a discriminator."""
+"""One training step: with the L1 loss alone, or against a discriminator."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from predictor.networks.initialisation import initialise
 from predictor.training.group import Group
 
 BETAS = (0.5, 0.999)
-"""Of Adam: the paper's."""
+"""Moment decay rates of Adam, as in the paper."""
 
 
 class Learner:
-    """A network that learns to print what is true, pixel by pixel: the paper's L1 loss.
+    """A network and its optimiser, with the paper's L1 loss of pixels.
 
     Args:
-        net: the network; its weights are drawn anew.
-        training: how.
-        group: the processes that learn together.
+        net: the network; its weights are initialised.
+        training: schedule and settings.
+        group: processes that train together.
     """
 
     LOSSES: tuple[str, ...] = ("l1",)
-    """Names of what `learn` returns."""
+    """Names of the losses that `learn` returns."""
 
     def __init__(self, net: ImageNet, training: ImageTraining, group: Group) -> None:
         self.net, self.training, self.group = net, training, group
@@ -38,11 +38,11 @@ class Learner:
         self.optimizers = {"net": self._adam(net.net)}
 
     def learn(self, given: Tensor, wanted: Tensor, rate: float) -> Tensor:
-        """One step; the losses before it, (len(LOSSES),).
+        """Make one optimiser step, and return the losses before it, (len(LOSSES),).
 
         Args:
-            given: images of this process's share, (B, 1, side, side).
-            wanted: likewise.
+            given: input images of this process's share of the batch, (B, 1, side, side).
+            wanted: true images of the same frames, (B, 1, side, side).
             rate: learning rate.
         """
         with self._brief():
@@ -52,14 +52,14 @@ class Learner:
         return loss.detach()[None]
 
     def state(self) -> dict[str, Any]:
-        """All that changes while it learns."""
+        """Return all that changes during training."""
         return {
             "parts": {name: part.state_dict() for name, part in self.parts.items()},
             "optimizers": {name: adam.state_dict() for name, adam in self.optimizers.items()},
         }
 
     def load(self, state: dict[str, Any]) -> None:
-        """Go back to a `state`."""
+        """Restore a `state`."""
         for name, part in self.parts.items():
             part.load_state_dict(state["parts"][name])
             self.optimizers[name].load_state_dict(state["optimizers"][name])
@@ -80,12 +80,12 @@ class Learner:
 
 
 class Adversary(Learner):
-    """A network that must also convince a discriminator, which learns beside it (pix2pix).
+    """A network that is also trained against a discriminator (pix2pix).
 
     Args:
-        net: the generator; its weights are drawn anew.
-        training: how.
-        group: the processes that learn together.
+        net: the generator; its weights are initialised.
+        training: schedule and settings.
+        group: processes that train together.
     """
 
     LOSSES = ("l1", "adversarial", "discriminator")
@@ -101,18 +101,18 @@ class Adversary(Learner):
         self.optimizers["judge"] = self._adam(self.judge)
 
     def learn(self, given: Tensor, wanted: Tensor, rate: float) -> Tensor:
-        """One step of both, the discriminator's first; see `Learner.learn`."""
+        """Make one step of the discriminator, then one of the generator; see `Learner.learn`."""
         with self._brief():
             claimed = self._generate(given)
             self.judge.requires_grad_(True)
             of_claimed = self._judge(given, claimed.detach())
             of_wanted = self._judge(given, wanted)
-        # Halved, so that it learns more slowly than what it judges.
+        # Halved, so that the discriminator learns more slowly than the generator (pix2pix).
         doubt = 0.5 * (
             judged(of_claimed.to(wanted.dtype), False) + judged(of_wanted.to(wanted.dtype), True)
         )
         self._descend("judge", doubt, rate)
-        # Not by `_judge`: the generator's loss gives the discriminator no gradients to share.
+        # Not by `_judge`: this loss has no gradients of the discriminator to share.
         self.judge.requires_grad_(False)
         with self._brief():
             of_claimed = self.judge(given, claimed)

@@ -1,4 +1,4 @@
-"""From samples to what a network is given and what it is asked for, a batch at a time."""
+"""Batches of inputs and targets, made from samples and squares; and the losses of compact."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from predictor.networks.room import REACH, question, widened
 
 
 def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]) -> Tensor:
-    """The middles of some samples, (B, side, side) uint8 codes.
+    """Return the middles of some samples, (B, side, side) uint8 codes.
 
     Args:
         samples: codes, each (SIDE, SIDE).
-        side: of the middle [cells].
-        mirror: which to mirror across the heading, (B,).
+        side: side of the middle [cells].
+        mirror: which samples to mirror across the heading, (B,).
     """
     out = np.empty((len(samples), side, side), dtype=np.uint8)
     for number, codes in enumerate(samples):
@@ -33,14 +33,14 @@ def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.boo
 
 
 def known_of(codes: Tensor) -> Tensor:
-    """The network's input (B, 2, H, W) of codes (B, H, W): seen free, seen occupied."""
+    """Return the input (B, 2, H, W) for codes (B, H, W): observed free, observed occupied."""
     seen, _ = parted(codes)
     known = torch.stack([seen == 0, seen == 1], dim=1).float()
     return known.to(memory_format=torch.channels_last)
 
 
 def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean negative log-likelihood [nat] of what was not seen: of the classes, and of ROOM.
+    """Compute the mean negative log-likelihood of unobserved cells: of the classes, and of ROOM.
 
     Args:
         logits: (B, 4, H, W).
@@ -51,7 +51,7 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     logs = F.log_softmax(logits[:, :ROOM], dim=1)
     of_truth = logs.gather(1, truth[:, None])[:, 0]
     room, asked = room_of(codes)
-    # A square that reaches out of the map is no question: what lies out there is not said.
+    # A car's square that reaches beyond the map is left out: its truth is unknown.
     asked = F.pad(asked[:, REACH:-REACH, REACH:-REACH], (REACH, REACH, REACH, REACH))
     of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room.float(), reduction="none")
     return (
@@ -61,7 +61,7 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Where there is truly room around a cell, and where that is a question: (B, H, W) bool."""
+    """Return where a cell truly has room, and where that is not yet observed: (B, H, W) bool."""
     seen, truth = parted(codes)
     return widened((truth != FREE).byte()) == 0, question(seen)[1]
 
