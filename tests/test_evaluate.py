@@ -73,7 +73,7 @@ def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
 def test_other_settings_do_not_overwrite_what_is_there(evaluated, capsys):
     _, command = evaluated
     assert run(*command, "--window", 7) == 2
-    assert "other settings" in capsys.readouterr().err
+    assert "holds a run with" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,11 @@ from benchmarks.recording.training_drives import (
     SPLITS,
     SPREAD,
     DrivesConfig,
-    DrivesError,
     make,
 )
 from predictor.data.samples import Samples
 from predictor.data.survey import frame_around, surveyed
+from predictor.infra.command_line import UsageError
 from sim.families import generate
 from sim.task import sample_task
 
@@ -109,5 +109,5 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
 
 def test_logs_and_drives_do_not_share_a_folder(tmp_path):
     make(DrivesConfig(tmp_path, train=1, validation=1, logs=True), 1)
-    with pytest.raises(DrivesError, match="another way"):
+    with pytest.raises(UsageError, match="holds a run with"):
         make(DrivesConfig(tmp_path, train=1, validation=1), 1)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.recording.training_drives import DrivesError, _claim, seen_again
+from benchmarks.recording.training_drives import _claim, seen_again
 from predictor.data.drives_config import DrivesConfig
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
+from predictor.infra.command_line import UsageError
 from predictor.mapping.grid import world_hash
 from predictor.networks.compact_net import CompactNet
 from predictor.train import main
@@ -157,9 +158,9 @@ def test_other_validation_drives_are_another_training(data, tmp_path, small):
 def test_samples_of_another_recipe_are_not_mixed_in(tmp_path):
     _claim(DrivesConfig(tmp_path))
     _claim(DrivesConfig(tmp_path, train=7))
-    with pytest.raises(DrivesError, match="another way"):
+    with pytest.raises(UsageError, match="holds a run with longest"):
         _claim(DrivesConfig(tmp_path, longest=99.0))
-    with pytest.raises(DrivesError, match="families differ"):
+    with pytest.raises(UsageError, match="holds a run with families"):
         _claim(DrivesConfig(tmp_path, families=("paper",)))
 
 
@@ -169,7 +170,7 @@ def test_a_recipe_in_another_order_is_the_same_and_a_damaged_one_is_named(tmp_pa
     recipe.write_text(json.dumps(dict(reversed(json.loads(recipe.read_text()).items()))))
     _claim(DrivesConfig(tmp_path))
     recipe.write_text("{")
-    with pytest.raises(DrivesError, match="cannot be read"):
+    with pytest.raises(UsageError, match="cannot be read"):
         _claim(DrivesConfig(tmp_path))
 
 

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import Contestant
-from benchmarks.prediction.scoring import Kept, Stretch, rates_of, score
+from benchmarks.prediction.scoring import Stretch, rates_of, score
 from benchmarks.prediction.square import ScoredSquare
-from benchmarks.prediction.store import Store, read_arrays, write_arrays
+from benchmarks.prediction.store import Store
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
 from predictor.infra.environment import commit
+from predictor.infra.resumable import Part
 from predictor.infra.workers import finished
 
 SPLITS = ("test", "more")
@@ -129,15 +130,17 @@ class Evaluation:
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 
-        def path(stretch: Stretch, one: Contestant) -> Path:
-            return self.store.scores_path(stretch, sha256[stretch.folder, stretch.drive], one)
+        def name(stretch: Stretch, one: Contestant) -> str:
+            return self.store.scores_name(stretch, sha256[stretch.folder, stretch.drive], one)
 
         # Ordered by expansion: the networks of one fit into memory, those of all do not.
         every = [stretch for expansion in self.config.expansions for drive in self.drives
                  for stretch in self.stretches(drive, expansion)]  # fmt: skip
         todo = []
         for stretch in every:
-            left = [one for one in stretch.contestants if read_arrays(path(stretch, one)) is None]
+            left = [
+                one for one in stretch.contestants if self.store.read(name(stretch, one)) is None
+            ]
             if left:
                 todo.append(replace(stretch, contestants=tuple(left)))
         total = sum(len(stretch.frames) * len(stretch.contestants) for stretch in every)
@@ -145,23 +148,22 @@ class Evaluation:
         with tqdm(total=total, initial=total - missing, unit="answer", smoothing=0.05) as bar:
             for stretch, kept in finished(score, todo, jobs):
                 for one, arrays in kept.items():
-                    write_arrays(path(stretch, one), arrays, {"commit": commit()})
+                    self.store.write(name(stretch, one), {"commit": commit()}, arrays)
                 bar.update(len(stretch.frames) * len(stretch.contestants))
 
-    def kept(
-        self, drive: Drive, expansion: float, one: Contestant
-    ) -> Iterator[tuple[Kept, dict[str, Any]]]:
-        """Yield the scores of a contestant along a drive and their facts, in order.
+    def kept(self, drive: Drive, expansion: float, one: Contestant) -> Iterator[Part]:
+        """Yield facts and scores of a contestant along a drive, in order.
 
         Raises:
             FileNotFoundError: if something has not been scored.
         """
         for stretch in self.stretches(drive, expansion):
-            path = self.store.scores_path(stretch, drive.about["sha256"], one)
-            piece = read_arrays(path)
-            if piece is None:
-                raise FileNotFoundError(f"{path} has gone: give the same command again")
-            yield piece
+            name = self.store.scores_name(stretch, drive.about["sha256"], one)
+            part = self.store.read(name)
+            if part is None:
+                raise FileNotFoundError(f"{self.store.folder / name} is missing: give the same "
+                                        "command again")  # fmt: skip
+            yield part
 
     def examples(self, expansion: float, count: int = 20) -> list[ScoredSquare]:
         """Return squares spread evenly over the test drives, or the logs, to measure costs on."""

@@ -14,7 +14,6 @@ from benchmarks.prediction.contestants import BASELINES, Contestant, entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation
 from benchmarks.prediction.scoring import Kept, drive_of
 from benchmarks.prediction.square import ScoredSquare
-from benchmarks.prediction.store import read_arrays, write_arrays
 from benchmarks.prediction.transients import with_transients
 from predictor.data.squares import TERNARY, codes_of
 from predictor.scoring.images import ssim
@@ -67,10 +66,10 @@ def pictures(evaluation: Evaluation) -> Sheets:
                     for (drive, index, expansion), title in rows]
              for name, rows in chosen.items()}  # fmt: skip
     who = [(one.name, one.identity, one.expansion) for one in _shown(evaluation)]
-    path = evaluation.store.path("pictures", plain, who)
-    piece = read_arrays(path)
-    if piece is not None:
-        return _kept(*piece)
+    part_name = evaluation.store.name("pictures", plain, who)
+    part = evaluation.store.read(part_name)
+    if part is not None:
+        return _kept(*part)
     sheets = _made(evaluation, chosen)
     arrays: Kept = {}
     facts: dict[str, Any] = {name: [] for name in sheets}
@@ -78,11 +77,11 @@ def pictures(evaluation: Evaluation) -> Sheets:
         for number, row in enumerate(rows):
             arrays |= {f"{name}/{number}/{column}": image for column, image in row.images.items()}
             facts[name].append(asdict(row) | {"images": list(row.images)})
-    write_arrays(path, arrays, facts)
+    evaluation.store.write(part_name, facts, arrays)
     return sheets
 
 
-def _kept(arrays: Kept, facts: dict[str, Any]) -> Sheets:
+def _kept(facts: dict[str, Any], arrays: Kept) -> Sheets:
     """Return the sheets that `pictures` has written."""
     sheets: Sheets = {}
     for name, rows in facts.items():
@@ -191,7 +190,7 @@ def _scored(
     one = who[leader(list(who))]
     out = []
     for drive in drives:
-        alike = [kept["ssim"] for kept, _ in evaluation.kept(drive, expansion, one)]
+        alike = [kept["ssim"] for _, kept in evaluation.kept(drive, expansion, one)]
         for value, index in zip(np.concatenate(alike), drive.chosen, strict=True):
             out.append((float(value), drive, int(index)))
     return sorted(out, key=itemgetter(0))

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,9 +16,8 @@ from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, k
 from benchmarks.prediction.scoring import OF_A_FRAME, Kept
 from benchmarks.prediction.transients import transients
 from benchmarks.runs.statistics import grouped_mean
-from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import machine
-from predictor.infra.plain_json import loads, without_nan
+from predictor.infra.plain_json import without_nan
 from predictor.infra.results_file import write_results
 from predictor.networks import ARCHITECTURES
 from predictor.registry import load_predictor
@@ -101,9 +98,9 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], dict[str, Any] | N
     out: dict[tuple[str, str], dict[str, Any] | None] = {}
     pairs = [(x, one) for x in evaluation.config.expansions for one in evaluation.who(x)]
     for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
-        out[key_of(expansion), one.name] = _once(
-            evaluation.store.path("cost", one.identity, expansion, machine()),
-            partial(_cost, evaluation, one, expansion),
+        measure = partial(_cost, evaluation, one, expansion)
+        out[key_of(expansion), one.name] = evaluation.store.once(
+            measure, "cost", one.identity, expansion, machine()
         )
     return out
 
@@ -117,21 +114,9 @@ def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
     from tqdm import tqdm
 
     return {
-        arch: _once(evaluation.store.path("cost", "printed", arch, machine()),
-                    partial(printed_cost, arch))
+        arch: evaluation.store.once(partial(printed_cost, arch), "cost", "printed", arch, machine())
         for arch in tqdm(ARCHITECTURES, desc="cost as printed", unit="network")
-    }  # fmt: skip
-
-
-def _once(path: Path, measure: Callable[[], Any]) -> Any:
-    """Return what is kept at a path, or measure it and keep it."""
-    path = path.with_suffix(".json")
-    try:
-        return loads(path.read_text())
-    except (OSError, ValueError):
-        measured = measure()
-        write_whole(path, json.dumps(measured).encode())
-        return measured
+    }
 
 
 def _rows(
@@ -150,7 +135,7 @@ def _rows(
         of_split: dict[str, Scores] = {}
         splits = []
         for drive in drives:
-            for arrays, facts in evaluation.kept(drive, expansion, one):
+            for facts, arrays in evaluation.kept(drive, expansion, one):
                 commits.add(str(facts["commit"]))
                 parts.append({name: arrays[name] for name in OF_A_FRAME})
                 splits += [drive.about["split"]] * len(arrays["ssim"])

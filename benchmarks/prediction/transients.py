@@ -8,21 +8,19 @@ scans together found free, away from any wall.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from benchmarks.prediction.contestants import Entrant, entrant, prints
+from benchmarks.prediction.contestants import Contestant, Entrant, entrant, prints
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.scoring import drive_of
 from benchmarks.prediction.square import ScoredSquare
 from predictor.data.frames import RESOLUTION
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.plain_json import loads
 from predictor.mapping.grid import OCCUPIED, Grid
 
 RADIUS, CLEAR = 0.15, 0.6
@@ -125,20 +123,24 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
     for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
         chosen = _chosen([drive for drive in evaluation.drives if drive.place == place])
         frames = [(drive.about["sha256"], index) for drive, index in chosen]
-        path = evaluation.store.path("transients", frames, expansion, one.identity)
-        path = path.with_suffix(".json")
-        try:
-            shares = loads(path.read_text())
-        except (OSError, ValueError):
-            count, put_in = Count(), place == "simulated"
-            speaker = entrant(one, evaluation.rates[expansion])
-            for seed, (drive, index) in enumerate(chosen):
-                of_drive = drive_of(drive.folder, drive.number)
-                count.add(speaker, ScoredSquare.of(of_drive, index, expansion), put_in, seed)
-            shares = count.shares(put_in)
-            write_whole(path, json.dumps(shares).encode())
+        shares = evaluation.store.once(
+            partial(_shares, one, evaluation.rates[expansion], expansion, chosen),
+            "transients", frames, expansion, one.identity,
+        )  # fmt: skip
         out[place].setdefault(key_of(expansion), {})[one.name] = shares
     return out
+
+
+def _shares(
+    one: Contestant, rates: tuple[float, float], expansion: float, chosen: list[tuple[Drive, int]]
+) -> dict[str, Any]:
+    """Measure the shares of one network on some frames of a place."""
+    count, put_in = Count(), chosen[0][0].place == "simulated"
+    speaker = entrant(one, rates)
+    for seed, (drive, index) in enumerate(chosen):
+        square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
+        count.add(speaker, square, put_in, seed)
+    return count.shares(put_in)
 
 
 def _chosen(drives: list[Drive]) -> list[tuple[Drive, int]]:

@@ -15,22 +15,18 @@ from benchmarks.recording import scored_drive
 from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
 from benchmarks.runs.drive import check_maps, sources
 from predictor.data.drives_config import LEARNED
-from predictor.infra.atomic_file import write_whole
+from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
-from predictor.infra.errors import LineError
 from predictor.infra.markdown import markdown
-from predictor.infra.plain_json import loads, without_nan
+from predictor.infra.plain_json import without_nan
 from predictor.infra.results_file import write_results
+from predictor.infra.resumable import Part, ResumableFolder
 from predictor.infra.workers import finished
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.evaluation_figures import draw
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
-
-
-class EvaluateError(LineError):
-    """An evaluation cannot be done; the message is one line."""
 
 
 def group_of(place: str) -> str:
@@ -47,37 +43,25 @@ class Evaluation:
         out: folder of the evaluation.
 
     Raises:
-        EvaluateError: if the folder holds an evaluation with other settings.
+        UsageError: if the folder holds an evaluation with other settings or weights, or a name is
+            given twice.
     """
 
     def __init__(self, config: EvaluateConfig, out: Path) -> None:
-        self.config, self.out, self.parts = config, out, out / "parts"
+        self.config, self.out = config, out
         check_maps(config.world)
         places = sources(config.world)
         if len(set(places)) < len(places) or len(set(config.predictors)) < len(config.predictors):
-            raise EvaluateError("--world and --predictors want each name once")
+            raise UsageError("--world and --predictors want each name once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # Scores depend on the weights, whatever their name.
         prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
         kept = asdict(config) | {"weights": prints, "measures": MEASURES}
-        self.settings = mine = json.loads(json.dumps(kept))
-        self.commit = commit()
-        marker = out / "settings.json"
-        try:
-            theirs = loads(marker.read_text()) if marker.exists() else mine
-        except ValueError as error:
-            raise EvaluateError(f"{marker} cannot be read: {error}") from None
-        if theirs != mine:
-            raise EvaluateError(f"--out {out} holds an evaluation with other settings or weights; "
-                                "choose another folder")  # fmt: skip
-        self.parts.mkdir(parents=True, exist_ok=True)
-        write_whole(marker, json.dumps(mine, indent=1).encode())
+        self.settings = json.loads(json.dumps(kept))
+        self.folder = ResumableFolder(out, self.settings)
 
     def run(self, jobs: int) -> None:
         """Score what is missing, with a progress bar."""
-        import io
-
-        import numpy as np
         from tqdm import tqdm
 
         todo = [item for item in self.items if self._read(item) is None]
@@ -86,11 +70,8 @@ class Evaluation:
                 partial(scored_drive.score_drive, self.config), todo, jobs
             ):
                 facts, arrays = ({"skipped": scored}, {}) if isinstance(scored, str) else scored
-                facts |= {"place": item[0], "seed": item[1], "commit": self.commit}
-                buffer = io.BytesIO()
-                text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
-                np.savez_compressed(buffer, allow_pickle=False, facts=text, **arrays)
-                write_whole(self._part(item), buffer.getvalue())
+                facts |= {"place": item[0], "seed": item[1], "commit": commit()}
+                self.folder.write(self._part(item), facts, arrays)
                 bar.update()
 
     def finish(self) -> dict[str, Any]:
@@ -143,23 +124,13 @@ class Evaluation:
         draw(self.out, groups, pictures, self.config.predictors)
         return results
 
-    def _read(self, item: tuple[str, int]) -> tuple[dict[str, Any], dict[str, NDArray]] | None:
-        """Read the part of a drive; None if it is missing or damaged."""
-        import zipfile
-        import zlib
+    def _read(self, item: tuple[str, int]) -> Part | None:
+        """Read the part of a drive; None if it is missing, damaged or of another drive."""
+        part = self.folder.read(self._part(item))
+        return part if part and [part[0]["place"], part[0]["seed"]] == [*item] else None
 
-        import numpy as np
-
-        try:
-            with np.load(self._part(item), allow_pickle=False) as part:
-                facts = loads(bytes(part["facts"]))
-                arrays = {name: part[name] for name in part.files if name != "facts"}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-            return None
-        return (facts, arrays) if [facts["place"], facts["seed"]] == [*item] else None
-
-    def _part(self, item: tuple[str, int]) -> Path:
-        return self.parts / f"{self.items.index(item):05d}.npz"
+    def _part(self, item: tuple[str, int]) -> str:
+        return f"parts/{self.items.index(item):05d}.npz"
 
 
 def _summary(

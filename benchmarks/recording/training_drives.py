@@ -7,7 +7,6 @@ other windows and other noise, which takes a tenth of the time of driving.
 from __future__ import annotations
 
 import contextlib
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -22,9 +21,8 @@ from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.errors import LineError
-from predictor.infra.plain_json import loads
+from predictor.infra.command_line import UsageError
+from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
 from predictor.mapping.body import Body
 from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
@@ -52,10 +50,6 @@ JOURNEYS, APART = (1, 2, 4, 8), 2.0
 each room and some one corridor; and distance from one sample to the next [m]."""
 SPREAD = 10_000_000
 """Difference of seeds from one way to the next, larger than any split."""
-
-
-class DrivesError(LineError):
-    """The samples cannot be made; the message is one line."""
 
 
 def record(config: DrivesConfig, item: tuple[str, int]) -> int:
@@ -201,7 +195,7 @@ def make(config: DrivesConfig, jobs: int) -> None:
     """Make all missing samples of a set, with a progress bar.
 
     Raises:
-        DrivesError: if the folder holds samples that were made in another way.
+        UsageError: if the folder holds samples that were made in another way.
     """
     from tqdm import tqdm
 
@@ -219,22 +213,11 @@ def make(config: DrivesConfig, jobs: int) -> None:
 def _claim(config: DrivesConfig) -> None:
     """Make the folders, and refuse a folder with samples made with other settings."""
     if (config.out / MANIFEST).exists():
-        raise DrivesError(f"{config.out} holds frames of predictor.dataset: choose another folder")
+        raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
     for split in SPLITS:
         (config.out / split).mkdir(parents=True, exist_ok=True)
     how = ({"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART} if config.logs else
            {"longest": config.longest, "every": config.every})  # fmt: skip
     recipe = {"format": FORMAT, "seeds": SPLITS, "views": config.views,
               "families": config.families, "windows": WINDOWS}  # fmt: skip
-    recipe |= how
-    path, mine = config.out / RECIPE, json.loads(json.dumps(recipe))
-    try:
-        theirs = dict(loads(path.read_text())) if path.exists() else mine
-    except (ValueError, TypeError):
-        raise DrivesError(f"{path} cannot be read; delete it if you know that the samples beside "
-                          "it were made by this command") from None  # fmt: skip
-    differ = [key for key in mine | theirs if mine.get(key) != theirs.get(key)]
-    if differ:
-        raise DrivesError(f"{path} says that its samples were made in another way "
-                          f"({', '.join(differ)} differ); choose another folder")  # fmt: skip
-    write_whole(path, json.dumps(mine, indent=1).encode())
+    ResumableFolder(config.out, recipe | how, marker=RECIPE)
