@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from predictor.data.simulated_config import SimulatedConfig
+from benchmarks.recording.settings import SimulatedConfig
 from predictor.infra.command_line import OneLineParser, run_command
 
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")

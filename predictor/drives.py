@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from predictor.data.drives_config import DrivesConfig
+from benchmarks.recording.settings import DrivesConfig
 from predictor.infra.command_line import OneLineParser, run_command
 
 

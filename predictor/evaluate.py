@@ -9,8 +9,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from benchmarks.recording.settings import EvaluateConfig
 from predictor.infra.command_line import OneLineParser, run_command
-from predictor.scoring.evaluate_config import EvaluateConfig
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -61,12 +61,12 @@ class Fused:
 
     @property
     def given(self) -> str:
-        """What the networks are given, see `predictor.networks.image_config`."""
+        """What the networks are given: one of `predictor.networks.image_config.GIVEN`."""
         return self.parts[0].config.given
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What the networks' weights say of themselves, as far as it is needed of all of them."""
+        """Fingerprints, runtime and buildings of all networks together."""
         every = [part.facts for part in self.parts]
         return {
             "fingerprint": "+".join(facts["fingerprint"] for facts in every),
@@ -78,7 +78,7 @@ class Fused:
         }
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Predict the rest of a window.
+        """Predict the unobserved part of a window.
 
         Raises:
             ValueError: if the window is empty or the pose not finite.
@@ -86,7 +86,7 @@ class Fused:
         return believed(known, self.printed(known, pose))
 
     def printed(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Grey in [-1, 1], p_free, p_occupied, and 1 where any network speaks: (4, rows, columns).
+        """Return the layers of `ImagePredictor.printed`, each cell from the smallest square.
 
         Raises:
             ValueError: if the window is empty or the pose not finite.

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from predictor.data.drives_config import DrivesConfig
+from benchmarks.recording.settings import DrivesConfig
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.mapping.families import FAMILIES
 from predictor.networks import ARCHITECTURES
@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
 def _run(args: argparse.Namespace) -> None:
     _check(args)
     path = _compact(args) if args.arch == "compact" else _images(args)
-    # Of the processes that torchrun has started, one speaks.
+    # Only the first process of torchrun prints.
     if os.environ.get("RANK", "0") == "0":
         print(path)
 
@@ -58,7 +58,6 @@ def _images(args: argparse.Namespace) -> Path:
 
 def _compact(args: argparse.Namespace) -> Path:
     from benchmarks.recording.training_drives import make
-    from predictor.data.drives_config import DrivesConfig
     from predictor.training.compact_training import CompactTrainer
 
     default, drives = TrainConfig(), DrivesConfig()
@@ -74,10 +73,10 @@ def _compact(args: argparse.Namespace) -> Path:
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
     families = tuple(args.families or drives.families)
-    # Not after hours of drives.
+    # Now, so that an unusable folder is an error before hours of drives.
     out.mkdir(parents=True, exist_ok=True)
     make(DrivesConfig(data, count, tuned_on, logs=args.logs, families=families), args.jobs)
-    # After the drives, whose processes must not wait for it.
+    # Imported after the drives, since their processes do not need it.
     import torch
 
     from predictor.data.samples import Samples, check_apart

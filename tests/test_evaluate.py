@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.recording.evaluation import group_of, table
 from benchmarks.recording.scored_drive import score_drive
+from benchmarks.recording.settings import EvaluateConfig
 from predictor import Prediction
 from predictor.evaluate import main
-from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.scores import Scores
 from sim import empty_straight, save_world
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.recording.settings import DrivesConfig
 from benchmarks.recording.training_drives import _claim, seen_again
-from predictor.data.drives_config import DrivesConfig
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
 from predictor.infra.command_line import UsageError

@@ -1,4 +1,4 @@
-"""The command line of the prediction study's evaluation.
+"""Compare predictors on the data of the prediction study.
 
 python -m benchmarks.prediction --help
 """
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from benchmarks.prediction.evaluation import Config
 
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
-"""The sets that are taken if they are there and none are named."""
+"""Default data sets; one that is missing is left out."""
 PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
-"""Asked unless others are named."""
+"""Default predictors."""
 DESCRIPTION = """\
-Compare predictors on the data of the prediction study: how alike their images are to the truth
-(SSIM), and how good their probabilities are on cells not seen, at each expansion of the 5 m crop,
-in simulation and on real logs, beside what the paper prints. `copy`, the input as it is, and
-`grey`, an image of no knowledge, are always compared. Interrupted, it goes on where it was: give
-the same command again. More predictors and expansions may be added to a folder at any time.
+Compare predictors on the data of the prediction study: the similarity of their images to the truth
+(SSIM), and their probabilities on unobserved cells, at each expansion of the 5 m crop, in
+simulation and on real logs, beside the values of the paper. Two baselines are always included:
+`copy`, the input as it is, and `grey`, an image that is all grey. Interrupted, it continues when
+the same command is given again. Predictors and expansions can be added to a folder at any time.
 """
 
 
@@ -36,33 +36,62 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(argv: list[str] | None) -> argparse.Namespace:
     parser = OneLineParser(
-        prog="benchmarks.prediction", description=DESCRIPTION,
+        prog="benchmarks.prediction",
+        description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     add = parser.add_argument
-    add("--out", type=Path, default=Path("results/prediction"), metavar="DIR",
-        help="results.json, tables.md and the figures go here (default: %(default)s)")  # fmt: skip
-    add("--data", type=Path, metavar="DIR", help="simulated set of predictor.dataset: its splits "
-        f"test and more are scored (default: {SIMULATED}, which may be missing where there are "
-        "logs)")  # fmt: skip
-    add("--logs", type=Path, nargs="+", metavar="PATH", help="a set that predictor.dataset --log "
-        "has made, or logs or folders of logs, of which a set is made in OUT/physical (default: "
-        f"{PHYSICAL}, if it is there)")  # fmt: skip
-    add("--predictors", nargs="+", default=list(PREDICTORS), metavar="P", help="none, extend, "
-        "compact, compact-logs, compact-paper, module:Class, weights FILE.safetensors, a folder of "
-        "predictor.study, of which each network is asked at the expansion that it was trained for, "
-        "or fused:FOLDER/ARCH, all of them in one; NAME=P to rename; the first eight that predict "
-        f"are in the figures (default: {' '.join(PREDICTORS)})")  # fmt: skip
-    add("--expansions", nargs="+", type=float, default=list(EXPANSIONS), metavar="X",
-        help="side of the predicted square over 5 m, of 1.02, 1.04, … 2.00 (default: "
-        f"{' '.join(map(str, EXPANSIONS))})")  # fmt: skip
+    add(
+        "--out",
+        type=Path,
+        default=Path("results/prediction"),
+        metavar="DIR",
+        help="folder of results.json, tables.md and the figures (default: %(default)s)",
+    )
+    add(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="simulated set made by predictor.dataset, of which "
+        f"the splits test and more are scored (default: {SIMULATED}, which may be missing if there "
+        "are logs)",
+    )
+    add(
+        "--logs",
+        type=Path,
+        nargs="+",
+        metavar="PATH",
+        help="set made by predictor.dataset --log, or "
+        "logs or folders of logs, from which a set is made in OUT/physical (default: "
+        f"{PHYSICAL}, if it exists)",
+    )
+    add(
+        "--predictors",
+        nargs="+",
+        default=list(PREDICTORS),
+        metavar="P",
+        help="none, extend, "
+        "compact, compact-logs, compact-paper, module:Class, FILE.safetensors, a folder of "
+        "predictor.study, whose networks are compared at the expansion that they were trained for, "
+        "or fused:FOLDER/ARCH, which combines them; NAME=P renames; figures show the first eight "
+        f"that predict (default: {' '.join(PREDICTORS)})",
+    )
+    add(
+        "--expansions",
+        nargs="+",
+        type=float,
+        default=list(EXPANSIONS),
+        metavar="X",
+        help="side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00 (default: "
+        f"{' '.join(map(str, EXPANSIONS))})",
+    )
     add(
         "--apart",
         type=between(0.0, 1000),
         default=0.5,
         metavar="M",
-        help="a frame is scored when the car has "
-        "driven this far since the last [m]; 0: all frames (default: %(default)s)",
+        help="distance along the drive from one scored frame to the next [m]; 0: all frames are "
+        "scored (default: %(default)s)",
     )
     parser.add_jobs()
     args = parser.parse_args(argv)
@@ -87,7 +116,7 @@ def _run(args: argparse.Namespace) -> None:
     torch.set_num_threads(1)
     args.out.mkdir(parents=True, exist_ok=True)
     evaluation = Evaluation(_config(args), args.out)
-    # Before hours of work: it shows who breaks the contract, on a machine that is still idle.
+    # First, since it needs an idle machine, and finds predictors that break the contract early.
     costs_of(evaluation)
     printed_costs(evaluation)
     evaluation.run(args.jobs)
@@ -116,7 +145,7 @@ def _config(args: argparse.Namespace) -> Config:
 
 
 def _logs(args: argparse.Namespace) -> Path | None:
-    """The folder of the physical set, which is made if logs are named."""
+    """Return the folder of the physical set, which is made if logs are named."""
     from benchmarks.recording.data_sets import make_physical
     from predictor.data.bags import BagConfig
     from predictor.data.frames import MANIFEST

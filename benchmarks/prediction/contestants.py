@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.square import ScoredSquare
-from benchmarks.recording.paper_drives import SimulatedConfig
+from benchmarks.recording.settings import SimulatedConfig
 from predictor.data.frames import checksum
 from predictor.data.squares import TERNARY, codes_of
 from predictor.fused import Fused

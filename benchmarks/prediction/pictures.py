@@ -222,7 +222,7 @@ def _hallway(drives: list[Drive]) -> tuple[Drive, range]:
 def _worst(
     evaluation: Evaluation, drives: list[Drive], expansion: float
 ) -> list[tuple[Drive, int]]:
-    """The leader's worst squares, one a drive, so that they are not one failure seen five times."""
+    """Return the leader's worst squares, one for each drive, so that they show several failures."""
     found: dict[int, tuple[Drive, int]] = {}
     for _, drive, index in _scored(evaluation, drives, expansion):
         found.setdefault(drive.number, (drive, index))

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchmarks.recording import scored_drive
 from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
+from benchmarks.recording.settings import LEARNED, EvaluateConfig
 from benchmarks.runs.drive import check_maps, sources
-from predictor.data.drives_config import LEARNED
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
 from predictor.infra.markdown import markdown
@@ -24,7 +24,6 @@ from predictor.infra.resumable import Part, ResumableFolder
 from predictor.infra.workers import finished
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
-from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.evaluation_figures import draw
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
 

@@ -15,11 +15,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from benchmarks.recording.settings import SimulatedConfig
 from planner.guide.guide import GuideConfig
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.frames import FramesError
-from predictor.data.simulated_config import SimulatedConfig
 from predictor.data.squares import truth_codes
 from predictor.infra.errors import LineError
 from predictor.mapping.car_limits import CarLimits

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
+from benchmarks.recording.settings import EvaluateConfig
 from benchmarks.recording.training_drives import driven, seen_again
 from benchmarks.runs.drive import task_in
 from planner.navigator import NavigatorConfig
@@ -19,7 +20,6 @@ from predictor.networks.room import REACH
 from predictor.prediction import asked
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
-from predictor.scoring.evaluate_config import EvaluateConfig
 from predictor.scoring.images import ssim, ternary
 from predictor.scoring.scores import Scores, rings_of
 from sim import LidarConfig

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
+from benchmarks.recording.settings import DrivesConfig
 from planner.navigator import Navigator, NavigatorConfig
-from predictor.data.drives_config import DrivesConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes

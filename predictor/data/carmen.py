@@ -153,7 +153,7 @@ def read_carmen(path: Path) -> LaserLog:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """The lines of a log, and their numbers from 1."""
+    """Yield the lines of a log with their numbers from 1."""
     number = 0
     try:
         with path.open("rb") as raw:
@@ -176,7 +176,7 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
-    """Of a FLASER line: ranges (n,), the laser's pose (3,), the odometry's (3,), and the time."""
+    """Return ranges (n,), laser pose (3,), odometry pose (3,) and time of a FLASER line."""
     where = f"{path}, line {number}"
     try:
         count = int(words[1])
@@ -200,7 +200,7 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
 
 
 def _beams(path: Path, number: int, count: int, sidecar: Sidecar) -> tuple[float, float]:
-    """Direction of the first beam, and the angle from one to the next [rad]."""
+    """Return the direction of the first beam, and the angle from one to the next [rad]."""
     if sidecar.angle_min is not None and sidecar.angle_increment is not None:
         return sidecar.angle_min, sidecar.angle_increment
     if count not in COMMON:
@@ -212,7 +212,7 @@ def _beams(path: Path, number: int, count: int, sidecar: Sidecar) -> tuple[float
 
 
 def _clock(times: list[float], sidecar: Sidecar) -> NDArray[np.float64] | None:
-    """The scans' times, unless they are known to be, or seen to be, of no use."""
+    """Return the times of the scans; None if they do not increase, or the sidecar rejects them."""
     clock = np.array(times)
     forwards = bool((np.diff(clock) > 0).all())
     return clock if forwards and sidecar.clock is not False else None

@@ -66,7 +66,7 @@ class Transforms:
         turn: tuple[float, float, float, float],
         fixed: bool = False,
     ) -> None:
-        """Say where a child lies in its parent at a time [s]: position [m], quaternion x y z w."""
+        """Add the pose of a child in its parent at a time [s]: position [m], quaternion x y z w."""
         edge = self.edges.get(child)
         if edge is None or edge.parent != parent or edge.fixed != fixed:
             edge = self.edges[child] = Edge(parent, fixed)
@@ -75,14 +75,14 @@ class Transforms:
         edge.turns.append(turn)
 
     def chain(self, child: str) -> list[str]:
-        """A frame and all above it, up to the root."""
+        """Return a frame and its ancestors up to the root."""
         found = [child]
         while found[-1] in self.edges and len(found) < MOST_FRAMES:
             found.append(self.edges[found[-1]].parent)
         return found
 
     def carrier(self, child: str) -> str:
-        """The topmost frame that a frame is fixed to: of a sensor, the robot."""
+        """Return the topmost frame that a frame is fixed to: for a sensor, the robot."""
         for _ in range(MOST_FRAMES):
             edge = self.edges.get(child)
             if edge is None or not edge.fixed:
@@ -93,10 +93,10 @@ class Transforms:
     def look_up(
         self, root: str, child: str, times: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], Rotation, NDArray]:
-        """Where a frame lies in one above it: positions (n, 3) [m], rotations, and known (n,).
+        """Return positions (n, 3) [m] and rotations of a frame in an ancestor, and which are known.
 
         Raises:
-            KeyError: if the one is not above the other.
+            KeyError: if `root` is not an ancestor of `child`.
         """
         positions = np.zeros((len(times), 3))
         turn = Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (len(times), 1)))

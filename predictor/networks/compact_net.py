@@ -1,11 +1,11 @@
-"""The compact network: what has been seen of a map, to probabilities for the rest of it.
+"""The compact network: from the observed part of a map to probabilities for the rest.
 
 A residual U-Net (Ronneberger et al. 2015; He et al. 2016) on patches of 5 × 5 cells. What is near
 the frontier is a matter of single cells (a wall goes on where it ended), what is far a matter of
 layout; patches hold the first in their channels and make the second cheap, since 0.25 m is as
 fine as anything but a wall needs. The same weights serve every size of map.
 
-    known (B, 2, H, W)                            free, occupied; neither: not seen
+    known (B, 2, H, W)                            observed free, observed occupied
       patches       (B, 50,  H/5,  W/5)
       stage 1       (B, 32,  H/5,  W/5)   ─────────────┐
       stage 2       (B, 64,  H/10, W/10)  ──────────┐  │
@@ -26,7 +26,7 @@ from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 FREE, OCCUPIED, HIDDEN, ROOM = range(4)
-"""Channels of the output: three exclusive classes, and one probability of its own."""
+"""Channels of the output: three exclusive classes, and one separate probability."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class CompactConfig:
     Attributes:
         patch: side of a patch [cells].
         widths: channels of each stage; the resolution halves from one to the next.
-        blocks: residual blocks of each stage on the way down. The finest has its one on the way
-            up: a second costs a sixth of all the time and 1 % of the weights.
+        blocks: residual blocks of each stage on the way down. The finest has one on the way up
+            only: a second would take a sixth of the time with 1 % of the weights.
     """
 
     patch: int = 5
@@ -51,12 +51,12 @@ class CompactConfig:
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> CompactConfig:
-        """The shape of a network that a header claims.
+        """Return the shape with the fields of a header.
 
         Raises:
             ValueError: if no network can have it.
-            KeyError: if something is missing.
-            TypeError: if something is of the wrong kind.
+            KeyError: if a field is missing.
+            TypeError: if a field is of the wrong type.
         """
         config = cls(fields["patch"], tuple(fields["widths"]), tuple(fields["blocks"]))
         sizes, blocks = (config.patch, *config.widths), config.blocks
@@ -76,7 +76,7 @@ class Block(nn.Module):
         self.second = Conv(width, width)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Return features (B, C, H, W) for features of the same shape."""
         return F.relu(x + self.second(F.relu(self.first(x))))
 
 
@@ -89,26 +89,26 @@ class Conv(nn.Module):
         self.norm: nn.Module = nn.BatchNorm2d(outputs)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, inputs, H, W) to (B, outputs, H, W)."""
+        """Return (B, outputs, H, W) for (B, inputs, H, W)."""
         out: Tensor = self.norm(self.conv(x))
         return out
 
     def fold(self) -> None:
-        """Merge the normalisation into the convolution; for inference alone."""
+        """Merge the normalisation into the convolution, for inference only."""
         if isinstance(self.norm, nn.BatchNorm2d):
             self.conv = fuse_conv_bn_eval(self.conv, self.norm)
             self.norm = nn.Identity()
 
 
 class CompactNet(nn.Module):
-    """See the head of this file.
+    """The network described at the head of this file.
 
     Args:
-        config: its shape.
+        config: shape of the network.
     """
 
     architecture = "foresee-compact-1"
-    """What files of weights call it; another number when the network changes its meaning."""
+    """Name in files of weights; the number changes when the meaning of weights does."""
     ARCHITECTURES: tuple[str, ...] = (architecture,)
     CONFIG = CompactConfig
 
@@ -128,11 +128,11 @@ class CompactNet(nn.Module):
         self.head = nn.Conv2d(widths[0], 4 * cells, 1)
 
     def forward(self, known: Tensor) -> Tensor:
-        """Logits (B, 4, H, W) of FREE, OCCUPIED and HIDDEN (softmax), and of ROOM (sigmoid).
+        """Return logits (B, 4, H, W) of FREE, OCCUPIED and HIDDEN (softmax), and ROOM (sigmoid).
 
         Args:
-            known: (B, 2, H, W), 1 where seen free, 1 where seen occupied; H and W multiples of
-                `config.multiple`.
+            known: 1 where observed free, and 1 where observed occupied, (B, 2, H, W); H and W are
+                multiples of `config.multiple`.
         """
         x = F.relu(self.stem(F.pixel_unshuffle(known, self.config.patch)))
         skips = []
@@ -146,7 +146,7 @@ class CompactNet(nn.Module):
         return F.pixel_shuffle(self.head(x), self.config.patch)
 
     def folded(self) -> CompactNet:
-        """This network made ready for inference, in place: batch normalisation merged."""
+        """Merge batch normalisation in place, for inference, and return this network."""
         self.eval()
         for module in self.modules():
             if isinstance(module, Conv):

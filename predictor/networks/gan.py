@@ -29,7 +29,7 @@ L1_WEIGHT = 100.0
 
 
 class Discriminator(nn.Module):
-    """See the head of this file.
+    """The network described at the head of this file.
 
     Args:
         side: side of the images [pixels], a power of two, at least 16.

@@ -6,13 +6,13 @@ from torch import nn
 
 
 def initialise(net: nn.Module, sigma: float) -> None:
-    """Draw all weights of a network anew, in place.
+    """Draw the first weights of a network, in place.
 
-    Weights are N(0, σ), the gains of normalisations N(1, σ), all that is added is 0.
+    Weights are N(0, σ), gains of normalisations N(1, σ), and biases 0.
 
     Args:
         net: the network.
-        sigma: σ. Katyal et al. print 0.2, where pix2pix has 0.02.
+        sigma: σ; Katyal et al. state 0.2, pix2pix has 0.02.
     """
     for module in net.modules():
         if isinstance(module, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):

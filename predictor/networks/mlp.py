@@ -1,6 +1,6 @@
 """mlp: the paper's baseline, a multilayer perceptron of 5 layers.
 
-    image   (B, 65536)        256 × 256: free +1, not seen 0, occupied -1
+    image   (B, 65536)        256 × 256: free +1, unobserved 0, occupied -1
     hidden  (B,   512)        ReLU, four times
     image   (B, 65536)        tanh
 
@@ -17,11 +17,11 @@ HIDDEN = 512
 
 
 class MLP(nn.Module):
-    """See the head of this file.
+    """The network described at the head of this file.
 
     Args:
-        side: of the images [pixels].
-        width: factor of the hidden layers.
+        side: side of the images [pixels].
+        width: factor of the hidden layers' width.
     """
 
     def __init__(self, side: int, width: float) -> None:
@@ -33,6 +33,6 @@ class MLP(nn.Module):
         self.layers = nn.Sequential(*layers[:-1], nn.Tanh())
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, 1, side, side) to the same, in [-1, 1]."""
+        """Return images (B, 1, side, side) in [-1, 1] for images of the same shape."""
         out: Tensor = self.layers(x.flatten(1)).reshape(x.shape)
         return out

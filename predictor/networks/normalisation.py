@@ -1,8 +1,8 @@
-"""Normalisation of channels: by an image's own statistics, or by those of a batch.
+"""Normalisation of channels: over each image, or over a batch.
 
-With a batch of one, as in the paper, batch normalisation is normalisation by the image itself, and
-pix2pix keeps it so at prediction. With larger batches it is by the batch, over all processes of a
-training, and at prediction by the running average.
+With a batch of one, as in the paper, batch normalisation uses the statistics of the image itself,
+and pix2pix does so at prediction too. With larger batches the statistics are those of the batch,
+over all processes of a training, and at prediction their running average.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from torch.distributed.nn.functional import all_reduce
 
 
 def norm_of(over: str, channels: int) -> nn.Module:
-    """The normalisation of a layer.
+    """Return the normalisation of a layer.
 
     Args:
         over: "image" or "batch".
-        channels: of the layer.
+        channels: number of channels of the layer.
     """
     return nn.InstanceNorm2d(channels, affine=True) if over == "image" else BatchNorm(channels)
 
@@ -26,11 +26,11 @@ def norm_of(over: str, channels: int) -> nn.Module:
 class BatchNorm(nn.BatchNorm2d):
     """Batch normalisation over the samples of all processes.
 
-    torch.nn.SyncBatchNorm does the same, on GPUs alone; this one runs, and is tested, anywhere.
+    torch.nn.SyncBatchNorm does the same, but only on GPUs.
     """
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same; each process must hold as many samples as the others."""
+        """Normalise (B, C, H, W); each process must hold the same number of samples."""
         self._check_input_dim(x)
         alone = not dist.is_initialized() or dist.get_world_size() == 1
         if alone or not self.training:

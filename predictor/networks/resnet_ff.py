@@ -3,7 +3,7 @@
 Johnson et al. 2016 (perceptual losses); He et al. 2015 (residual blocks); Zhu et al. 2017
 (CycleGAN), whose generator for 256 × 256 this is:
 
-    image   (B,   1, 256, 256)        free +1, not seen 0, occupied -1
+    image   (B,   1, 256, 256)        free +1, unobserved 0, occupied -1
     stem    (B,  64, 256, 256)        7 × 7
     down    (B, 128, 128, 128)        3 × 3, stride 2
     down    (B, 256,  64,  64)        3 × 3, stride 2
@@ -26,12 +26,12 @@ BLOCKS = 9
 
 
 class ResNet(nn.Module):
-    """See the head of this file.
+    """The network described at the head of this file.
 
     Args:
-        width: factor of all channels.
+        width: factor of the number of channels.
         over: what is normalised over, see `predictor.networks.normalisation`.
-        dropout: rate inside the blocks.
+        dropout: dropout rate inside the blocks.
     """
 
     def __init__(self, width: float, over: str, dropout: float = 0.5) -> None:
@@ -50,7 +50,7 @@ class ResNet(nn.Module):
         self.layers = nn.Sequential(*layers)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, 1, side, side) to the same, in [-1, 1]."""
+        """Return images (B, 1, side, side) in [-1, 1] for images of the same shape."""
         out: Tensor = self.layers(x)
         return out
 

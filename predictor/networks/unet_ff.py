@@ -2,7 +2,7 @@
 
 Ronneberger et al. 2015 (U-Net); Isola et al. 2017 (pix2pix), whose generator for 256 × 256 this is:
 
-    image   (B,   1, 256, 256)                free +1, not seen 0, occupied -1
+    image   (B,   1, 256, 256)                free +1, unobserved 0, occupied -1
     e1      (B,  64, 128, 128) ─────────────────────────┐
     e2      (B, 128,  64,  64) ──────────────────────┐  │
     e3      (B, 256,  32,  32) ───────────────────┐  │  │
@@ -42,11 +42,11 @@ DROPPING = 3
 
 
 class UNet(nn.Module):
-    """See the head of this file.
+    """The network described at the head of this file.
 
     Args:
         side: of the images [pixels], a power of two.
-        width: factor of all channels.
+        width: factor of the number of channels.
         over: what is normalised over, see `predictor.networks.normalisation`.
         dropout: rate of the first decoder layers.
     """
@@ -71,7 +71,7 @@ class UNet(nn.Module):
             self.up.append(nn.Sequential(conv_up, *rest))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, 1, side, side) to the same, in [-1, 1]."""
+        """Return images (B, 1, side, side) in [-1, 1] for images of the same shape."""
         skips: list[Tensor] = []
         for down in self.down:
             x = down(F.leaky_relu(x, 0.2) if skips else x)

@@ -1,0 +1,112 @@
+"""Settings of recorded drives: of training samples, of the paper's simulated set, and of scores.
+
+Nothing heavy is imported here, since command lines are built from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from predictor.infra.options import Options, option
+from predictor.mapping.families import FAMILIES
+
+LEARNED = ("corridor", "narrow", "office", "paper")
+"""Families to train on by default. `trap` is held out, as a kind of building that the network never
+sees."""
+
+
+@dataclass(frozen=True)
+class DrivesConfig(Options):
+    """Settings of a set of training samples, with the options of `predictor.drives`.
+
+    Attributes:
+        longest: time after which a drive is stopped [s], to have more buildings instead.
+        views: number of replays of each drive with other LIDARs.
+        every: ticks from one sample to the next.
+    """
+
+    out: Path = option(Path("data/drives"), "folder of the samples", "DIR", parse=Path)
+    train: int = option(
+        2000, "number of drives to train on, with about 50 samples each", "N", low=1, high=1_000_000
+    )
+    validation: int = option(
+        160, "number of drives held out for validation", "N", low=1, high=1_000_000
+    )
+    longest: float = 16.0
+    views: int = 2
+    every: int = 6
+    logs: bool = option(
+        False,
+        "make samples of simulated robots' logs instead: a LIDAR of 180°, scans up to a metre "
+        "apart, people, and the map of all scans of the log as truth",
+    )
+    families: tuple[str, ...] = option(
+        LEARNED, "families of the buildings, one drive each in turn", "F", choices=FAMILIES
+    )
+
+
+@dataclass(frozen=True)
+class SimulatedConfig(Options):
+    """Settings of the paper's simulated set, with the options of `predictor.dataset`.
+
+    The defaults are the paper's.
+    """
+
+    train: int = option(
+        5221, "number of frames of the four training drives together", "N", low=4, high=10**8
+    )
+    test: int = option(
+        1090, "number of frames of the two test drives together", "N", low=2, high=10**8
+    )
+    more: int = option(
+        20, "number of further test drives, each in a building of its own", "N", low=0, high=10**5
+    )
+    validation: int = option(
+        5, "number of validation drives, each in a building of its own", "N", low=0, high=10**5
+    )
+    length: int = option(
+        300, "number of frames of each drive of --more and --validation", "N", low=1, high=10**6
+    )
+    clutter: float = option(
+        0.0, "objects per square metre of floor, such as 0.05", "D", low=0, high=10
+    )
+    noise: float = option(
+        0.0, "standard deviation of the LIDAR's ranges [m], such as 0.03", "M", low=0, high=1
+    )
+    people: float = option(
+        0.0, "walking people per square metre of floor, such as 0.02", "D", low=0, high=10
+    )
+
+
+@dataclass(frozen=True)
+class EvaluateConfig(Options):
+    """Settings of an evaluation of predictors, with the options of `predictor.evaluate`.
+
+    Attributes:
+        every: ticks from one scored prediction to the next.
+    """
+
+    world: tuple[str, ...] = option(
+        ("corridor", "narrow", "office", "paper", "trap"),
+        "families of generated buildings, map_server .yaml files, or folders of such files",
+        "W",
+    )
+    predictors: tuple[str, ...] = option(
+        ("none", "extend", "compact"), "predictors by name, module:Class or FILE.safetensors", "P"
+    )
+    drives: int = option(
+        20, "number of drives in each family and in each map", "N", low=1, high=10**6
+    )
+    seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
+    window: float = option(
+        5.0,
+        "side of the square in which the LIDAR is used [m]",
+        "M",
+        low=1,
+        high=100,
+    )
+    expansion: float = option(
+        2.0, "width of the predicted square divided by that of the window", "X", low=1, high=4
+    )
+    every: int = 10
