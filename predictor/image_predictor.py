@@ -14,7 +14,7 @@ from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
 from predictor.mapping.grid import Grid, GridFrame, paste
 from predictor.networks.grey_map import level_of
-from predictor.networks.image import cells_of, image_of
+from predictor.networks.image import image_of, pixels_at_cells
 from predictor.networks.image_config import WINDOW, ImageConfig
 from predictor.networks.image_net import ImageNet
 from predictor.prediction import Prediction
@@ -96,7 +96,7 @@ class ImagePredictor:
         given = known.crop(square)
         turns = quarters(float(pose[2])) if self.config.turned else 0
         image = image_of(np.rot90(codes_of(given.cells), turns), self.config.side)
-        printed = cells_of(self._run(image[None])[0], square.shape[0])
+        printed = pixels_at_cells(self._run(image[None])[0], square.shape[0])
         return square, np.rot90(printed, -turns)
 
 

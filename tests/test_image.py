@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from predictor.data.squares import GREYS
-from predictor.networks.image import cells_of, image_of, pixels_of
+from predictor.networks.image import image_of, pixels_at_cells, pixels_of
 from predictor.networks.image_config import EXPANSIONS, ImageConfig
 from predictor.training.targets import images_of
 
@@ -23,13 +23,13 @@ def test_free_is_white_and_occupied_black():
 @given(st.integers(1, 256), st.integers(0, 100))
 def test_an_image_that_is_no_smaller_gives_the_map_back(n, seed):
     codes = some_codes(n, seed)
-    assert np.array_equal(cells_of(image_of(codes, 256), n), GREYS[codes])
+    assert np.array_equal(pixels_at_cells(image_of(codes, 256), n), GREYS[codes])
 
 
 @given(st.integers(65, 200), st.integers(0, 100))
 def test_in_a_smaller_image_no_wall_is_lost_and_nothing_turns_free(n, seed):
     codes = some_codes(n, seed)
-    back = cells_of(image_of(codes, 64), n)
+    back = pixels_at_cells(image_of(codes, 64), n)
     assert (back <= GREYS[codes]).all()
 
 
@@ -67,11 +67,11 @@ def test_what_is_given_and_what_is_asked_for_lie_on_each_other(expansion, side):
         assert (given_ == wanted)[given_ != 0].all()
     n = round(100 * expansion)
     inset = (n - 100) // 2
-    crop = cells_of(given_[:, 0], n)[:, inset : n - inset, inset : n - inset]
+    crop = pixels_at_cells(given_[:, 0], n)[:, inset : n - inset, inset : n - inset]
     if side >= n:
         assert np.array_equal(crop, GREYS[frames.estimated])
         assert np.array_equal(
-            cells_of(wanted[:, 0], n), GREYS[frames.truth(np.arange(3), expansion)]
+            pixels_at_cells(wanted[:, 0], n), GREYS[frames.truth(np.arange(3), expansion)]
         )
 
 
@@ -81,7 +81,7 @@ def test_of_the_crop_nothing_beyond_it_is_given_and_of_the_window_all_that_was_s
         images_of([frames.square(0, 2.0)], ImageConfig(expansion=2.0, given=name))[0]
         for name in ("crop", "window")
     )
-    crop, window = (cells_of(images[0, 0], 200) for images in (crop, window))
+    crop, window = (pixels_at_cells(images[0, 0], 200) for images in (crop, window))
     ring = np.ones((200, 200), dtype=bool)
     ring[50:150, 50:150] = False
     assert (crop[ring] == 0).all()

@@ -37,7 +37,7 @@ def pixels_of(n: int, side: int) -> NDArray[np.intp]:
     return ((np.arange(n) + 0.5) * (side / n)).astype(np.intp)
 
 
-def cells_of(image: NDArray, n: int) -> NDArray:
+def pixels_at_cells(image: NDArray, n: int) -> NDArray:
     """Return the pixel at each cell's middle: from images (..., side, side) back to (..., n, n)."""
     pixels = pixels_of(n, image.shape[-1])
     return image[..., pixels[:, None], pixels]

@@ -10,7 +10,7 @@ from predictor.data.frames import Frames
 from predictor.data.samples import Samples
 from predictor.data.squares import GREYS, NOTHING, Square
 from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
-from predictor.networks.image import cells_of
+from predictor.networks.image import pixels_at_cells
 from predictor.networks.image_net import ImageNet
 from predictor.scoring.images import ssim
 from predictor.scoring.scores import RINGS, Scores
@@ -77,7 +77,7 @@ def greys_of(net: ImageNet, squares: list[Square]) -> NDArray[np.float32]:
         given, _ = images_of(squares[first : first + AT_ONCE], net.config)
         with torch.inference_mode():
             images = net(torch.from_numpy(given).to(device).float())
-        out[first : first + AT_ONCE] = cells_of(images[:, 0].float().cpu().numpy(), n)
+        out[first : first + AT_ONCE] = pixels_at_cells(images[:, 0].float().cpu().numpy(), n)
     return out
 
 
