@@ -1,4 +1,8 @@
-"""The car: the paper's Dubins model, the model with bounded acceleration, and its collisions."""
+"""The simulated car: the model with bounded acceleration, the paper's, and collisions.
+
+It does not use the planner's model of the car (`planner.motion.dynamics`), so that each can be
+tested against the other.
+"""
 
 from __future__ import annotations
 
@@ -151,16 +155,22 @@ def wrap(angle: float) -> float:
 
 
 def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -> bool:
-    """Whether a body meets something solid at any of the poses, or between them.
+    """Return whether a body meets something solid at any of the poses, or between them.
 
     The body is grown by half of `spacing`: whatever a pose between two of these covers, one of
     the two covers as well, so nothing is missed.
 
+    This test judges the planner, and is independent of the planner's own in
+    `planner.safety.collision`: it reads the true map, its poses are those of the simulator's
+    motion, and their spacing bounds how far a corner of the body moves. Keep it so: an error in
+    the planner's test must not hide the collisions that it causes. The two share only
+    `predictor.mapping.body`, which says whether a rectangle meets a cell, and is tested by itself.
+
     Args:
-        world: the truth.
-        poses: (n, 3) x, y, yaw.
+        world: the true map.
+        poses: (n, 3) x, y, yaw [m, m, rad].
         body: the rectangle.
-        spacing: how far a point of the body moves from pose to pose at most [m].
+        spacing: maximum distance that a point of the body moves from pose to pose [m].
     """
     frame = world.grid.frame
     grown = body.inflated(0.5 * spacing)

@@ -168,7 +168,6 @@ def _length(states: NDArray[np.float64]) -> float:
 
 def _clearance(world: World, drive: NDArray[np.float64], body: Body) -> float:
     """Return the least distance from the body's outline to a solid cell [m], 0 if they overlap."""
-    frame = world.grid.frame
     along = np.linspace(-body.half_length, body.half_length, 11)
     across = np.linspace(-body.half_width, body.half_width, 7)
     outline = np.array(
@@ -178,9 +177,7 @@ def _clearance(world: World, drive: NDArray[np.float64], body: Body) -> float:
     cos, sin = np.cos(drive[:, 2])[:, None], np.sin(drive[:, 2])[:, None]
     x = drive[:, :1] + cos * outline[:, 0] - sin * outline[:, 1]
     y = drive[:, 1:2] + sin * outline[:, 0] + cos * outline[:, 1]
-    rows = np.floor((y - frame.origin[1]) / frame.resolution).astype(int)
-    cols = np.floor((x - frame.origin[0]) / frame.resolution).astype(int)
-    inside = (rows >= 0) & (rows < frame.shape[0]) & (cols >= 0) & (cols < frame.shape[1])
+    inside, rows, cols = world.grid.frame.locate(np.column_stack([x.ravel(), y.ravel()]))
     if not inside.all():
         return 0.0
     return max(0.0, float(world.clearance[rows, cols].min()))

@@ -65,7 +65,7 @@ class People:
 
     def _roomy(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         frame, clearance = self._world.grid.frame, self._world.clearance
-        cells = np.floor((places - np.array(frame.origin)) / frame.resolution).astype(int)
-        inside = ((cells >= 0) & (cells < np.array(frame.shape[::-1]))).all(axis=1)
-        cols, rows = np.where(inside[:, None], cells, 0).T
-        return np.asarray(inside & (clearance[rows, cols] > RADIUS + frame.resolution))
+        inside, rows, cols = frame.locate(places)
+        roomy = inside.copy()
+        roomy[inside] = clearance[rows, cols] > RADIUS + frame.resolution
+        return roomy

@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 from predictor.infra.errors import LineError
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
+from sim.arc_search import HEADINGS, arc_ways
 from sim.car import wrap
-from sim.lattice import HEADINGS, body_circles, explore
 from sim.lidar import cast_rays
 from sim.world import World
 
@@ -209,25 +209,15 @@ def _ways(
         roomy: where a drive may end.
         longest: ways longer than this are not followed [m].
     """
-    frame = world.grid.frame
-    offsets, radius = body_circles(car.body)
-    arc_radius = SLACK * car.turning_radius
-    lost = math.sqrt(2.0) * frame.resolution
-    poses, parents, arcs, first = explore(
-        world.clearance,
-        frame.resolution,
-        frame.origin,
-        np.array(start),
-        arc_radius,
-        offsets,
-        radius + WAY_CLEARANCE + lost,
-        COMFORT,
-        longest,
+    radius = SLACK * car.turning_radius
+    poses, parents, arcs, first = arc_ways(
+        world, start, car.body, radius, WAY_CLEARANCE, COMFORT, longest
     )
-    cells = np.floor((poses[:, :2] - frame.origin) / frame.resolution).astype(int)
+    _, rows, cols = world.grid.frame.locate(poses[:, :2])
     # The first time that a place is reached: later ones come there by a detour.
-    goals = first & roomy[cells[:, 1], cells[:, 0]]
-    return poses, parents, arcs * (arc_radius * 2 * math.pi / HEADINGS), goals
+    goals = first & roomy[rows, cols]
+    lengths = arcs.astype(np.float64) * (radius * 2 * math.pi / HEADINGS)
+    return poses, parents, lengths, goals
 
 
 def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) -> float:

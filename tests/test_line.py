@@ -24,8 +24,8 @@ def lines_in(room, vertices, pose, unsure=False, goal=ANYWHERE, config=CONFIG):
     way = Path.through(np.array(vertices), "").points
     clearance = distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION)
     everywhere = np.full(room.frame.shape, unsure)
-    return way, list(lines_along(way, np.array(pose, dtype=float), clearance, RESOLUTION,
-                                 room.frame.origin, everywhere, goal, 0.95 * CAR.max_curvature,
+    return way, list(lines_along(way, np.array(pose, dtype=float), clearance, room.frame,
+                                 everywhere, goal, 0.95 * CAR.max_curvature,
                                  config))  # fmt: skip
 
 

@@ -7,9 +7,9 @@ from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.families import FAMILIES
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from sim.arc_search import HEADINGS, arc_ways
 from sim.car import along_arc, collides
 from sim.families import empty_straight, generate
-from sim.lattice import HEADINGS, body_circles, explore
 from sim.task import NEW, NO_TRIP, SLACK, START_CLEARANCE, NoTaskError, prolonged, sample_task
 from sim.world import World
 
@@ -86,13 +86,9 @@ def test_every_way_that_is_found_can_be_driven_without_a_collision(body):
     world = generate("narrow", 5)
     frame = world.grid.frame
     row, col = np.unravel_index(np.argmax(world.clearance), frame.shape)
-    offsets, circle = body_circles(body)
-    needed = circle + 0.05 + math.sqrt(2) * frame.resolution
+    start = (*frame.centre(int(row), int(col)), 0.3)
     radius = SLACK * CAR.turning_radius
-    poses, parents, arcs, first = explore(
-        world.clearance, frame.resolution, frame.origin,
-        np.array([*frame.centre(int(row), int(col)), 0.3]), radius, offsets, needed, 0.4, 40.0,
-    )  # fmt: skip
+    poses, parents, arcs, first = arc_ways(world, start, body, radius, 0.05, 0.4, 40.0)
     assert parents[0] == -1
     assert first[0]
     assert len(poses) > 1000
@@ -109,7 +105,7 @@ def test_every_way_that_is_found_can_be_driven_without_a_collision(body):
 
 def test_circles_cover_the_body():
     for body in (Body(), Body(1.3, 0.2), Body(0.2, 0.7)):
-        offsets, radius = body_circles(body)
+        offsets, radius = body.circles()
         x = np.linspace(-body.half_length, body.half_length, 50)
         y = np.linspace(-body.half_width, body.half_width, 50)
         distance = np.hypot(x[:, None, None] - offsets, y[None, :, None]).min(axis=2)

@@ -12,8 +12,8 @@ from scipy.ndimage import gaussian_filter1d
 from benchmarks.optimal.minimum_time import Guess
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way
 from predictor.mapping.car_limits import CarLimits
+from sim.arc_search import arc_ways
 from sim.car import along_arc, wrap
-from sim.lattice import body_circles, explore
 from sim.task import Task
 
 TAUT = ((0.35, 0.5), (0.8, 1.0))
@@ -118,13 +118,9 @@ def _arcs(
     task: Task, car: CarLimits, radius: float, comfort: float, goal_radius: float
 ) -> NDArray[np.float64] | None:
     """The cheapest way of arcs to near the goal, (n, 2) [m]; None if there is none."""
-    frame = task.world.grid.frame
-    offsets, circle = body_circles(car.body)
-    lost = math.sqrt(2.0) * frame.resolution
-    poses, parents, _, _ = explore(
-        task.world.clearance, frame.resolution, frame.origin, np.array(task.start), radius, offsets,
-        circle + CLEARANCE + lost, comfort, DETOUR * task.path_length,
-    )  # fmt: skip
+    poses, parents, _, _ = arc_ways(
+        task.world, task.start, car.body, radius, CLEARANCE, comfort, DETOUR * task.path_length
+    )
     # Poses come in the order of cost.
     near = np.flatnonzero(np.hypot(*(poses[:, :2] - task.goal).T) <= 1.2 * goal_radius)
     if len(near) == 0:

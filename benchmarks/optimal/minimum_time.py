@@ -146,7 +146,7 @@ class MinimumTime:
         rows = [
             (x[:, 1:] - after, 0.0, 0.0),
             (lateral, -cornering, cornering),
-            (clear, self._radius + margin, np.inf),
+            (clear, self.car.body.circles(CIRCLES)[1] + margin, np.inf),
             (ca.sumsqr(last), 0.0, (self.goal_radius - INSIDE) ** 2),
         ]
         low, high = np.full((ticks + 1, 4), -np.inf), np.full((ticks + 1, 4), np.inf)
@@ -178,16 +178,6 @@ class MinimumTime:
         drive = Guess(guess.name, float(values[0]), guess.states, controls)
         return self.roll(drive, stats["return_status"], stats["iter_count"])
 
-    @property
-    def _half(self) -> float:
-        """Half the body's length that a circle covers [m]."""
-        return self.car.body.half_length / CIRCLES
-
-    @property
-    def _radius(self) -> float:
-        """Of the circles that cover the body [m]."""
-        return math.hypot(self._half, self.car.body.half_width)
-
     def _stage(self, places: int) -> ca.Function:
         """One tick as a function of state (4,), control (2,) and its length.
 
@@ -205,7 +195,7 @@ class MinimumTime:
                               x[1] + chord * ca.sin(x[2] + half), x[2] + 2 * half,
                               x[3] + u[0] * t)  # fmt: skip
 
-        offset = (CIRCLES - 1) * self._half
+        offset = float(self.car.body.circles(CIRCLES)[0][-1])
         centres = []
         for place in range(1, places + 1):
             pose = after(dt * place / places)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
-from planner.guide.line import LineConfig
+from planner.guide.line import BODY_MARGIN, LineConfig
 from planner.guide.path_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
@@ -231,10 +231,8 @@ class Guide:
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
         """The path, or the part of it that ends with room to turn before an obstacle."""
         coming = path.points[self.segment : self.segment + 100]
-        cells = np.floor((coming - np.array(risk.frame.origin)) / risk.frame.resolution).astype(int)
-        inside = ((cells >= 0) & (cells < np.array(risk.frame.shape[::-1]))).all(axis=1)
-        cells = cells[inside]
-        blocked = risk.obstacle_distance[cells[:, 1], cells[:, 0]] < self.car.body.half_width + 0.02
+        inside, rows, cols = risk.frame.locate(coming)
+        blocked = risk.obstacle_distance[rows, cols] < self.car.body.half_width + BODY_MARGIN
         if not blocked.any():
             return path
         first = self.segment + int(np.flatnonzero(inside)[np.argmax(blocked)])

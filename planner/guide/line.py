@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 
 from planner.motion.goal import PLAN_REACHES
 from planner.motion.path import SPACING
+from predictor.mapping.grid import GridFrame
 from predictor.mapping.kernels import njit
+
+BODY_MARGIN = 0.02
+"""Free space that paths keep around the body's outline, or around the circles that cover it [m]."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,7 @@ def lines_along(
     way: NDArray[np.float64],
     pose: NDArray[np.float64],
     clearance: NDArray[np.float32],
-    resolution: float,
-    origin: tuple[float, float],
+    frame: GridFrame,
     unsure: NDArray[np.bool_],
     goal: tuple[float, float],
     tightest: float,
@@ -63,8 +66,7 @@ def lines_along(
         way: (n, 2) [m], `SPACING` apart, from near the pose.
         pose: x, y, yaw where the line begins, (3,).
         clearance: distance to the nearest obstacle [m], (rows, columns).
-        resolution: side of its cells [m].
-        origin: x, y of its lower-left corner [m].
+        frame: where these cells lie.
         unsure: cells in which the line is tethered to the way, (rows, columns).
         goal: x, y [m]; a line whose way passes it does so too.
         tightest: curvature that the line should not exceed [1/m].
@@ -73,16 +75,15 @@ def lines_along(
     way = way[: round(config.reach / SPACING) + 1].copy()
     if len(way) < 6:
         return
-    cells = np.floor((way - np.array(origin)) / resolution).astype(int)
-    inside = ((cells >= 0) & (cells < np.array(unsure.shape[::-1]))).all(axis=1)
+    inside, rows, cols = frame.locate(way)
     tether = np.full(len(way), config.tether)
-    tether[inside] *= unsure[cells[inside, 1], cells[inside, 0]]
+    tether[inside] *= unsure[rows, cols]
     passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
     if math.dist(way[passed], goal) < PLAN_REACHES:
         way[passed], tether[passed] = goal, config.hold
     guess = _begun(way, pose)
     for comfort in config.comfort:
-        yield relax(guess, way, tether, clearance, resolution, origin, config.bending,
+        yield relax(guess, way, tether, clearance, frame.resolution, frame.origin, config.bending,
                     config.push, comfort, config.iterations, tightest)  # fmt: skip
 
 

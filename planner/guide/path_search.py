@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.guide.line import BODY_MARGIN
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
@@ -140,8 +141,9 @@ def _validity(
     ox, oy = cost.frame.origin
     rows, cols = cost.frame.shape
     x0, y0 = float(pose[0]), float(pose[1])
-    ends = body.length / 4
-    close = near.obstacle_distance >= math.hypot(ends, body.half_width) + 0.02
+    offsets, radius = body.circles(2)
+    ends = float(offsets[-1])
+    close = near.obstacle_distance >= radius + BODY_MARGIN
     near_inverse = 1.0 / near.frame.resolution
     nx, ny = near.frame.origin
     near_rows, near_cols = near.frame.shape

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.guide.line import LineConfig, curvatures, lines_along, speeds
+from planner.guide.line import BODY_MARGIN, LineConfig, curvatures, lines_along, speeds
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import GridFrame
 
 SLOWEST = 0.5
 """Lower bound of the speed in a path's price [m/s]."""
@@ -40,6 +39,9 @@ class Smoother:
     ) -> None:
         self.cost, self.near, self.goal = cost, near, goal
         self.car, self.config = car, config
+        # Two circles cover the body, as in the MPC.
+        offsets, self._radius = car.body.circles(2)
+        self._offset = float(offsets[-1])
 
     def along(
         self, way: NDArray[np.float64], pose: NDArray[np.float64], source: str
@@ -53,8 +55,8 @@ class Smoother:
         """
         cost, frame = self.cost, self.cost.frame
         way = self._run_out(way)
-        lines = lines_along(way, pose, cost.room, frame.resolution, frame.origin, cost.unsure,
-                            self.goal, 0.95 * self.car.max_curvature, self.config)  # fmt: skip
+        lines = lines_along(way, pose, cost.room, frame, cost.unsure, self.goal,
+                            0.95 * self.car.max_curvature, self.config)  # fmt: skip
         for line in lines:
             if self._is_drivable(line):
                 path = Path.through(np.vstack([line, way[len(line) :]]), source)
@@ -89,11 +91,11 @@ class Smoother:
         heading /= max(float(np.hypot(*heading)), 1e-9)
         count = math.ceil((self.car.stopping_distance + 0.5) / SPACING)
         on = way[-1] + SPACING * np.arange(1, count + 1)[:, None] * heading
-        inside, rows, cols = _cells(on, self.cost.frame)
+        inside, rows, cols = self.cost.frame.locate(on)
         open_ = np.zeros(count, dtype=bool)
         open_[inside] = self.cost.room[rows, cols] >= self.cost.required + 0.1
         # The body reaches farther than its centre: a line that ends here has to fit.
-        open_ &= self._fit(on + (self.car.body.length / 4 + SPACING) * heading)
+        open_ &= self._fit(on + (self._offset + SPACING) * heading)
         return np.vstack([way, on[: count if open_.all() else int(np.argmin(open_))]])
 
     def _is_drivable(self, line: NDArray[np.float64]) -> bool:
@@ -101,27 +103,17 @@ class Smoother:
         if np.abs(curvatures(line)).max() > self.car.max_curvature:
             return False
         steps = np.diff(line, axis=0)
-        steps *= self.car.body.length / 4 / np.hypot(*steps.T)[:, None]
+        steps *= self._offset / np.hypot(*steps.T)[:, None]
         # The car may start closer to something than it likes; it must be able to leave.
         start = np.hypot(*(line[1:] - line[0]).T) < 0.45
         return all((start | self._fit(line[1:] + side * steps)).all() for side in (-1, 1))
 
     def _fit(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether a circle that covers half of the body fits at each point, (n,)."""
-        around = math.hypot(self.car.body.length / 4, self.car.body.half_width) + 0.02
         out = np.ones(len(points), dtype=bool)
-        inside, rows, cols = _cells(points, self.cost.frame)
+        inside, rows, cols = self.cost.frame.locate(points)
         out[inside] = self.cost.clearance[rows, cols] >= self.cost.required
         # Around the car it is known to the cell.
-        inside, rows, cols = _cells(points, self.near.frame)
-        out[inside] = self.near.obstacle_distance[rows, cols] >= around
+        inside, rows, cols = self.near.frame.locate(points)
+        out[inside] = self.near.obstacle_distance[rows, cols] >= self._radius + BODY_MARGIN
         return out
-
-
-def _cells(
-    points: NDArray[np.float64], frame: GridFrame
-) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
-    """Which points (n, 2) lie inside a frame, and the rows and columns of those."""
-    cells = np.floor((points - np.array(frame.origin)) / frame.resolution).astype(np.int64)
-    inside = ((cells >= 0) & (cells < np.array(frame.shape[::-1]))).all(axis=1)
-    return inside, cells[inside, 1], cells[inside, 0]

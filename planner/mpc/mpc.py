@@ -133,8 +133,8 @@ class MPC:
         n = self.stages + 1
         self._stage = compiled(stage_functions(c.dt, n, np.array(c.effort)))
         # Two circles cover the body; along a straight they leave no gap up to 5 m/s at 0.1 s.
-        self._offset = car.body.length / 4
-        self.required = math.hypot(self._offset, car.body.half_width) + c.margin
+        offsets, radius = car.body.circles(2)
+        self._offset, self.required = float(offsets[-1]), radius + c.margin
         # What `rollout` is told of the car.
         self.driving = (c.dt, car.v_max, car.acceleration, car.braking,
                       car.planned_cornering, car.max_curvature)  # fmt: skip

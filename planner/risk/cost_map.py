@@ -103,10 +103,8 @@ class CostMap:
             points: (n, 2) [m].
             slowness: top speed over the speed at each point, (n,).
         """
-        cells = np.floor((points - np.array(self.frame.origin)) / self.frame.resolution).astype(int)
-        inside = ((cells >= 0) & (cells < np.array(self.frame.shape[::-1]))).all(axis=1)
+        inside, rows, cols = self.frame.locate(points)
         price = np.full(len(points), UNKNOWN_COST)
-        cols, rows = cells[inside].T
         fits = self.clearance[rows, cols] >= self.required
         price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)
         steps = np.hypot(*np.diff(points, axis=0).T)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from predictor.mapping.kernels import njit
 
@@ -36,6 +37,19 @@ class Body:
     def radius(self) -> float:
         """Of the circle around the whole body [m]."""
         return math.hypot(self.half_length, self.half_width)
+
+    def circles(self, count: int | None = None) -> tuple[NDArray[np.float64], float]:
+        """Return circles that together cover the body.
+
+        Args:
+            count: their number; None: as many as are about as long as the body is wide.
+
+        Returns:
+            Offsets of their centres along the body (count,) and their radius [m].
+        """
+        count = count or max(1, math.ceil(self.length / self.width))
+        half = 0.5 * self.length / count
+        return half * np.arange(1.0 - count, count, 2.0), math.hypot(half, self.half_width)
 
     def inflated(self, margin: float) -> Body:
         """A body larger by `margin` on every side [m]."""

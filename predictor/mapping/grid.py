@@ -73,6 +73,14 @@ class GridFrame:
         row, col = self.cell(x, y)
         return 0 <= row < self.shape[0] and 0 <= col < self.shape[1]
 
+    def locate(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
+        """Return which points (n, 2) [m] lie inside, (n,), and the rows and columns of those."""
+        cells = np.floor((points - np.array(self.origin)) / self.resolution).astype(np.int64)
+        inside = ((cells >= 0) & (cells < np.array(self.shape[::-1]))).all(axis=1)
+        return inside, cells[inside, 1], cells[inside, 0]
+
     def offset(self, other: GridFrame) -> tuple[int, int]:
         """Row and column of `other`'s cell (0, 0) in this frame.
 

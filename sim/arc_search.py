@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from predictor.mapping.body import Body
 from predictor.mapping.kernels import njit
+from sim.world import World
 
 HEADINGS = 16
 """Directions that the search tells apart."""
@@ -20,12 +21,44 @@ RINGS = 64
 """More than the dearest arc costs: the length of the ring of buckets."""
 
 
-def body_circles(body: Body) -> tuple[NDArray[np.float64], float]:
-    """Circles that together cover a body: offsets of their centres along it, their radius [m]."""
-    count = max(1, math.ceil(body.length / body.width))
-    half = 0.5 * body.length / count
-    offsets = half * np.arange(1.0 - count, count, 2.0)
-    return offsets, math.hypot(half, body.half_width)
+def arc_ways(
+    world: World,
+    start: tuple[float, float, float],
+    body: Body,
+    radius: float,
+    clearance: float,
+    comfort: float,
+    longest: float,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
+    """Find the cheapest ways from a pose to wherever a body gets by driving arcs forward.
+
+    Args:
+        world: the building.
+        start: x, y, yaw [m, m, rad].
+        body: the car's body; circles that cover it are kept clear of what is solid.
+        radius: of the arcs [m].
+        clearance: free space to keep around the circles [m].
+        comfort: clearance beyond that at which a wall stops mattering [m].
+        longest: ways longer than this are not followed [m].
+
+    Returns:
+        See `explore`.
+    """
+    frame = world.grid.frame
+    offsets, circle = body.circles()
+    # A cell's clearance runs from centre to centre, up to a diagonal more than what is free.
+    needed = circle + clearance + math.sqrt(2.0) * frame.resolution
+    return explore(
+        world.clearance,
+        frame.resolution,
+        frame.origin,
+        np.array(start),
+        radius,
+        offsets,
+        needed,
+        comfort,
+        longest,
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -58,7 +91,7 @@ def explore(  # type: ignore[no-untyped-def]
         origin: x, y of the lower-left corner [m].
         start: x, y, yaw.
         radius: of the arcs [m]; an arc turns by one of `HEADINGS`.
-        offsets: `body_circles`' centres (n,) [m].
+        offsets: of the circles along the body, (n,) [m].
         needed: clearance that each circle needs [m].
         comfort: clearance beyond it at which a wall stops mattering [m].
         longest: ways longer than this are not followed [m].
