@@ -14,11 +14,11 @@ from planner.guide.guide import Guide, GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
-from planner.risk.asking import Asker, LateError, RaisedError
+from planner.risk.ask_predictor import Asker, LateError, RaisedError
 from planner.risk.risk_map import RiskMap
+from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
-from planner.safety.speed_limits import Limit, what_limits
-from planner.safety.sweep import swept_cells
+from planner.safety.swept_cells import swept_cells
 from predictor.mapping.car_limits import CarLimits, check_finite
 from predictor.mapping.grid import OccupancyGrid
 from predictor.mapping.scan import Scan

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from predictor.mapping.kernels import njit
-from predictor.mapping.lines import NONE, OPEN, look_back, main_direction, nearness
+from predictor.mapping.straight_lines import NONE, OPEN, look_back, main_direction, nearness
 from predictor.prediction import Prediction
 
 

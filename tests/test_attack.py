@@ -13,7 +13,7 @@ from benchmarks.robustness.hostile_predictors import FAULTY, KINDS, LIARS, WRITE
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.drive import car_of, navigator_for, task_of
 from benchmarks.runs.settings import Settings
-from planner.risk.asking import Asker
+from planner.risk.ask_predictor import Asker
 from planner.risk.risk_map import RiskMap
 from predictor import BadPredictionError, Grid, GridFrame
 from sim import DubinsCar, Lidar, LidarConfig

@@ -7,7 +7,7 @@ import pytest
 from short_drive import LIDAR, straight
 
 from planner.risk.risk_map import RiskMap
-from planner.safety.speed_limits import Limit
+from planner.safety.limiting_factor import Limit
 from predictor import OccupancyGrid
 from predictor.mapping.car_limits import CarLimits
 from sim import DubinsCar

@@ -7,7 +7,7 @@ import pytest
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.extend import Extend
-from predictor.mapping.lines import NONE, OPEN, WALL, look_back, main_direction, nearness
+from predictor.mapping.straight_lines import NONE, OPEN, WALL, look_back, main_direction, nearness
 
 N = 200
 FRAME = GridFrame(0.05, (0.0, 0.0), (N, N))

@@ -16,7 +16,7 @@ from benchmarks.figures.trajectories import trajectories
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RunError
-from planner.safety.speed_limits import Limit
+from planner.safety.limiting_factor import Limit
 from predictor.mapping.car_limits import CarLimits
 from sim.car import DubinsCar
 

@@ -12,7 +12,7 @@ from planner.mpc.solution import Solution, Status
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
 from planner.safety.plan_choice import Situation
-from planner.safety.sweep import swept_cells
+from planner.safety.swept_cells import swept_cells
 from predictor import FREE, OCCUPIED, Grid, GridFrame, Prediction
 from predictor.mapping.car_limits import CarLimits
 from sim import DubinsCar, generate, sample_task

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.guide.guide import Guide, GuideConfig
-from planner.guide.path_search import PathConfig, plan_path
+from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.motion.path import SPACING, Path, project
 from planner.risk.cost_map import (

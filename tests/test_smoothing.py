@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rooms import CAR, Room, along, length
 
-from planner.guide.line import LineConfig, curvatures
+from planner.guide.elastic_band import LineConfig, curvatures
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.motion.path import Path

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.motion.path import SPACING, Path
 from planner.motion.plan import Plan
-from planner.mpc.guess import pursue, shifted
+from planner.mpc.initial_guess import pursue, shifted
 from planner.mpc.mpc import MPC
 from planner.navigator import AHEAD
 from planner.risk.risk_map import RiskMap

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.guide.elastic_band import BODY_MARGIN, LineConfig
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
-from planner.guide.line import BODY_MARGIN, LineConfig
-from planner.guide.path_search import PathConfig, plan_path
+from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.motion.goal import PATH_REACHES

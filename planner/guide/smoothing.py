@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.guide.line import BODY_MARGIN, LineConfig, curvatures, lines_along, speeds
+from planner.guide.elastic_band import BODY_MARGIN, LineConfig, curvatures, lines_along, speeds
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from planner.motion.contact import first_free, swerves
 from planner.motion.plan import Plan
-from planner.mpc.guess import shifted
+from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CONTACT_SPACING, CollisionChecker

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.motion.goal import GOES_ON, PLAN_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan
-from planner.mpc.guess import pursue, shifted
+from planner.mpc.initial_guess import pursue, shifted
 from planner.mpc.mpc import MPC, MPCConfig, stop_controls
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rooms import CAR, RESOLUTION, Room, length, turned
 
-from planner.guide.line import LineConfig, curvatures, lines_along, speeds
+from planner.guide.elastic_band import LineConfig, curvatures, lines_along, speeds
 from planner.motion.path import SPACING, Path
 from planner.risk.distance_transform import distance_field
 from predictor import OCCUPIED

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.guide.line import BODY_MARGIN
+from planner.guide.elastic_band import BODY_MARGIN
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
