@@ -25,17 +25,17 @@ from predictor.mapping.scan import Scan
 from predictor.prediction import BadPredictionError, Prediction, Predictor
 
 FIRST_DEADLINE = 180.0
-"""The first answer may have to load and compile first, on a busy machine [s]."""
+"""Time that the first prediction may take, as it may have to load and compile code [s]."""
 BESIDE = 5.0
-"""Side of the squares about the points of a given way that the map holds from the start [m]."""
+"""Side of the squares around the points of a prescribed route that the map holds at once [m]."""
 AHEAD = 2.5
-"""How far the risk map's centre lies ahead of the car [m]."""
+"""Distance from the car to the risk map's centre ahead of it [m]."""
 PATIENCE = 4
-"""Ticks at rest after which a way out is searched for, and between such searches."""
+"""Ticks at rest after which the car searches for a way out, and between such searches."""
 LONG_PATIENCE = 15
-"""Likewise, ticks within 0.1 m: a car may start and brake, over and over."""
+"""The same for ticks within 0.1 m, since a stuck car may start and brake repeatedly."""
 AFRESH = 5
-"""Ticks from one start that is not the last plan to the next, while nothing is wrong."""
+"""Ticks from one plan made from pure pursuit to the next, in normal driving."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +44,16 @@ class NavigatorConfig:
 
     Attributes:
         window: side of the square that the LIDAR writes into [m].
-        expansion: how many times wider the predicted square is.
-        risk: the dial ε in [0, 1]: what a plan may rely upon.
-        steer: whether a prediction also moves the route.
-        margin: what the safe set is eroded by [m]; 0 for a noise-free LIDAR.
-        start_margin: around the body at the start that counts as seen free [m].
-        oracle: whether the predictor is told the truth, so that what it is certain of counts as
-            seen. Of a comparison's arm alone: a car that trusts a plug-in so may collide.
-        deadline: a prediction later than this is not used [s]. Far above what one takes: in
-            simulation the clock stands still meanwhile, and a tick must not depend on luck.
-        car: what the car can do.
+        expansion: ratio of the predicted square's side to the window's.
+        risk: risk ε in [0, 1] at which a plan may rely upon predictions.
+        steer: whether a prediction also changes the route.
+        margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
+        start_margin: margin around the body at the start that counts as seen free [m].
+        oracle: whether the predictor knows the true map, so that what it is certain of counts as
+            seen. For an arm of the comparison only: with any other predictor the car may collide.
+        deadline: a prediction later than this is not used [s]. It is far above the usual time, so
+            that simulated drives do not depend on the machine's load.
+        car: the car's limits and body.
         mpc: settings of the MPC.
         guide: settings of path planning.
     """
@@ -80,31 +80,32 @@ class NavigatorConfig:
 
     @property
     def predicted_side(self) -> float:
-        """Side of the predicted square [m]: no more than the car can make use of."""
+        """Side of the predicted square [m], at most as large as the car can use."""
         return min(self.window * self.expansion, max(10.0, 2 * (self.car.stopping_distance + 1.5)))
 
     @property
     def risk_side(self) -> float:
-        """Side of the risk map [m]: a full stop fits ahead of the car."""
+        """Side of the risk map [m]; it holds a stop from top speed ahead of the car."""
         return max(10.0, 2 * (self.car.stopping_distance + 1.0 - AHEAD))
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """All that a tick decided, and why.
+    """The decision of a tick, and the reasons for it.
 
     Attributes:
-        control: a [m/s²], κ [1/m] to apply for one `dt`.
-        plan: the motion it begins.
-        limit: what kept the car from going faster.
-        faults: what went wrong and was survived in this tick, each kind once.
-        relied: centres of the cells not seen that the plan sweeps, (k, 2) [m].
-        relied_trust: confidence · p_free of each, (k,).
-        emergency: no plan was safe on the newest map: the car brakes as hard as it can.
-        times: stage → [ms]; "cycle" is scan in to control out, "path" runs beside it.
-        risk_map: what the plan relied upon.
-        prediction: what was believed, if anything.
-        path: what the plan follows, if anything.
+        control: acceleration [m/s²] and curvature [1/m] for one tick; in reverse also the gear, -1.
+        plan: plan that the control begins.
+        limit: what keeps the car from going faster.
+        faults: failures that were survived in this tick, each kind once.
+        relied: centres of the unseen cells that the plan sweeps, (k, 2) [m].
+        relied_trust: confidence · p_free of each of them, (k,).
+        emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
+            can.
+        times: time of each stage [ms]; "cycle" is from scan to control, "path" runs beside it.
+        risk_map: map that the plan relies upon.
+        prediction: the prediction, if there is one.
+        path: path that the plan follows, if there is one.
     """
 
     control: NDArray[np.float64]
@@ -121,16 +122,16 @@ class Decision:
 
 
 class Navigator:
-    """Drives a car to a goal through space that it comes to see.
+    """Drives a car to a goal through a building that it has never seen.
 
     Args:
         config: settings.
-        predictor: extends the known map; None: nothing is predicted.
+        predictor: predicts the map beyond what has been seen; None: no predictions.
         start: x, y, yaw (and v) at the start, (3,) or (4,).
         goal: x, y [m].
-        known: what is known at the start; it is written to.
-        waypoints: (n, 2) a route given as the task, or None: find one.
-        seed: of the path search.
+        known: map at the start; the navigator writes to it.
+        waypoints: (n, 2) a prescribed route, or None: the car finds its own.
+        seed: seed of the path search.
     """
 
     def __init__(
@@ -154,7 +155,7 @@ class Navigator:
         self._gear = 1
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
-        # On a given route a prediction shapes the line, and does not change the route.
+        # On a prescribed route a prediction shapes the line, and does not change the route.
         heard = config.risk > 0 or config.steer
         self._asker = Asker(predictor) if predictor is not None and heard else None
         known.cover(known.frame.square(*goal, config.window))
@@ -185,7 +186,7 @@ class Navigator:
         clock.lap("integrate")
         prediction = self._predict(state, faults, clock)
         self._change_gear(self.guide.shift(state))
-        # In reverse the car drives as one that looks the other way does forward.
+        # A car in reverse is treated as one that looks the other way and drives forward.
         driven = state if self._gear > 0 else mirrored(state)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
         risk = self._risk_map(driven, prediction)
@@ -225,7 +226,7 @@ class Navigator:
         xs, ys = risk.frame.centres()
         limit = what_limits(plan, risk, self.goal, self.chooser.mpc.limits, choice.emergency)
         if plan is not choice.intended:
-            # It is held back for the case that what was not seen is not as believed.
+            # The last resort holds it back, in case the prediction is wrong.
             limit = Limit.UNSEEN
         control = plan.controls[0].copy()
         if self._gear < 0:
@@ -250,7 +251,7 @@ class Navigator:
         try:
             self.known.integrate(scan, state)
         except Exception:
-            # A driver may hand over anything; none of it may reach the wheels.
+            # A LIDAR's driver may hand over anything; none of it may reach the wheels.
             faults.append("bad_scan")
         # Where the body is, there is nothing else: it must be able to back out of there.
         self.known.mark_free(state, self.config.car.body, 0.0)
@@ -260,7 +261,7 @@ class Navigator:
         c = self.config
         centre = driven[:2] + AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
-        # It reverses through what was seen free alone.
+        # In reverse it relies only on what was seen free.
         epsilon = c.risk if self._gear > 0 else 0.0
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
@@ -300,13 +301,13 @@ class Navigator:
             else:
                 self.guide.request(self._tick, ahead, self.known, risk, steering)
         except Exception:
-            # OMPL is others' code. Without a new path the car goes on along the last one.
+            # OMPL may raise anything. Without a new path the car goes on along the last one.
             faults.append("path_failed")
 
     def _predict(
         self, state: NDArray[np.float64], faults: list[str], clock: _Clock
     ) -> Prediction | None:
-        """Ask the predictor; whatever it does wrong leaves the car with what it knows."""
+        """Ask the predictor; return None if it fails in any way."""
         if self._asker is None:
             return None
         side, patience = self.config.predicted_side, self.config.deadline

@@ -1,4 +1,4 @@
-"""The world that the robot drives in: maps, generated buildings, the LIDAR, the car, the task."""
+"""The simulator: maps, generated buildings, the LIDAR, the car, the task, the closed loop."""
 
 from sim.car import DubinsCar, PaperCar, collides
 from sim.families import empty_straight, generate

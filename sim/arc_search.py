@@ -12,13 +12,13 @@ from predictor.mapping.kernels import njit
 from sim.world import World
 
 HEADINGS = 16
-"""Directions that the search tells apart."""
+"""Number of directions that the search distinguishes."""
 CELL = 0.2
-"""Side of the squares of positions that it tells apart [m]."""
+"""Side of the squares of positions that it distinguishes [m]."""
 CHECKS = 3
-"""Points of an arc at which the body is tested."""
+"""Number of points of an arc at which the body is tested."""
 RINGS = 64
-"""More than the dearest arc costs: the length of the ring of buckets."""
+"""Length of the ring of buckets; it exceeds the cost of any arc."""
 
 
 def arc_ways(
@@ -63,7 +63,8 @@ def arc_ways(
 
 @njit(cache=True, nogil=True)
 def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: ignore[no-untyped-def]
-    """The least clearance of the body's circles beyond what they need; negative if it collides."""
+    """Return the least clearance of the body's circles beyond what they need; negative in a
+    collision."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     spare = np.inf
     for offset in offsets:
@@ -79,7 +80,8 @@ def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: i
 def explore(  # type: ignore[no-untyped-def]
     clearance, resolution, origin, start, radius, offsets, needed, comfort, longest
 ):
-    """Cheapest ways from a start pose, over arcs to the left, straight on, and to the right.
+    """Find the cheapest ways from a start pose, over arcs to the left, straight on, and to the
+    right.
 
     Dijkstra with a ring of buckets, since costs are small whole numbers. Poses stay exact: the
     lattice only decides which of them count as the same, so every way found can be driven. Arcs

@@ -23,7 +23,7 @@ Node = tuple[int, int]
 
 
 def block_size() -> Point:
-    """Extent along x and along y that always suffices [m]."""
+    """Return the extent along x and along y that always suffices [m]."""
     pitch = WIDTH[1] + GAP + 5.0
     return pitch * COLUMNS + 2.0, pitch * ROWS + 2.0
 
@@ -61,7 +61,7 @@ def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
 
 
 def _lines(count: int, rng: np.random.Generator) -> tuple[list[float], list[float]]:
-    """Parallel paths: where the middle line of each lies, and how wide it is [m]."""
+    """Draw parallel paths: return where the middle line of each lies, and how wide it is [m]."""
     widths = rng.uniform(*WIDTH, count)
     middles = [1.0 + 0.5 * widths[0] + 1.2]
     for before, after in pairwise(widths):
@@ -71,7 +71,8 @@ def _lines(count: int, rng: np.random.Generator) -> tuple[list[float], list[floa
 
 
 def _joined(rng: np.random.Generator) -> list[tuple[Node, Node]]:
-    """Neighbouring crossings that a path joins: a spanning tree, and some of the rest."""
+    """Draw the pairs of neighbouring crossings that a path joins: a spanning tree, and some of the
+    rest."""
     nodes = [(column, row) for column in range(COLUMNS) for row in range(ROWS)]
     pairs = [
         (one, other)

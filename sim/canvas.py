@@ -1,4 +1,4 @@
-"""A drawing board for buildings: free shapes are carved, things are put into them."""
+"""A canvas for buildings: free shapes are carved into solid ground, objects put into them."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ class Canvas:
         self.box(middle, (high[0] - low[0], high[1] - low[1]), free=True)
 
     def is_free(self, x: float, y: float) -> bool:
-        """Whether a point [m] is inside something carved."""
+        """Return whether a point [m] is inside something carved."""
         return self.frame.contains(x, y) and bool(self.free[self.frame.cell(x, y)])
 
     def world(self, name: str) -> World:
-        """The building: walls around all that is free, beyond them UNKNOWN."""
+        """Return the building: walls around all that is free, and UNKNOWN beyond them."""
         solid = ~self.free
         near = binary_dilation(self.free, np.ones((3, 3), dtype=np.bool_), iterations=WALL)
         cells = np.where(self.free, np.int8(FREE), np.int8(UNKNOWN))
@@ -77,7 +77,8 @@ class Canvas:
     def _around(
         self, centre: Point, reach: float
     ) -> tuple[tuple[slice, slice], NDArray[np.float64], NDArray[np.float64]]:
-        """The cells within reach of a point, and their offsets from it: (1, n) and (m, 1) [m].
+        """Return the cells within reach of a point, and their offsets from it: (1, n) and (m, 1)
+        [m].
 
         The canvas keeps a rim as thick as a wall, in which nothing is carved.
         """

@@ -38,7 +38,7 @@ class DubinsCar:
         self.limits = limits or CarLimits()
 
     def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
-        """The state (4,) after `dt` [s] of constant control, (2,) or (3,).
+        """Return the state (4,) after `dt` [s] of constant control, (2,) or (3,).
 
         Control beyond the limits is cut to them. |v| saturates at 0 and at the gear's top speed,
         inside the step too, so the path is one circular arc.
@@ -53,7 +53,7 @@ class DubinsCar:
     def motion(
         self, state: ArrayLike, control: ArrayLike, dt: float, spacing: float
     ) -> NDArray[np.float64]:
-        """Poses (n, 3) along a step, its end included and its start not.
+        """Return poses (n, 3) along a step, its end included and its start not.
 
         No point of the body moves further than `spacing` [m] from one pose to the next.
 
@@ -70,7 +70,7 @@ class DubinsCar:
         return np.array([along_arc(x, y, yaw, curvature, s) for s in steps])
 
     def collides(self, world: World, state: ArrayLike, control: ArrayLike, dt: float) -> bool:
-        """Whether the body meets something solid anywhere along a step."""
+        """Return whether the body meets something solid anywhere along a step."""
         spacing = SPACING * world.grid.frame.resolution
         poses = self.motion(state, control, dt, spacing)
         return collides(world, poses, self.limits.body, spacing)
@@ -78,7 +78,8 @@ class DubinsCar:
     def _arc(
         self, state: ArrayLike, control: ArrayLike, dt: float
     ) -> tuple[float, float, float, float, float, float]:
-        """Start x, y, yaw; then the arc's signed length, the speed at its end, its curvature."""
+        """Return the start x, y, yaw, the arc's signed length, the speed at its end, and its
+        curvature."""
         x, y, yaw, v = (float(value) for value in np.asarray(state, dtype=np.float64))
         acceleration, curvature, *rest = np.asarray(control, dtype=np.float64).tolist()
         if not math.isfinite(x + y + yaw + v + acceleration + curvature + dt):
@@ -99,7 +100,7 @@ class DubinsCar:
         return x, y, yaw, gear * length, gear * end_speed + 0.0, curvature
 
     def _gear(self, v: float, asked: float = 1.0) -> float:
-        """The gear of a step: that of the motion, or at standstill the one asked for."""
+        """Return the gear of a step: that of the motion, or at standstill the one asked for."""
         if asked not in (1.0, -1.0):
             raise ValueError(f"gear is {asked}, it must be 1 or -1")
         if self.limits.reverse == 0 and (asked < 0 or v < 0):
@@ -112,7 +113,7 @@ class PaperCar:
     """The paper's Dubins car: state [x, y, θ], control [v, dθ/dt] (Katyal et al. 2018)."""
 
     def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
-        """The state (3,) after `dt` [s] of constant control (2,), exactly."""
+        """Return the exact state (3,) after `dt` [s] of constant control (2,)."""
         x, y, yaw = (float(value) for value in np.asarray(state, dtype=np.float64))
         v, turn = (float(value) for value in np.asarray(control, dtype=np.float64))
         chord = v * dt * sinc(0.5 * turn * dt)
@@ -123,7 +124,8 @@ class PaperCar:
 
 
 def travel(v: float, acceleration: float, dt: float, v_max: float) -> tuple[float, float]:
-    """Distance [m] and final speed [m/s] after `dt`, the speed saturating at 0 and v_max."""
+    """Return the distance [m] and final speed [m/s] after `dt`, the speed saturating at 0 and
+    v_max."""
     if acceleration < 0 and v + acceleration * dt <= 0:
         return -0.5 * v**2 / acceleration, 0.0
     if acceleration > 0 and v + acceleration * dt > v_max:
@@ -136,20 +138,21 @@ def travel(v: float, acceleration: float, dt: float, v_max: float) -> tuple[floa
 def along_arc(
     x: float, y: float, yaw: float, curvature: float, length: float
 ) -> tuple[float, float, float]:
-    """The pose at an arc length [m] along a circular arc; a straight line where curvature is 0."""
+    """Return the pose at an arc length [m] along a circular arc; along a straight line if curvature
+    is 0."""
     half = 0.5 * curvature * length
     chord = length * sinc(half)
     return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), wrap(yaw + 2 * half)
 
 
 def sinc(angle: float) -> float:
-    """sin(angle) / angle, 1 at 0."""
+    """Return sin(angle) / angle, which is 1 at 0."""
     # The next term of the series, angle⁴/120, is below rounding here.
     return 1.0 - angle * angle / 6.0 if abs(angle) < 1e-4 else math.sin(angle) / angle
 
 
 def wrap(angle: float) -> float:
-    """The same angle in (−π, π] [rad]."""
+    """Return the same angle in (−π, π] [rad]."""
     wrapped = math.remainder(angle, 2 * math.pi)
     return math.pi if wrapped <= -math.pi else wrapped
 

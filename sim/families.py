@@ -22,7 +22,7 @@ PASSAGE = 1.5
 
 
 def generate(family: str, seed: int) -> World:
-    """A building of a family.
+    """Generate a building of a family.
 
     - `corridor`: the network of Katyal et al. 2018, 3.5–10 m wide.
     - `narrow`: corridors of 1.5–3 m, door frames across them, small rooms behind doors.
@@ -43,7 +43,7 @@ def generate(family: str, seed: int) -> World:
 
 
 def empty_straight(length: float = 60.0, width: float = 4.0) -> World:
-    """One straight corridor of a length and width [m], closed at both ends."""
+    """Return one straight corridor of a length and width [m], closed at both ends."""
     canvas = Canvas(length + 1.0, width + 1.0)
     canvas.room((0.5, 0.5), (0.5 + length, 0.5 + width))
     return canvas.world(f"straight-{length:g}x{width:g}")
@@ -83,7 +83,7 @@ def _narrow(rng: np.random.Generator) -> Canvas:
 
 
 def _door_frame(canvas: Canvas, segment: Segment, at: float, rng: np.random.Generator) -> None:
-    """A wall across a corridor, with a door in it."""
+    """Put a wall across a corridor, with a door in it."""
     door = rng.uniform(0.8, 1.0)
     slack = 0.5 * (segment.width - door) - 0.1
     aside = rng.uniform(-slack, slack)
@@ -92,7 +92,7 @@ def _door_frame(canvas: Canvas, segment: Segment, at: float, rng: np.random.Gene
 
 
 def _side_room(canvas: Canvas, segment: Segment, side: int, rng: np.random.Generator) -> None:
-    """A room beside a corridor, behind a door, if there is solid ground for it."""
+    """Carve a room beside a corridor, behind a door, if there is solid ground for it."""
     wide, deep = rng.uniform(2.5, 5.0), rng.uniform(2.5, 4.5)
     if segment.length < wide:
         return
@@ -129,7 +129,7 @@ def _trap(rng: np.random.Generator) -> Canvas:
 def _behind_corner(
     canvas: Canvas, parent: Segment, segment: Segment, turn: float, rng: np.random.Generator
 ) -> None:
-    """An obstacle that the corner hides until the car is in the bend."""
+    """Put an obstacle where a corner hides it until the car is in the bend."""
     room = segment.width - PASSAGE
     if room < 0.4:
         return
@@ -147,7 +147,7 @@ def _behind_corner(
 
 
 def _false_end(canvas: Canvas, segment: Segment, rng: np.random.Generator) -> None:
-    """A dead end made to look like a corridor going on: a short stub round a bend, then a wall."""
+    """Make a dead end look like a corridor that goes on: carve a short stub round a bend."""
     side = rng.choice((-1.0, 1.0))
     depth = rng.uniform(1.2, 3.0)
     width = min(segment.width, 3.0)

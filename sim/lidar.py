@@ -77,7 +77,7 @@ class Lidar:
         rng: np.random.Generator | None = None,
         discs: NDArray[np.float64] | None = None,
     ) -> Scan:
-        """One scan from a robot pose (x, y, yaw).
+        """Take a scan from a robot pose (x, y, yaw).
 
         A return has the range at which the beam enters an OCCUPIED cell or a disc. +inf: nothing
         within range. NaN: the beam ran into UNKNOWN or out of the map, dropped out, or began in a
@@ -125,7 +125,7 @@ class Lidar:
         sensor: tuple[float, float, float],
         discs: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """The ranges [m] where discs stand before what the beams would meet."""
+        """Return the ranges [m] with discs standing before what the beams would meet."""
         x, y, bearing = sensor
         cos, sin = math.cos(bearing), math.sin(bearing)
         to_x, to_y = discs[:, 0] - x, discs[:, 1] - y
@@ -156,7 +156,7 @@ LANES = 4
 
 @njit(cache=True, nogil=True)
 def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-untyped-def]
-    """Range along each beam to the first OCCUPIED cell [cells], exact.
+    """Compute the exact range along each beam to the first OCCUPIED cell [cells].
 
     Each step crosses the whole empty square ahead in the ray's quadrant, then enters one cell
     through an edge of it. Where a ray runs exactly through a corner it steps along one axis at a

@@ -181,7 +181,8 @@ def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
 
 
 def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.int8]:
-    """The nav_msgs/OccupancyGrid values of an image: 0–100, −1 unknown; row 0 is the lowest y.
+    """Return the nav_msgs/OccupancyGrid values of an image: 0–100, −1 unknown; row 0 is the lowest
+    y.
 
     Args:
         pixels: (height, width, channels) uint8 or uint16, top row first; one or three channels of
@@ -198,7 +199,7 @@ def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.
 
 
 def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
-    """`occupancy` of some rows of pixels in [0, 1], top row first."""
+    """Return `occupancy` of some rows of pixels in [0, 1], top row first."""
     alpha = pixels.shape[2] in (2, 4)
     colours = pixels[:, :, :-1] if alpha else pixels
     if alpha and meta.mode == "trinary":
@@ -223,7 +224,7 @@ def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
 
 
 def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
-    """Pixels (height, width, channels), uint8 or uint16."""
+    """Read the pixels (height, width, channels), uint8 or uint16."""
     try:
         if not path.is_file():
             raise MapError(f"{path}: the image that the map names is not there")

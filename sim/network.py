@@ -51,7 +51,7 @@ class Segment:
         return self.at(self.length)
 
     def at(self, distance: float, aside: float = 0.0) -> Point:
-        """The point at a distance along the middle line, and to the left of it [m]."""
+        """Return the point at a distance along the middle line, and to the left of it [m]."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return (
             self.start[0] + distance * cos - aside * sin,
@@ -60,7 +60,7 @@ class Segment:
 
 
 def grow(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
-    """A tree of segments; tried again until it has its reach and half of its segments.
+    """Grow a tree of segments; try again until it has its reach and half of its segments.
 
     Raises:
         ValueError: if the square is too small for that.
@@ -115,7 +115,7 @@ def _first(config: NetworkConfig, rng: np.random.Generator) -> Segment:
 
 
 def _turns(config: NetworkConfig, rng: np.random.Generator) -> list[float]:
-    """The directions in which a corridor goes on from its end: a bend, a T, a crossing."""
+    """Draw the directions in which a corridor goes on from its end: a bend, a T, a crossing."""
     right = math.pi / 2
     kind = rng.choice(6, p=[0.34, 0.14, 0.2, 0.16, 0.12, 0.04])
     turns = [[right], [0.0], [right, -right], [0.0, right], [0.0, right, -right], []][kind]

@@ -60,7 +60,7 @@ def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
 
 
 def _between(low: float, high: float, corridors: list[tuple[float, float]]) -> list[float]:
-    """Ends of the stretches that corridors leave of a span: start, end, start, end, …"""
+    """Return the ends of the stretches that corridors leave of a span: start, end, start, end, …"""
     return [low, *(value for corridor in corridors for value in corridor), high]
 
 
@@ -71,7 +71,7 @@ def _corridors(
     between: tuple[float, float],
     ends: tuple[float, float],
 ) -> list[tuple[float, float]]:
-    """Parallel corridors across a span: (low, high) of each."""
+    """Draw parallel corridors across a span: (low, high) of each."""
     found: list[tuple[float, float]] = []
     at = low + rng.uniform(*ends)
     while True:
@@ -89,7 +89,7 @@ def _room_row(
     side: float,
     rng: np.random.Generator,
 ) -> None:
-    """Rooms side by side in a stretch, their doors towards `side` in y."""
+    """Carve rooms side by side in a stretch, their doors towards `side` in y."""
     count = max(1, round((x[1] - x[0]) / rng.uniform(3.2, 6.5)))
     inner = np.sort(rng.uniform(-0.2, 0.2, count - 1)) + np.arange(1, count)
     cuts = x[0] + (x[1] - x[0]) * np.concatenate([[0], inner, [count]]) / count
@@ -122,7 +122,7 @@ def _furnish(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
 
 
 def _desk(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
-    """A desk at a wall, its chair in front of it."""
+    """Put a desk at a wall, with its chair in front of it."""
     centre, size = _at_wall(room, (rng.uniform(1.2, 1.8), rng.uniform(0.7, 0.8)), rng)
     if not _put(canvas, room, (centre, size)):
         return
@@ -158,7 +158,7 @@ def _meeting_table(canvas: Canvas, room: Room, rng: np.random.Generator) -> None
 
 
 def _at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, Point]:
-    """Centre and extent of a box (long, deep) whose long side stands at a wall of a room."""
+    """Draw centre and extent of a box (long, deep) whose long side stands at a wall of a room."""
     axis, end = int(rng.integers(2)), int(rng.integers(2))
     extent = (size[1], size[0]) if axis == 0 else size
     wall = (room.low, room.high)[end][axis]

@@ -1,4 +1,4 @@
-"""People who walk about: a LIDAR sees them, and no map has them."""
+"""People who walk about: a LIDAR sees them, but the true map does not hold them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from sim.world import World
 
 RADIUS = 0.25
-"""Of a person [m]."""
+"""Radius of a person [m]."""
 SPEEDS = (0.4, 1.4)
 """Slowest and fastest walk [m/s]."""
 APART = 1.2
-"""They do not walk nearer to the robot's middle than this [m]; it may come nearer to them."""
+"""People keep this distance from the robot's centre [m]; the robot may come nearer to them."""
 
 
 class People:
@@ -22,9 +22,9 @@ class People:
 
     Args:
         world: the building.
-        density: people on a square metre of free space [1/m²].
-        robot: x, y of whom they keep away from, (2,) [m].
-        rng: decides all that they do.
+        density: number of people per square metre of free space [1/m²].
+        robot: x, y of the robot, (2,) [m].
+        rng: source of their places and walks.
     """
 
     def __init__(
@@ -48,11 +48,11 @@ class People:
         return np.column_stack([self.places, np.full(len(self.places), RADIUS)])
 
     def walk(self, interval: float, robot: NDArray[np.float64]) -> None:
-        """Go on.
+        """Let everybody walk on.
 
         Args:
-            interval: for so long [s].
-            robot: x, y of whom they keep away from, (2,) [m].
+            interval: duration [s].
+            robot: x, y of the robot, (2,) [m].
         """
         along = np.column_stack([np.cos(self._headings), np.sin(self._headings)])
         ahead = self.places + interval * self._speeds[:, None] * along

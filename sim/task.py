@@ -1,4 +1,4 @@
-"""What the car is asked to do: a start, a goal far away, and a way that exists between them."""
+"""Tasks: a start, a goal far away, and a way between them that the car can drive."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ WAY_CLEARANCE = 0.05
 COMFORT = 0.4
 """Where there is room, the way keeps this far from walls [m]."""
 SPACING = 2.0
-"""Between waypoints, about [m]."""
+"""Approximate distance between waypoints [m]."""
 SLACK = 1.1
-"""How much wider than the car's tightest arc those of the way are."""
+"""Ratio of the way's turning radius to the car's."""
 MARGIN = 10.0
-"""How far beyond start and goal a blank grid reaches [m]; it grows from there."""
+"""Distance beyond start and goal that a blank grid holds [m]; it grows as needed."""
 NO_TRIP = 5.0
 """A goal nearer to the start than this, in a straight line, is drawn again [m]."""
 STARTS = 25
-"""Starts tried before a world is given up."""
+"""Number of starts tried before a world is given up."""
 SHORTEST_LEG, LONGEST_LEG = 8.0, 40.0
-"""From one goal to the next where a drive has several [m]."""
+"""Length of the way from one goal to the next, in a drive with several goals [m]."""
 NEW = 5.0
-"""A goal that is this far from the way so far is a place where the drive has not been [m]."""
+"""A goal this far from the way so far counts as a new place [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +44,13 @@ class Task:
     """A drive through a world.
 
     Attributes:
-        world: where.
+        world: the building.
         start: x, y, yaw [m, m, rad].
         goal: x, y [m].
-        waypoints: the full-map way, (n, 2) about 2 m apart, the last one the goal [m].
-        path_length: of the full-map way [m].
-        seed: what it was drawn with.
+        waypoints: points (n, 2) [m] about 2 m apart along a way on the full map; the last is the
+            goal.
+        path_length: length of that way [m].
+        seed: seed that the task was drawn with.
     """
 
     world: World
@@ -60,7 +61,7 @@ class Task:
     seed: int
 
     def blank(self, window: float) -> OccupancyGrid:
-        """An empty grid around start and goal, on the world's lattice, for a window [m]."""
+        """Return an empty grid around start and goal, on the world's lattice, for a window [m]."""
         frame = self.world.grid.frame
         ends = np.array([self.start[:2], self.goal])
         low, high = ends.min(axis=0) - MARGIN, ends.max(axis=0) + MARGIN
@@ -136,15 +137,15 @@ def sample_task(
 
 
 def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
-    """The same drive with more goals after its own, until its way is long enough.
+    """Return the same drive with more goals after its own, until its way is long enough.
 
     Each goal is drawn from the far part of what can be reached from the one before, and from where
     the drive has not been yet if there is such, so that a long drive sees much of a building. The
     same task gives the same drive.
 
     Args:
-        task: how it begins.
-        length: of its way, at least [m].
+        task: its beginning.
+        length: minimum length of its way [m].
         car: body and turning radius.
 
     Raises:
@@ -178,7 +179,7 @@ def reachable(
     """Return poses that a car without a reverse gear gets to, (n, 3) [m, m, rad].
 
     Args:
-        world: where.
+        world: the building.
         pose: x, y, yaw from which it starts.
         car: body and turning radius.
         longest: ways longer than this are not followed [m].
@@ -187,8 +188,8 @@ def reachable(
 
 
 def _roomy(world: World, car: CarLimits) -> NDArray[np.bool_]:
-    """Where a drive may begin and end, (rows, columns)."""
-    # A cell's clearance runs from centre to centre: a diagonal's worth is not there.
+    """Return where a drive may begin and end, (rows, columns)."""
+    # A cell's clearance runs from centre to centre, up to a diagonal more than what is free.
     lost = math.sqrt(2.0) * world.grid.frame.resolution
     return np.asarray(world.clearance > car.body.radius + START_CLEARANCE + lost)
 
@@ -200,10 +201,11 @@ def _ways(
     roomy: NDArray[np.bool_],
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:
-    """Where a car gets to from a pose: poses (n, 3), parents, lengths [m], and which may be goals.
+    """Find where a car gets to from a pose: poses (n, 3), parents, lengths [m], and which may be
+    goals.
 
     Args:
-        world: where.
+        world: the building.
         start: x, y, yaw.
         car: body and turning radius.
         roomy: where a drive may end.
@@ -221,7 +223,7 @@ def _ways(
 
 
 def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) -> float:
-    """A direction in which there is much free space, drawn from the best quarter [rad]."""
+    """Draw a direction from the quarter of directions with the most free space [rad]."""
     frame = world.grid.frame
     angles = rng.uniform(-math.pi, math.pi) + np.arange(32) * (2 * math.pi / 32)
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -236,7 +238,7 @@ def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) 
 def _trace(
     poses: NDArray[np.float64], parents: NDArray[np.int32], node: int
 ) -> NDArray[np.float64]:
-    """The poses (n, 3) from the start to a node."""
+    """Return the poses (n, 3) from the start to a node."""
     order = []
     while node >= 0:
         order.append(node)
@@ -245,7 +247,7 @@ def _trace(
 
 
 def _thinned(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (n, 2) evenly along a way, without its start, ending where it ends."""
+    """Return points (n, 2) evenly along a way, without its start, ending where it ends."""
     steps = np.hypot(*np.diff(way[:, :2], axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     count = max(1, round(along[-1] / SPACING))

@@ -1,4 +1,4 @@
-"""Variations on a building: turned, larger or smaller, with things standing around."""
+"""Variations of a building: turned, scaled, with objects standing in it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from sim.world import World
 SCALES = (0.85, 1.25)
 """Smallest and largest change of size."""
 CLUTTER = (0.01, 0.08)
-"""Fewest and most things on a square metre of free space, where there are any."""
+"""Lowest and highest density of objects, where there are any [1/m²]."""
 
 
 def varied(world: World, rng: np.random.Generator) -> World:
-    """A building turned, of another size, cluttered: each with a probability of one half."""
+    """Turn, scale and clutter a building, each with a probability of one half."""
     angle = rng.uniform(-math.pi, math.pi) if rng.random() < 0.5 else 0.0
     scale = rng.uniform(*SCALES) if rng.random() < 0.5 else 1.0
     if angle or scale != 1.0:
@@ -29,7 +29,7 @@ def varied(world: World, rng: np.random.Generator) -> World:
 
 
 def turned(world: World, angle: float, scale: float = 1.0) -> World:
-    """A building turned by an angle [rad] and scaled, cell by cell, on a lattice of its own."""
+    """Return a building turned by an angle [rad] and scaled, cell by cell, on its own lattice."""
     cells, resolution = world.grid.cells, world.grid.frame.resolution
     cos, sin = math.cos(angle), math.sin(angle)
     rows, cols = cells.shape
@@ -45,12 +45,12 @@ def turned(world: World, angle: float, scale: float = 1.0) -> World:
 
 
 def cluttered(world: World, density: float, rng: np.random.Generator) -> World:
-    """A building with boxes and posts of 0.1–1 m standing on its floor.
+    """Return a building with boxes and posts of 0.1–1 m standing on its floor.
 
     Args:
         world: the building.
-        density: things on a square metre of free space [1/m²].
-        rng: decides where.
+        density: number of objects per square metre of free space [1/m²].
+        rng: source of their places and shapes.
     """
     resolution = world.grid.frame.resolution
     cells = world.grid.cells.copy()

@@ -1,4 +1,4 @@
-"""The world: a building's ground truth, and what rays and collisions read from it."""
+"""The world: the true map of a building, and what rays and collisions read from it."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from predictor.mapping.kernels import njit
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A building as it truly is.
+    """The true map of a building.
 
     One grid serves rays and collisions alike: OCCUPIED cells stop both; UNKNOWN cells and all that
     lies outside are solid to the body and end a ray without a return.
 
     Attributes:
-        name: what reports call it.
-        grid: the truth, cell by cell.
+        name: name in reports.
+        grid: the true map.
     """
 
     name: str
@@ -44,7 +44,8 @@ class World:
         )
 
     def truth(self, frame: GridFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """What is free, and what is surface, inside a frame on this lattice: (rows, columns)."""
+        """Return what is free, and what is surface, inside a frame on this lattice: (rows,
+        columns)."""
         mine, nothing = self.grid.frame, np.bool_(False)
         return paste(mine, self.grid.free, frame, nothing), paste(
             mine, self.surface, frame, nothing
@@ -64,7 +65,8 @@ class World:
 
 
 def sealed(world: World) -> World:
-    """The same building with unknown slivers between free space and a wall made part of the wall.
+    """Return the same building with unknown slivers between free space and a wall made part of the
+    wall.
 
     Maps built by robots often have one cell of unknown before their walls. Taken literally such a
     cell ends a ray without a return, and the building is invisible; the body's collisions are the
@@ -81,7 +83,8 @@ def sealed(world: World) -> World:
 
 @njit(cache=True, nogil=True)
 def empty_squares(solid):  # type: ignore[no-untyped-def]
-    """Side of the largest empty square whose corner a cell is, for each of four quadrants.
+    """Compute the side of the largest empty square whose corner a cell is, for each of four
+    quadrants.
 
     Quadrant 2·(dy < 0) + (dx < 0) holds the squares that reach along the signs of dx and dy. One
     plane a quadrant: a ray stays in one, and neighbouring beams read neighbouring bytes.

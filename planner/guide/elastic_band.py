@@ -1,11 +1,11 @@
-"""The line: a smooth curve along a way, as fast as the car can take it.
+"""The line: a smooth curve along a way, found as an elastic band (Quinlan and Khatib 1993).
 
 A way found on a grid or by sampling has kinks. The line is the curve near it that minimises
 
     ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - way|² ds,
 
-by Gauss-Newton steps on evenly spaced points (an elastic band: Quinlan and Khatib 1993). The car's
-pose pins its first two points and the way's end its last.
+by Gauss-Newton steps on evenly spaced points. The car's pose fixes its first two points, and the
+way's end its last.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ class LineConfig:
     """Settings of the line.
 
     Attributes:
-        reach: how far ahead the line is smoothed [m].
+        reach: distance ahead over which the line is smoothed [m].
         bending: ratio of bending to tension [m²].
-        push: weight of a squared metre of clearance lacking, over that of tension [1/m²].
-        comfort: clearances below which the line's points are pushed away [m]; the second is for
-            places where the car cannot drive the line of the first.
+        push: weight of a squared metre of lacking clearance, relative to tension [1/m²].
+        comfort: clearances below which the line's points are pushed away [m]; the second is used
+            where the car cannot drive the line of the first.
         tether: weight of a squared metre off the way, where the way is unseen [1/m²].
         hold: weight of a squared metre off the goal [1/m²].
-        iterations: of Gauss-Newton.
+        iterations: number of Gauss-Newton steps.
     """
 
     reach: float = 20.0
@@ -88,7 +88,7 @@ def lines_along(
 
 
 def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The way, with its first points moved so that it begins at a pose."""
+    """Return the way with its first points moved so that it begins at a pose."""
     guess = way.copy()
     fade = np.clip(1.0 - np.arange(len(way)) * SPACING / 1.5, 0.0, None)[:, None]
     guess += fade * (pose[:2] - way[0])
@@ -99,8 +99,8 @@ def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.fl
 
 @njit(cache=True, nogil=True)
 def curvatures(points):  # type: ignore[no-untyped-def]
-    """Signed curvature at each point of a polyline, (n,) [1/m]; that of its ends is their
-    neighbours'."""
+    """Return the signed curvature at each point of a polyline, (n,) [1/m]; an end has its
+    neighbour's."""
     n = points.shape[0]
     out = np.zeros(n)
     for i in range(1, n - 1):
@@ -266,7 +266,7 @@ def _factor(order, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-untyped-def]
-    """The fastest speeds along a line (n,) [m/s], by a pass back and one forth.
+    """Return the fastest speeds along a line, (n,) [m/s], by a backward and a forward pass.
 
     Args:
         points: (n, 2) [m].

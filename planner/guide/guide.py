@@ -1,4 +1,4 @@
-"""The guide: keeps a path to the goal at hand, planned beside the control loop."""
+"""The guide: plans paths to the goal, beside the control loop."""
 
 from __future__ import annotations
 
@@ -33,15 +33,16 @@ class GuideConfig:
     """When paths are planned and adopted.
 
     Attributes:
-        every: ticks from one request to the next while nothing is wrong.
-        delay: ticks from a request to the adoption of its path: what the search may take.
-        ahead: how far along the route OMPL's curves reach [m]; where none is found, how far next.
-        better: a way replaces the one at hand if it costs less than this share.
-        join: how far ahead a given way is joined [m].
-        beside: so near to a given way the car has come along it [m].
-        turning_room: how far before a path meets an obstacle it ends until there is another [m].
+        every: ticks from one request for a path to the next, in normal driving.
+        delay: ticks from a request to the adoption of its path; the search may take this long.
+        ahead: distances along the route that OMPL's curves reach, tried in this order [m].
+        better: a new path replaces the present one if its price is below this share of the
+            present one's.
+        join: distance ahead at which a prescribed route is joined [m].
+        beside: distance within which the car counts as driving along a prescribed route [m].
+        turning_room: a blocked path ends this far before the obstacle, until there is another [m].
         leg_end: a leg is complete when the car rests within this distance of its end [m].
-        onward: by how much the search over arcs has to reduce the cost to go [m].
+        onward: reduction of the cost to go that ends the search over arcs [m].
         search: settings of OMPL's search.
         hybrid: settings of the search over arcs.
         line: settings of the line along the path.
@@ -62,20 +63,20 @@ class GuideConfig:
 
 
 class Guide:
-    """Requests paths, adopts each a fixed number of ticks later, and says where the car is.
+    """Requests paths, adopts each a fixed number of ticks later, and tracks the car on them.
 
     The car follows a smooth line, along the current way or along the route that Dijkstra's
     algorithm finds, whichever is cheaper. If neither line can be driven, a hybrid A* search over
     arcs looks for a way, and then OMPL. If the car rests, the search over arcs looks for a way out,
     in both gears if the car has two.
-    Planning time is measured apart from the control cycle's.
+    Planning time is measured separately from the control cycle.
 
     Args:
         goal: x, y [m].
-        waypoints: (n, 2) a route given as the task, followed in place of one of our own.
-        car: what it can do; its body.
+        waypoints: (n, 2) a prescribed route, or None: the guide finds one.
+        car: the car's limits and body.
         config: settings.
-        seed: of the search.
+        seed: seed of OMPL's samples.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class Guide:
 
         Args:
             tick: number of this tick.
-            ahead: the states the car is going to be in, from now on, (n, 4).
+            ahead: planned states, from now on, (n, 4).
             known: what has been seen.
             risk: the newest map around the car.
             steering: a prediction that may move the route, or None.
@@ -191,7 +192,7 @@ class Guide:
         )
         cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
         c = self.config
-        # Not through what is in front, unless there is no other way.
+        # Avoid what is in front, unless there is no other way.
         stuck = np.vstack([self._stuck, front])
         for places in (stuck, stuck[:0]):
             legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
@@ -217,19 +218,20 @@ class Guide:
         self.gear, path = self._legs[0]
         self._adopt(path)
         self._on_leg = len(self._legs) > 1
-        # The last of them is a path as any other.
+        # The last leg is an ordinary path.
         if not self._on_leg:
             self._legs = []
 
     def _is_held(self) -> bool:
-        """Whether the car is on arcs that were searched for, and ends them first."""
+        """Return whether the car follows arcs of the hybrid search, which it has to end before it
+        replans."""
         path = self._whole
         if path is None or path.source != "hybrid" or self.path is not path:
             return False
         return path.drivable - self.segment > 0.5 / SPACING
 
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
-        """The path, or the part of it that ends with room to turn before an obstacle."""
+        """Return the path, or the part of it that ends with room to turn before an obstacle."""
         coming = path.points[self.segment : self.segment + 100]
         inside, rows, cols = risk.frame.locate(coming)
         blocked = risk.obstacle_distance[rows, cols] < self.car.body.half_width + BODY_MARGIN
@@ -242,7 +244,7 @@ class Guide:
     def _costs(
         self, known: OccupancyGrid, steering: Prediction | None, position: tuple[float, float]
     ) -> tuple[CostMap, NDArray[np.float64] | None]:
-        """What a metre of way costs, and what is left of a given way."""
+        """Return the cost map, and the rest of the prescribed route, (n, 2), if there is one."""
         if steering is not None:
             self._belief = remember(self._belief, known.frame, steering)
         way = None if self._given is None else self._still_to_go(self._given, position)
@@ -276,8 +278,8 @@ class Guide:
                 found = self._sampled(cost, risk, pose, route, seed)
             if found is not None:
                 return smoother.along(found.points, pose, found.source) or found
-            # The car cannot drive a polyline's corners. It is better off at the end of the path
-            # that it has, which leaves it room to turn, as long as it has not come to rest there.
+            # The car cannot drive a polyline's corners. Until it comes to rest it rather follows
+            # its present path, whose end leaves room to turn.
             self.counts["not_found"] += 1
             return (
                 None if self.path is not None and speed > 0.3 else Path.through(route, "dijkstra")
@@ -285,11 +287,12 @@ class Guide:
         if fresh is None or kept is None:
             return fresh or kept
         prices = [smoother.price(path, speed) for path in (fresh, kept)]
-        # A car that keeps changing its mind orbits.
+        # Without this preference for the present path a car may circle between two of them.
         return fresh if prices[0] < self.config.better * prices[1] else kept
 
     def _kept(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
-        """The path at hand, smoothed anew from a pose; None where it no longer serves."""
+        """Return the present path, smoothed again from a pose; None where it no longer leads to the
+        goal."""
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":
             return None
@@ -310,9 +313,9 @@ class Guide:
         route: NDArray[np.float64],
         seed: int,
     ) -> Path | None:
-        """OMPL's path along a route, as far along it as it finds one."""
+        """Return OMPL's path along a route, for the longest reach at which it finds one."""
         search = self.config.search
-        # Last, as tight as the car can turn.
+        # The last try uses the car's tightest turns.
         tries = [(ahead, search) for ahead in self.config.ahead]
         tries.append((self.config.ahead[-2], replace(search, slack=1.01)))
         for ahead, settings in tries:
@@ -324,14 +327,14 @@ class Guide:
     def _searched(
         self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
     ) -> Path | None:
-        """A path over arcs forward, and the route from its end."""
+        """Search for a path over forward arcs; from its end it follows the route."""
         forward = replace(self.car, reverse=0.0)
         legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, forward,
                          self.config.hybrid)  # fmt: skip
         return self._onward(cost, legs[0]) if legs else None
 
     def _onward(self, cost: CostMap, leg: Leg) -> Path:
-        """A path along a leg, and the route from its end."""
+        """Return a path along a leg that follows the route from its end."""
         arcs = Path.through(leg.poses[:, :2], "hybrid")
         end = arcs.points[-1]
         rest = find_route(cost, (float(end[0]), float(end[1])), self.goal)
@@ -341,10 +344,11 @@ class Guide:
     def _still_to_go(
         self, given: NDArray[np.float64], position: tuple[float, float]
     ) -> NDArray[np.float64]:
-        """The part of the given way that is left, (n, 2); notes how far the car has come."""
+        """Return the rest of the prescribed route, (n, 2), and note how far the car has come along
+        it."""
         reach = round(self.config.join / SPACING) + 10
         at, _, square = project(given, *position, self._given_at - 10, self._given_at + reach)
-        # What is farther away may lie behind a wall, and is yet to be reached.
+        # A part farther away may lie behind a wall, and is not reached yet.
         if square < self.config.beside**2:
             self._given_at = at
         return given[self._given_at :]
@@ -352,7 +356,8 @@ class Guide:
     def _along(
         self, way: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
     ) -> NDArray[np.float64] | None:
-        """A route (n, 2) that joins a way some metres ahead and follows it to its end.
+        """Return a route (n, 2) that joins the prescribed one some metres ahead and follows it to
+        its end.
 
         It is searched for, for the straight line to the way may lead through a wall; None where
         there is none.

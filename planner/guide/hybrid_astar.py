@@ -1,8 +1,7 @@
-"""Hybrid A*: a way over arcs, in one gear or both, for where sampling finds none.
+"""Hybrid A*: a way over arcs, in one gear or both.
 
-Poses stay exact, the lattice only decides which of them count as the same (Dolgov et al. 2010), so
-every way found can be driven. The cost to go over the grid, without regard to turning, is the
-heuristic.
+Poses stay exact; the lattice only decides which of them count as the same (Dolgov et al. 2010). So
+every way found can be driven. The heuristic is the cost to go over the grid, ignoring turns.
 """
 
 from __future__ import annotations
@@ -25,9 +24,9 @@ from predictor.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
 
 HEADINGS = 48
-"""Directions that the search tells apart."""
+"""Number of directions that the search distinguishes."""
 CELL = 0.125
-"""Side of the squares of positions that it tells apart [m]."""
+"""Side of the squares of positions that it distinguishes [m]."""
 STEP, CHECKS = 0.25, 3
 """Length of an arc [m], and the poses on it at which the body is tested."""
 SHARES = np.array([0.0, 0.5, -0.5, 1.0, -1.0])
@@ -39,12 +38,12 @@ class HybridConfig:
     """Settings of the search.
 
     Attributes:
-        slack: of the arcs' turning radius over the car's: leaves it room to correct.
-        margin: around the body [m], the wider first.
-        reversing: price of a metre in reverse, over one forward.
+        slack: ratio of the arcs' turning radius to the car's; leaves it room to correct.
+        margin: margins around the body, tried in this order [m].
+        reversing: price of a metre in reverse, relative to one forward.
         shift: price of a change of gear [m].
-        steering: price of a metre on the tightest arc, over a straight one.
-        nodes: looked at before it gives up.
+        steering: price of a metre on the tightest arc, relative to a straight one.
+        nodes: number of nodes after which the search gives up.
     """
 
     slack: float = 1.05
@@ -78,18 +77,18 @@ def find_legs(
     car: CarLimits,
     config: HybridConfig,
 ) -> list[Leg]:
-    """The cheapest way that brings the car some metres nearer to the goal.
+    """Find the cheapest way that brings the car some metres nearer to the goal.
 
     Args:
-        cost: what a metre of way costs.
+        cost: cost of a metre of way.
         known: what has been seen: forward the body keeps out of what is occupied, in reverse in
             what is free.
         pose: x, y, yaw, (3,) or more.
         goal: x, y [m].
-        ahead: by how much the cost to go is to fall [m]; infinite: to the goal.
-        stuck: points (k, 2) [m] at which the car could not go on: around them it keeps out of what
-            has not been seen.
-        car: what it can do; it has a reverse gear if its speed in it is not 0.
+        ahead: reduction of the cost to go at which the search ends [m]; infinite: at the goal.
+        stuck: points (k, 2) [m] at which the car could not go on; around them it keeps out of
+            unseen cells.
+        car: the car's limits and body; arcs in reverse are searched if it has a reverse gear.
         config: settings.
 
     Returns:
@@ -248,7 +247,7 @@ def _trace(node, poses, parents, gears, shares, curvature):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, inline="always")
 def _remaining(x, y, to_go, side, origin):  # type: ignore[no-untyped-def]
-    """The cost to go from a point, infinite off the map."""
+    """Return the cost to go from a point, infinite off the map."""
     row, col = math.floor((y - origin[1]) / side), math.floor((x - origin[0]) / side)
     if 0 <= row < to_go.shape[0] and 0 <= col < to_go.shape[1]:
         return float(to_go[row, col])

@@ -14,7 +14,7 @@ from predictor.mapping.kernels import njit
 def find_route(
     cost: CostMap, start: tuple[float, float], goal: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Vertices (n, 2) [m] from start to goal, or None where seen-occupied space closes all ways.
+    """Find the cheapest route: vertices (n, 2) [m], or None where occupied cells close all ways.
 
     The search runs on cells of twice the map's size: such a cell is open where the body fits
     somewhere inside it, and costs its cheapest part.
@@ -41,7 +41,8 @@ def find_route(
 def cost_to_go(
     cost: CostMap, goal: tuple[float, float]
 ) -> tuple[NDArray[np.float32], float] | None:
-    """What the cheapest way from each place to the goal costs [m of free way], ignoring turns.
+    """Compute the cost of the cheapest way from each place to the goal [m of free way], ignoring
+    turns.
 
     Returns:
         The costs (rows, columns), infinite where there is no way, on cells whose side comes
@@ -57,7 +58,8 @@ def cost_to_go(
 
 
 def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
-    """Costs of cells of twice the map's size, infinite where the body fits nowhere; their side."""
+    """Return the costs of cells of twice the size, infinite where the body does not fit, and their
+    side."""
     rows, cols = (n // 2 * 2 for n in cost.frame.shape)
     fits = cost.clearance[:rows, :cols] >= cost.required
     density = np.where(fits, cost.density[:rows, :cols], np.inf)
@@ -86,7 +88,7 @@ def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> 
 
 @njit(cache=True, nogil=True)
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """The cheapest 8-connected ways to a goal, until the start is reached.
+    """Find the cheapest 8-connected ways to a goal, until the start is reached.
 
     Args:
         cost: of a cell, above 0, and infinite where there is no way, (rows, columns).
@@ -179,7 +181,7 @@ def _insert(keys, nodes, i, key, node):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _trace(towards, wide, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Cells (n, 2) from start to goal; none if there is no way."""
+    """Return the cells (n, 2) from start to goal; none if there is no way."""
     start, goal = (start_row + 1) * wide + start_col + 1, (goal_row + 1) * wide + goal_col + 1
     if start != goal and towards[start] < 0:
         return np.empty((0, 2), dtype=np.int64)

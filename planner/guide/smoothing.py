@@ -1,4 +1,4 @@
-"""Paths that a car can drive fast: lines along ways, tested, and what a path costs."""
+"""Paths that a car can drive fast: smooth lines along ways, their test, and their price."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ SLOWEST = 0.5
 
 
 class Smoother:
-    """Makes smooth paths of ways, in one map.
+    """Turns ways into smooth paths, in one map.
 
     Args:
-        cost: what a metre of way costs, and what is in the way.
+        cost: cost of a metre of way, and the obstacles.
         near: the newest map around the car.
         goal: x, y [m].
-        car: what it can do; its body.
+        car: the car's limits and body.
         config: settings of the line.
     """
 
@@ -99,7 +99,7 @@ class Smoother:
         return np.vstack([way, on[: count if open_.all() else int(np.argmin(open_))]])
 
     def _is_drivable(self, line: NDArray[np.float64]) -> bool:
-        """Whether the car can steer along a line, and its body fits."""
+        """Return whether the car can steer along a line, and its body fits."""
         if np.abs(curvatures(line)).max() > self.car.max_curvature:
             return False
         steps = np.diff(line, axis=0)
@@ -109,7 +109,7 @@ class Smoother:
         return all((start | self._fit(line[1:] + side * steps)).all() for side in (-1, 1))
 
     def _fit(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether a circle that covers half of the body fits at each point, (n,)."""
+        """Return whether a circle that covers half of the body fits at each point, (n,)."""
         out = np.ones(len(points), dtype=bool)
         inside, rows, cols = self.cost.frame.locate(points)
         out[inside] = self.cost.clearance[rows, cols] >= self.cost.required

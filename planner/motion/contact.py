@@ -14,7 +14,8 @@ from predictor.mapping.kernels import njit
 @njit(cache=True, nogil=True)
 def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, half_length,  # type: ignore[no-untyped-def]
                   half_width):  # fmt: skip
-    """Distance along a plan [m] and speed there [m/s] where the body first meets a blocked cell.
+    """Return the distance along a plan [m] and the speed [m/s] at which the body first meets a
+    blocked cell.
 
     Both are -1 if it meets none. The body is tested at poses at most `spacing` [m] apart, as
     `planner.motion.dynamics.swept` spaces them, the first state's among them.
@@ -41,7 +42,7 @@ def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, ha
 
 @njit(cache=True, nogil=True)
 def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyped-def]
-    """Whether some arc from a pose (x, y, yaw) meets nothing.
+    """Return whether some arc from a pose (x, y, yaw) meets nothing.
 
     Args:
         pose: where the arcs begin; what follows yaw is not looked at.
@@ -65,7 +66,7 @@ def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def first_free(state, first, ways, driving, spacing, place, onward, arcs):  # type: ignore[no-untyped-def]
-    """The first of some ways that ends at rest and meets nothing blocked; -1 if there is none.
+    """Return the number of the first way that ends at rest and meets nothing blocked, or -1.
 
     Args:
         state: x, y, yaw, v now, (4,).
@@ -95,7 +96,7 @@ def first_free(state, first, ways, driving, spacing, place, onward, arcs):  # ty
 
 
 def swerves(stages: int, braking: float, tightest: float) -> np.ndarray:
-    """Ways to brake: along a plan, on one arc, and on one of these after another.
+    """Return ways to brake: along a plan, on one arc, and on one of these after another.
 
     Args:
         stages: steps of each.

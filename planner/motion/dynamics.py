@@ -28,7 +28,7 @@ its weight."""
 
 
 def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.Function:
-    """First and second derivatives of all stages of the optimal-control problem.
+    """Return the first and second derivatives of all stages of the optimal-control problem.
 
     Stage cost: g·(p - r) + (p - r)ᵀM(p - r)/2 + w_h·(1 - cos(yaw - h)) + w_a·a² + w_κ·κ².
 
@@ -76,7 +76,8 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
 
 @njit(cache=True, nogil=True)
 def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):  # type: ignore[no-untyped-def]
-    """States (N+1, 4) that controls (N, 2) lead to, and the controls as clipped to the limits."""
+    """Return the states (N+1, 4) that controls (N, 2) lead to, and the controls clipped to the
+    limits."""
     stages = controls.shape[0]
     states = np.empty((stages + 1, 4))
     applied = np.empty((stages, 2))
@@ -97,7 +98,7 @@ def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):
 
 @njit(cache=True, nogil=True, inline="always")
 def pose_along(x, y, yaw, kappa, part):  # type: ignore[no-untyped-def]
-    """The pose x, y, yaw after a part [m] of an arc of curvature κ."""
+    """Return the pose x, y, yaw after a part [m] of an arc of curvature κ."""
     half = 0.5 * kappa * part
     chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
     return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), yaw + 2 * half
@@ -105,7 +106,7 @@ def pose_along(x, y, yaw, kappa, part):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def swept(states, controls, dt, spacing):  # type: ignore[no-untyped-def]
-    """Poses (n, 3) along a plan, at most `spacing` [m] apart, its first state included.
+    """Return poses (n, 3) along a plan, at most `spacing` [m] apart, its first state included.
 
     Turning adds to what a corner travels; `spacing` is along the centre's path.
     """

@@ -33,7 +33,7 @@ class Path:
 
     @classmethod
     def through(cls, vertices: NDArray[np.float64], source: str) -> Path:
-        """A path along a polyline (n, 2), resampled."""
+        """Return a path along a polyline (n, 2), resampled."""
         vertices = np.asarray(vertices, dtype=np.float64)
         steps = np.hypot(*np.diff(vertices, axis=0).T) if len(vertices) > 1 else np.zeros(0)
         keep = np.concatenate([[True], steps > 1e-9])
@@ -48,7 +48,7 @@ class Path:
 
 @njit(cache=True, nogil=True)
 def project(points, x, y, first, last):  # type: ignore[no-untyped-def]
-    """The closest point of the segments first … last to x, y.
+    """Find the point of the segments first … last that is closest to x, y.
 
     Returns:
         Segment, fraction along it in [0, 1], squared distance [m²].
@@ -70,7 +70,7 @@ def project(points, x, y, first, last):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def references(points, start, states, reach, progress, contour, final, heading):  # type: ignore[no-untyped-def]
-    """Each state's reference on the path, for the stage cost of `dynamics.stage_functions`.
+    """Compute each state's reference on the path, for the stage cost of `dynamics.stage_functions`.
 
     Progress is the arc length of the projection; its gradient is the path's tangent. Beyond the
     path's end the pull is towards its last point. The projection only looks near that of the

@@ -25,19 +25,20 @@ class Plan:
     gear: int = 1
 
     def poses(self, dt: float, spacing: float) -> NDArray[np.float64]:
-        """Poses along the plan, at most `spacing` [m] apart: (n, 3)."""
+        """Return poses along the plan, at most `spacing` [m] apart: (n, 3)."""
         forward = self if self.gear > 0 else self.mirrored()
         poses = np.asarray(swept(forward.states, forward.controls, dt, spacing))
         return poses if self.gear > 0 else poses + np.array([0.0, 0.0, np.pi])
 
     def mirrored(self) -> Plan:
-        """The same motion of a car that looks the other way, and is in the other gear."""
+        """Return the same motion of a car that looks the other way, and is in the other gear."""
         controls = self.controls * np.array([1.0, -1.0])
         return Plan(mirrored(self.states), controls, -self.gear)
 
 
 def mirrored(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """States (…, 4) of a car that looks the other way: in reverse it drives as one forward does.
+    """Return the states (…, 4) of a car that looks the other way: driving in reverse becomes
+    forward.
 
     The body's centre is its (x, y), so it covers the same cells.
     """

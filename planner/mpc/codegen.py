@@ -25,7 +25,7 @@ class InterpretedWarning(UserWarning):
 
 
 def compiled(function: ca.Function) -> ca.Function:
-    """The same function, compiled by the C compiler (`$CC`, or else `cc`).
+    """Return the same function, compiled by the C compiler (`$CC`, or else `cc`).
 
     The library is kept in the user's cache under the hash of its source and of the compiler, and
     is put there whole: processes that start together may each compile it, and all load one.

@@ -15,7 +15,7 @@ from predictor.mapping.kernels import njit
 
 @njit(cache=True, nogil=True)
 def clearances(field, resolution, origin, states, offset):  # type: ignore[no-untyped-def]
-    """Clearance of two circles at ± `offset` [m] along the heading of each state.
+    """Compute the clearance of two circles at ± `offset` [m] along the heading of each state.
 
     The field is read by cubic convolution (Keys 1981): continuous with its gradient, and needs
     no prefilter. Beyond the field's border its border counts.
@@ -57,7 +57,7 @@ def clearances(field, resolution, origin, states, offset):  # type: ignore[no-un
 @njit(cache=True, nogil=True)
 def merit(states, controls, last, costs, value, required, comfort, effort, smoothness, closeness,  # type: ignore[no-untyped-def]
           violation):  # fmt: skip
-    """What a plan costs: what `solve` lowers.
+    """Compute the merit of a plan: the cost that `MPC.solve` lowers.
 
     Args:
         states: (N+1, 4).
@@ -119,7 +119,8 @@ def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-untyped-def]
-    """Multipliers of the dynamics, backwards: out[k] belongs to the step from k to k+1 (n, 4)."""
+    """Compute the multipliers of the dynamics, backwards: out[k] is of the step from k to k+1, (n,
+    4)."""
     last = out.shape[0] - 1
     here = np.zeros(4)
     for k in range(last, 0, -1):
@@ -192,7 +193,8 @@ def make_positive(matrices, least):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
-    """Whether all eigenvalues are above `least`: whether a - least·1 has a Cholesky factor."""
+    """Return whether all eigenvalues are above `least`, that is, whether a - least·1 has a Cholesky
+    factor."""
     m = a.shape[0]
     for j in range(m):
         for i in range(j, m):
@@ -212,7 +214,7 @@ def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def condense_gradient(jacobian, gradient):  # type: ignore[no-untyped-def]
-    """The gradient (2N,) by the controls alone, of one (N+1, 6) by the stages' variables.
+    """Compute the gradient (2N,) by the controls alone from that (N+1, 6) by the stages' variables.
 
     Args:
         jacobian: (N+1, 6, 4): of stage k, by state and control, transposed; the last is unused.

@@ -12,7 +12,8 @@ from predictor.mapping.kernels import njit
 
 @njit(cache=True, nogil=True)
 def nearby(value, limit):  # type: ignore[no-untyped-def]
-    """Which state and circle (rows, 2) has less clearance than a limit [m]; not the first state."""
+    """Return which states and circles (rows, 2) have less clearance than a limit [m], but for the
+    first state."""
     which = np.empty((value.size, 2), dtype=np.int64)
     count = 0
     for k in range(1, value.shape[0]):
@@ -25,7 +26,7 @@ def nearby(value, limit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-untyped-def]
-    """The QP's rows: limits of the car, v_N = 0, and clearance (soft).
+    """Compute the QP's rows: limits of the car, v_N = 0, and clearance (soft).
 
     Args:
         sensitivity: of the states to the controls, (N+1, 4, 2N).
@@ -66,14 +67,15 @@ def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True, inline="always")
 def _faster_end(controls, k):  # type: ignore[no-untyped-def]
-    """Of a step the state at which lateral acceleration v²κ is larger."""
+    """Return the state of a step, its first or its last, at which lateral acceleration v²κ is
+    larger."""
     return k + 1 if controls[k, 0] > 0 else k
 
 
 @njit(cache=True, nogil=True)
 def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, max_curvature,  # type: ignore[no-untyped-def]
            required, trust):  # fmt: skip
-    """What the QP's variables and rows may be: lower and upper, (4N + near,) each.
+    """Compute the bounds of the QP's variables and rows: lower and upper, (4N + near,) each.
 
     The order is that of `rows`, after the variables'. On a second step `rows` are those of the
     controls before, so what keeps to these bounds keeps to the limits to first order only.

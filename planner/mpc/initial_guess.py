@@ -13,7 +13,7 @@ from predictor.mapping.kernels import njit
 
 @njit(cache=True, nogil=True)
 def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, max_curvature, free):  # type: ignore[no-untyped-def]
-    """Controls (stages, 2) of a car that pursues a path and stops after `free` metres.
+    """Return the controls (stages, 2) of a car that pursues a path and stops after `free` metres.
 
     Pure pursuit (Coulter 1992) steers; the speed is the highest from which the car still stops
     in time, within the horizon and within the lateral limit.
@@ -51,5 +51,5 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
 
 
 def shifted(controls: np.ndarray, braking: float) -> np.ndarray:
-    """The rest of the last plan, one tick on, and braking after its end: (N, 2)."""
+    """Return the controls of a plan one tick later, with braking after its end: (N, 2)."""
     return np.vstack([controls[1:], [[-braking, controls[-1, 1]]]])

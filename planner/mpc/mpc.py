@@ -6,11 +6,11 @@
                 v_N = 0: every plan ends stopped, so that it is its own emergency plan.
 
 Sequential quadratic programming: casadi derives the stages' exact Hessians, each is projected to
-positive semidefinite, the states are condensed out, and daqp solves the dense QP. Where its step
-could be taken whole its matrices serve one more (Shamanskii 1967): often that is all it takes to
-see that nothing more can be gained. Every iterate is rolled out through the dynamics, so its gaps
-are closed and what is checked is what is driven.
-Whether a plan is safe is not the solver's to say: `planner.safety.collision` tests it cell by cell.
+positive semidefinite, the states are condensed out, and daqp solves the dense QP. If the whole
+step is taken, its matrices serve for a second one (Shamanskii 1967), which often shows that
+nothing more can be gained. Every iterate is rolled out through the dynamics, so that the plan that
+is checked is the one that is driven.
+The solver does not decide whether a plan is safe: `planner.safety.collision` tests it cell by cell.
 """
 
 from __future__ import annotations
@@ -33,12 +33,11 @@ from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import TICK
 
 NEAR = 1.0
-"""Clearance beyond what is required from which on a QP leaves it alone [m]."""
+"""Circles with more clearance than required by this have no row in the QP [m]."""
 DOUBTED = 10.0
-"""How many tolerances a second step may foretell, and gain none, for an iteration to stop."""
+"""The iteration stops if a second step gains nothing and predicts at most this many tolerances."""
 DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
-"""Settings of daqp: how soft soft rows are; no proximal term, for the Hessian is positive
-definite."""
+"""Settings of daqp: weight of soft rows; no proximal term, as the Hessian is positive definite."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class MPCConfig:
 
 @dataclass
 class _Problem:
-    """One tick's data, gathered so that a solve reads like the algorithm."""
+    """The data of one tick's optimal-control problem; see `MPC.solve`."""
 
     state: NDArray[np.float64]
     path: Path
@@ -90,11 +89,11 @@ class _Problem:
 
 @dataclass(frozen=True)
 class _QP:
-    """The quadratic program of some controls, as daqp has it, with its matrices factorised.
+    """The quadratic program at some controls, in daqp, with its matrices factorised.
 
     Attributes:
-        model: daqp's.
-        near: which state and circle each of its clearance rows belongs to, (n, 2).
+        model: daqp's model.
+        near: state and circle of each clearance row, (n, 2).
     """
 
     model: daqp.Model
@@ -103,12 +102,12 @@ class _QP:
 
 @dataclass(frozen=True)
 class _Step:
-    """What a QP came to.
+    """The solution of a QP.
 
     Attributes:
-        controls: what they change by, (N, 2).
-        gain: what the QP says that lowers the cost by; infinite where the controls before break a
-            limit or lack clearance, which the step first has to mend.
+        controls: change of the controls, (N, 2).
+        gain: decrease of the cost that the QP predicts; infinite where the controls before it
+            break a limit or lack clearance.
         limits: multipliers of the car's limits, in the QP's order, positive at an upper one, (4N,).
         clearance: multipliers of the clearance of each state's two circles, (N+1, 2), none
             negative.
@@ -122,7 +121,7 @@ class _Step:
 
 @dataclass
 class MPC:
-    """The solver; build it once, call `solve` at every tick."""
+    """The solver: build it once, and call `solve` at every tick."""
 
     limits: CarLimits = field(default_factory=CarLimits)
     config: MPCConfig = field(default_factory=MPCConfig)
@@ -132,10 +131,10 @@ class MPC:
         self.stages = math.ceil(car.v_max / (car.braking * c.dt)) + 5
         n = self.stages + 1
         self._stage = compiled(stage_functions(c.dt, n, np.array(c.effort)))
-        # Two circles cover the body; along a straight they leave no gap up to 5 m/s at 0.1 s.
+        # Two circles cover the body. On straights they leave no gap at up to 5 m/s.
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
-        # What `rollout` is told of the car.
+        # Arguments of `rollout`.
         self.driving = (c.dt, car.v_max, car.acceleration, car.braking,
                       car.planned_cornering, car.max_curvature)  # fmt: skip
         self._io = {
@@ -150,7 +149,7 @@ class MPC:
             self._buffer.set_res(i, memoryview(self._io[name]))  # type: ignore[call-arg,arg-type]
 
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
-        """The plan that controls (N, 2) give from a state, clipped to the car's limits."""
+        """Return the plan that controls (N, 2) give from a state, clipped to the car's limits."""
         return Plan(*rollout(state, controls, *self.driving))
 
     def solve(
@@ -196,14 +195,14 @@ class MPC:
             if before - merit <= little:
                 status = Status.CONVERGED
                 break
-            # Where the QP was no good even for its own step it is none for another.
+            # A QP whose own step was shortened is not used for a second one.
             second = self._second_step(qp, problem, states, controls) if length == 1.0 else None
             if second is None:
                 continue
             step, before = second, merit
             if step.gain > little:
                 _, states, controls, merit = self._search(problem, states, controls, merit, step)
-            # One that foretells much and gains nothing speaks against the QP, not for the plan.
+            # If it predicts much and gains nothing, the QP is at fault, and the plan not final.
             if before - merit <= little and step.gain <= DOUBTED * little:
                 status = Status.CONVERGED
                 break
@@ -214,7 +213,7 @@ class MPC:
     def evaluate(
         self, plan: Plan, path: Path, risk: RiskMap, segment: int, last_curvature: float
     ) -> float:
-        """What a plan costs: the merit that `solve` lowers."""
+        """Return the cost of a plan: the merit that `solve` lowers."""
         problem = _Problem(plan.states[0], path, segment, risk, last_curvature)
         return self._merit(problem, plan.states, plan.controls)
 
@@ -234,7 +233,7 @@ class MPC:
     def _clearances(
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Clearance of the two circles at each state (n, 2), and its gradient (n, 2, 3)."""
+        """Return the two circles' clearance at each state (n, 2), and its gradient (n, 2, 3)."""
         f = problem.risk.frame
         value, gradient = condense.clearances(
             problem.risk.clearance, f.resolution, f.origin, states, self._offset
@@ -260,7 +259,8 @@ class MPC:
         merit: float,
         step: _Step,
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-        """The longest part of a step that lowers the merit; states, controls and merit after it."""
+        """Find the largest share of a step that lowers the merit; return it, and states, controls
+        and merit after it."""
         for length in (1.0, 0.5, 0.2, 0.05):
             trial = rollout(problem.state, controls + length * step.controls, *self.driving)
             value = self._merit(problem, *trial)
@@ -275,7 +275,7 @@ class MPC:
         controls: NDArray[np.float64],
         last: _Step | None,
     ) -> tuple[_QP, _Step | None]:
-        """The QP of some controls, and its step; None if it fails.
+        """Build and solve the QP at some controls; the step is None if that fails.
 
         Args:
             problem: of the tick.
@@ -298,7 +298,7 @@ class MPC:
         lower, upper = self._bounds(states, controls, value, near)
         qp = _QP(daqp.Model(), near)
         qp.model.settings = DAQP
-        # At work are supposed to be the limits that a guess is at, and later those of the last QP.
+        # Warm start: assume the active set of the guess, and later that of the last QP.
         start = (
             {"primal_start": np.zeros(len(g))} if last is None
             else {"dual_start": np.append(last.limits, -clearance[near[:, 0], near[:, 1]])}
@@ -313,7 +313,7 @@ class MPC:
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
     ) -> _Step | None:
-        """The step of a QP from other controls, but with its matrices; None if it fails."""
+        """Solve a QP at other controls, but with the same matrices; return None if that fails."""
         g, value, _, _ = self._first_order(problem, states, controls)
         lower, upper = self._bounds(states, controls, value, qp.near)
         flag = qp.model.update(f=g, bupper=upper, blower=lower)
@@ -347,8 +347,8 @@ class MPC:
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Gradient of the cost by the controls (2N,); the clearances (N+1, 2), their gradients
-        (N+1, 2, 3), and what they lack of comfort (N+1, 2)."""
+        """Return the cost's gradient by the controls (2N,), the clearances (N+1, 2), their
+        gradients (N+1, 2, 3), and what they lack of comfort (N+1, 2)."""
         c, io, n = self.config, self._io, self.stages
         io["z"][:, :4] = states
         io["z"][:n, 4:] = controls

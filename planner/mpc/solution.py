@@ -1,4 +1,4 @@
-"""A solution: the plan that a solve came to, and how it ended."""
+"""The result of a solve of the MPC: a plan, and how the solve ended."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What a solve came to.
+    """The result of a solve.
 
     Attributes:
-        plan: the best found, which may be no good.
-        cost: of the optimal-control problem, lower is better.
+        plan: the best plan found, which may be unsafe.
+        cost: value of the plan's merit; lower is better.
         status: how the solve ended.
     """
 
@@ -33,5 +33,5 @@ class Solution:
 
     @property
     def failed(self) -> bool:
-        """Whether the solver says so itself."""
+        """Whether the solver itself reports a failure."""
         return self.status in (Status.QP_FAILED, Status.NOT_FINITE)

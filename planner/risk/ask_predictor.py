@@ -36,7 +36,7 @@ class Asker:
         self._thread: threading.Thread | None = None
 
     def ask(self, known: Grid, pose: NDArray[np.float64], patience: float) -> Prediction:
-        """The checked answer.
+        """Ask for a prediction, and check it.
 
         Args:
             known: what has been seen.

@@ -1,7 +1,7 @@
 """The cost map: what a metre of way costs, for finding where to go.
 
-Where to go is a matter of cost, not of safety: space not yet seen may be crossed, at a price,
-and a prediction moves that price. What may be relied upon is the risk map's business.
+The route is a question of cost, not of safety: it may cross unseen space, at a price that a
+prediction changes. What a plan may rely upon is decided by the risk map.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from predictor.prediction import Prediction
 UNKNOWN_COST = 1.4
 """A metre of unknown space costs as much as this many metres of free space."""
 OCCUPIED_COST = 20.0
-"""Likewise a metre of space that is believed to be occupied."""
+"""Cost of a metre of space that is predicted to be occupied, in metres of free space."""
 WALL_PRIOR, WALL_REACH = 15.0, 2.5
-"""What a metre of unknown space costs more right beside a cell seen occupied, falling to nothing at
-this distance from it [m]: walls go on, so a way turns off where an opening has been seen."""
+"""Additional cost of a metre of unknown space right beside an occupied cell, and distance at which
+it has fallen to 0 [m]: walls go on, so a route turns off where an opening has been seen."""
 STUCK_REACH = 1.2
 """Around a place where the car got stuck, unseen cells count as walls up to this distance [m]."""
 BELIEVED = 8.0
-"""Unseen cells that cost more are believed to be occupied."""
+"""Unseen cells that cost more count as predicted to be occupied."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class CostMap:
         return cls(frame, density.astype(np.float32), clearance, room, unsure, half_width + 0.12)
 
     def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
-        """What a polyline (n, 2) [m] costs; outside the map as unknown, through walls dearly.
+        """Return the cost of a polyline (n, 2) [m]; outside the map it is that of unknown space.
 
         Args:
             points: (n, 2) [m].
@@ -147,10 +147,10 @@ def around(frame: GridFrame, x: float, y: float, reach: float) -> tuple[slice, s
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What has been predicted so far, as cost of way: the newest word on each cell.
+    """The newest prediction of each cell, as cost of way.
 
-    It is remembered, for a car that forgot a predicted dead end as soon as it turned its back on
-    it would turn round again, for ever.
+    It is remembered: a car that forgot a predicted dead end as soon as it turned away from it
+    would turn round again and again.
 
     Attributes:
         frame: where the cells lie, of a cost map's size.
@@ -161,30 +161,31 @@ class Belief:
     density: NDArray[np.float32]
 
     def on(self, frame: GridFrame) -> NDArray[np.float32]:
-        """The density on another frame of the same lattice."""
+        """Return the density on another frame of the same lattice."""
         if frame == self.frame:
             return self.density
         return paste(self.frame, self.density, frame, np.float32(np.nan))
 
 
 def coarsening(frame: GridFrame) -> int:
-    """How many cells of a map make one of its cost map's, along each axis."""
+    """Return how many cells of a map make one cell of its cost map, along each axis."""
     return max(1, round(0.1 / frame.resolution))
 
 
 def coarsened(frame: GridFrame) -> GridFrame:
-    """The frame of a map's cost map."""
+    """Return the frame of a map's cost map."""
     factor = coarsening(frame)
     rows, cols = (-(-n // factor) for n in frame.shape)
     return GridFrame(frame.resolution * factor, frame.origin, (rows, cols))
 
 
 def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
-    """A belief with a new prediction added; no confidence in a cell is the price of unknown.
+    """Return a belief with a new prediction added; a cell without confidence costs what unknown
+    space does.
 
     Args:
-        belief: so far.
-        frame: of the known map.
+        belief: the belief so far, or None.
+        frame: frame of the known map.
         prediction: on the same lattice.
     """
     coarse, factor = coarsened(frame), coarsening(frame)

@@ -9,7 +9,7 @@ from predictor.mapping.kernels import njit
 
 
 def distance_field(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Distance from each cell's centre to the nearest True cell's centre [cells].
+    """Compute the distance from each cell's centre to the nearest True cell's centre [cells].
 
     Exact, in two passes of lower envelopes of parabolas (Felzenszwalb & Huttenlocher 2012).
     Where no cell is True the distance is that of the grid's diagonal.

@@ -1,4 +1,4 @@
-"""The risk map: what a plan may rely upon, at a stated risk."""
+"""The risk map: the cells that a plan may rely upon, at a given risk."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ class RiskMap:
         trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
             free, 0 where seen occupied, (rows, columns).
         safe: cells that a plan may rely upon, (rows, columns).
-        certain: cells of the safe set that a last resort may rely upon: those seen free, and those
-            that an oracle says are free; at ε = 0 and ε = 1 it is `safe` itself, (rows, columns).
-        barred: cells seen occupied, or believed, with whatever confidence, to be rather not free:
-            a plan had better not end with its nose against them, (rows, columns).
+        certain: cells of the safe set that the last resort may rely upon: those seen free, and
+            those that an oracle says are free; at ε = 0 and ε = 1 it is `safe` itself, (rows,
+            columns).
+        barred: cells seen occupied, or predicted, with whatever confidence, to be more likely not
+            free: a plan should not end with the car's nose against them, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside it, (rows,
             columns); what lies outside the frame is not safe.
     """
@@ -48,7 +49,7 @@ class RiskMap:
         margin: float = 0.0,
         oracle: bool = False,
     ) -> RiskMap:
-        """The risk map at a risk ε.
+        """Build the risk map at a risk ε.
 
         ε = 0: only what has been seen free is safe. ε = 1: all that has not been seen occupied.
         Between them a cell not seen is safe where confidence · p_free >= 1 - ε, so that the
@@ -56,10 +57,10 @@ class RiskMap:
         predictor, whatever its confidence, makes a cell certain.
 
         Args:
-            known: what has been seen, on the frame that the map shall have.
-            prediction: what is believed, on a frame of the same lattice; None: nothing is.
+            known: what has been seen, on the frame of the new map.
+            prediction: on a frame of the same lattice, or None.
             epsilon: the risk ε in [0, 1].
-            margin: what the safe set is eroded by [m]: 3σ + 1 cell for a LIDAR of noise σ.
+            margin: erosion of the safe set [m]: 3σ + 1 cell for a LIDAR of noise σ.
             oracle: whether the prediction is the truth: then a trust of 1 counts as seen.
 
         Raises:
@@ -91,7 +92,7 @@ class RiskMap:
                 cells &= distance_field(~cells) * known.frame.resolution > margin
             return cells
 
-        # A risk of -1 asks for a trust of 2, which no belief has.
+        # A risk of -1 requires a trust of 2, which no prediction has.
         safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
         certain = relied(0.0 if oracle else -1.0) if 0.0 < epsilon < 1.0 else safe
         clearance = _clearance(safe, known.frame.resolution)

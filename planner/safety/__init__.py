@@ -1,1 +1,1 @@
-"""Safety: test each plan against the map, and keep a way to stop at hand."""
+"""Safety: choose among plans that pass the collision test, and always keep a way to stop."""

@@ -1,7 +1,6 @@
-"""Collision checking: the body, swept along its way, against every cell that it may not enter.
+"""Collision checking: sweep the body along a plan, against every cell that it must not enter.
 
-A plan counts only once it has been tested here; the word of the solver that made it is never taken
-for it.
+A plan is used only after it has been tested here, whatever the solver says of it.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import GridFrame
 
 CONTACT_SPACING = 0.02
-"""Between the poses at which a plan's body is tested [m]."""
+"""Distance between the poses at which a plan is tested [m]."""
 ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs by which a car may go on, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
-"""Around the body on them, and between the poses at which they are tested [m]."""
+"""Margin around the body on these arcs, and distance between the poses tested on them [m]."""
 
 Place = tuple[NDArray[np.bool_], float, tuple[float, float], float, float]
 """Blocked cells, their side and origin [m], and half the body's length and width [m]."""
@@ -34,7 +33,7 @@ class CollisionChecker:
     """Tests plans.
 
     Attributes:
-        car: whose body is swept.
+        car: car whose body is swept.
         dt: step of the plans [s].
     """
 
@@ -42,7 +41,7 @@ class CollisionChecker:
     dt: float
 
     def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
-        """Whether the body stays inside the safe set along a whole plan that ends stopped."""
+        """Return whether the plan ends stopped, and the body stays in the safe set all along it."""
         if not np.isfinite(plan.states).all() or plan.states[-1, 3] > 1e-3:
             return False
         return self.contact(plan, ~risk.safe, risk.frame) is None
@@ -50,12 +49,13 @@ class CollisionChecker:
     def contact(
         self, plan: Plan, blocked: NDArray[np.bool_], frame: GridFrame
     ) -> tuple[float, float] | None:
-        """Where and how fast the body first meets a blocked cell; what lies outside is blocked.
+        """Find where and how fast the body first meets a blocked cell; cells outside the frame are
+        blocked.
 
         Args:
-            plan: whose poses are tested.
+            plan: plan to test.
             blocked: cells that the body must not enter, (rows, columns).
-            frame: where they lie.
+            frame: frame of these cells.
 
         Returns:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
@@ -70,7 +70,7 @@ class CollisionChecker:
         return _place(blocked, frame, self.car.body.inflated(0.75 * CONTACT_SPACING))
 
     def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
-        """What `planner.motion.contact.leads_on` is told besides the pose.
+        """Return the arguments of `planner.motion.contact.leads_on` besides the pose.
 
         Returns:
             Curvatures of the arcs [1/m], their length and the spacing of tested poses [m], and the
@@ -81,7 +81,7 @@ class CollisionChecker:
         return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
 
     def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
-        """Whether from a pose (x, y, yaw, …) some arc, or straight on, meets nothing barred."""
+        """Return whether some arc from a pose (x, y, yaw, …) meets nothing that is barred."""
         return bool(leads_on(pose, *self.arcs_in(risk)))
 
 

@@ -1,4 +1,4 @@
-"""The last resort: a way to stop that lies in what is certain, kept at hand at every tick."""
+"""The last resort: at every tick, a way to stop inside what is certain."""
 
 from __future__ import annotations
 
@@ -13,34 +13,33 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CONTACT_SPACING, CollisionChecker
 
 LEVELS = 16
-"""Accelerations from a plan's own to hard braking, among which the first step is chosen."""
+"""Number of accelerations, from the plan's own to hard braking, tried for the first step."""
 SLOW = 0.2
-"""Below this a last resort need not lead on: nothing can be made of it any more, and a car that
-would not move for it stood for good [m/s]."""
+"""Below this speed a last resort need not lead on: the car is about to stop anyway, and must not
+stay at rest because of this rule [m/s]."""
 
 
 class LastResort:
-    """Sees to it that the car can stop within what is certain, should all belief prove wrong.
+    """Ensures that the car can stop inside what is certain if every prediction is wrong.
 
-    A plan relies on what is believed at the risk ε. After its first step, when the next scan may
-    have proved that wrong, some way to brake and swerve must still lie in what is certain. By
-    induction there is always one: that of the last tick, driven on. It is one from whose end the
-    car can go on, if there is one after the plan's own first step, or after hard braking: a car
-    that cannot reverse otherwise escapes into a corner, and stays there.
+    A plan relies on predictions at the risk ε. After its first step the next scan may show that
+    they are wrong; then some way to brake and swerve must still lie in what is certain. By
+    induction there always is one: the rest of the last tick's. If possible, it is one from whose
+    end the car can go on, since a car that cannot reverse may otherwise stop in a corner for good.
 
     Args:
-        mpc: rolls plans out, and knows the car.
-        checker: tests them.
+        mpc: rolls plans out, and knows the car's limits.
+        checker: tests plans.
     """
 
     def __init__(self, mpc: MPC, checker: CollisionChecker) -> None:
         self.mpc, self.checker = mpc, checker
         self.controls: NDArray[np.float64] | None = None
-        """Of a way to stop from the next state on, (N, 2); None: none is needed."""
+        """Controls of a way to stop from the next state on, (N, 2); None: none is needed."""
         self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
 
     def begin(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
-        """The plan, or one that begins more slowly and leaves a last resort.
+        """Return the plan, or one that begins more slowly and leaves a last resort.
 
         Returns:
             What to drive, and whether a last resort remains after its first step.
@@ -64,7 +63,7 @@ class LastResort:
             return braked, checker.contact(braked, ~risk.certain, risk.frame) is None
         fastest, way = found
         controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
-        # As they are, not as applied: once at rest the car still brakes, should it come faster.
+        # Not clipped: the car goes on braking after its planned stop, in case it arrives faster.
         self.controls = shifted(controls, braking)
         return (plan if fastest == 0 else mpc.roll(state, controls)), True
 
@@ -77,7 +76,8 @@ class LastResort:
         risk: RiskMap,
         onward: bool,
     ) -> tuple[int, int] | None:
-        """Number of the first acceleration after which some way is left, and that way's.
+        """Return the number of the first acceleration after which a way to stop is left, and that
+        way's number.
 
         Args:
             state: (4,).
@@ -101,7 +101,7 @@ class LastResort:
         too_fast, fastest = 0, LEVELS - 1
         way = way_after(fastest)
         while way < 0 and not onward and too_fast < fastest - 1:
-            # Odd, but a gentler beginning may leave a way where a harder one does not.
+            # A gentler beginning may leave a way where harder braking leaves none.
             fastest -= 1
             way = way_after(fastest)
         if way < 0:
@@ -126,13 +126,14 @@ class LastResort:
         return stops[best]
 
     def ways(self, plan: Plan) -> NDArray[np.float64]:
-        """Ways to stop (n, N, 2): the one found before; along a plan; swerves."""
+        """Return ways to stop (n, N, 2): the last one found, braking along a plan, and swerves."""
         ways = self._swerves.copy()
         np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
         return ways if self.controls is None else np.concatenate([self.controls[None], ways])
 
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
-        """How fast a way meets what was seen, leaves the safe set, what is certain, and ends."""
+        """Return the speeds at which a way meets occupied cells, leaves the safe set, leaves the
+        certain cells, and ends."""
         met = (self.checker.contact(stop, blocked, risk.frame)
                for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
         hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)

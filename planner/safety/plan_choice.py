@@ -132,11 +132,11 @@ class PlanChooser:
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
             return self.resort.brake(now.state, kept, now.risk), True
-        # At the goal the drive is over: no cost of what would follow may make the car pass it by.
+        # The drive ends at the goal: no cost of what would follow may make the car miss it.
         best = min(candidates, key=self._arrival)
         if self.goes_on(best, now.risk):
             return best, False
-        # A car that cannot reverse had better not stop with its nose against a wall.
+        # A car that cannot reverse should not stop with its nose against a wall.
         sooner = self._stopping_sooner(now, path, best)
         if sooner is not None:
             return sooner, False
@@ -144,7 +144,7 @@ class PlanChooser:
         stops = (self.mpc.roll(now.state, way) for way in self.resort.ways(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
-        # Standing still for ever is no better than standing there.
+        # To stand still for good is no better than to stop there.
         moving = (plan for plan in others if plan.states[:, 3].max() > 0.1)
         return next((plan for plan in moving if self.goes_on(plan, now.risk)), best), False
 

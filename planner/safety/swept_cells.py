@@ -14,7 +14,7 @@ from predictor.mapping.kernels import njit
 def swept_cells(
     plan: Plan, dt: float, body: Body, frame: GridFrame, among: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of those cells `among` (rows, columns) that the body meets on its way."""
+    """Return rows and columns of the cells `among` (rows, columns) that a body meets on a plan."""
     poses = plan.poses(dt, 2 * frame.resolution)
     met = _sweep(among, frame.resolution, frame.origin, poses, body.half_length, body.half_width)
     rows, cols = np.nonzero(met)

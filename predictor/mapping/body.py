@@ -52,13 +52,14 @@ class Body:
         return half * np.arange(1.0 - count, count, 2.0), math.hypot(half, self.half_width)
 
     def inflated(self, margin: float) -> Body:
-        """A body larger by `margin` on every side [m]."""
+        """Return a body larger by `margin` on every side [m]."""
         return Body(self.length + 2 * margin, self.width + 2 * margin)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _overlaps(dx, dy, cos, sin, half_length, half_width, half):  # type: ignore[no-untyped-def]
-    """Whether a rectangle meets an axis-aligned square whose centre lies at dx, dy from its own.
+    """Return whether a rectangle meets an axis-aligned square whose centre lies at dx, dy from its
+    own.
 
     Separating axes of the two boxes (Gottschalk et al. 1996); touching is meeting.
     """
@@ -73,7 +74,7 @@ def _overlaps(dx, dy, cos, sin, half_length, half_width, half):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def covered(shape, resolution, origin, x, y, yaw, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Cells of a grid that a rectangle meets: (n, 2) rows and columns."""
+    """Return the cells of a grid that a rectangle meets: (n, 2) rows and columns."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     ex = half_length * abs(cos) + half_width * abs(sin)
     ey = half_length * abs(sin) + half_width * abs(cos)
@@ -96,7 +97,7 @@ def covered(shape, resolution, origin, x, y, yaw, half_length, half_width):  # t
 
 @njit(cache=True, nogil=True)
 def first_contact(blocked, resolution, origin, poses, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Index of the first pose (x, y, yaw) whose rectangle meets a blocked cell; -1 if none does.
+    """Return the index of the first pose (x, y, yaw) whose rectangle meets a blocked cell, or -1.
 
     Args:
         blocked: (rows, columns) bool; what lies outside the grid is blocked.
@@ -115,7 +116,7 @@ def first_contact(blocked, resolution, origin, poses, half_length, half_width): 
 
 @njit(cache=True, nogil=True)
 def meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Whether a rectangle at one pose meets a blocked cell, or leaves the grid."""
+    """Return whether a rectangle at one pose meets a blocked cell, or leaves the grid."""
     rows, cols = blocked.shape
     cos, sin = math.cos(yaw), math.sin(yaw)
     ex = half_length * abs(cos) + half_width * abs(sin)

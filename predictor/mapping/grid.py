@@ -48,28 +48,28 @@ class GridFrame:
         return self.shape[1] * self.resolution, self.shape[0] * self.resolution
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
-        """Row and column of the cell that holds a point [m]; may lie outside the grid."""
+        """Return row and column of the cell that holds a point [m]; it may lie outside the grid."""
         return (
             math.floor((y - self.origin[1]) / self.resolution),
             math.floor((x - self.origin[0]) / self.resolution),
         )
 
     def centre(self, row: float, col: float) -> tuple[float, float]:
-        """The centre x, y of a cell [m]."""
+        """Return the centre x, y of a cell [m]."""
         return (
             self.origin[0] + (col + 0.5) * self.resolution,
             self.origin[1] + (row + 0.5) * self.resolution,
         )
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """All cell centres: x (columns,) and y (rows,) [m]."""
+        """Return all cell centres: x (columns,) and y (rows,) [m]."""
         rows, cols = self.shape
         x = self.origin[0] + (np.arange(cols) + 0.5) * self.resolution
         y = self.origin[1] + (np.arange(rows) + 0.5) * self.resolution
         return x.astype(np.float64), y.astype(np.float64)
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a point [m] lies inside the grid."""
+        """Return whether a point [m] lies inside the grid."""
         row, col = self.cell(x, y)
         return 0 <= row < self.shape[0] and 0 <= col < self.shape[1]
 
@@ -82,7 +82,7 @@ class GridFrame:
         return inside, cells[inside, 1], cells[inside, 0]
 
     def offset(self, other: GridFrame) -> tuple[int, int]:
-        """Row and column of `other`'s cell (0, 0) in this frame.
+        """Return row and column of `other`'s cell (0, 0) in this frame.
 
         Raises:
             ValueError: if the two frames do not share one lattice.
@@ -95,7 +95,7 @@ class GridFrame:
         return round(row), round(col)
 
     def square(self, x: float, y: float, side: float) -> GridFrame:
-        """The square of a given side [m] around a point [m], snapped to this lattice."""
+        """Return the square of a given side [m] around a point [m], snapped to this lattice."""
         n = max(1, round(side / self.resolution))
         row = round((y - self.origin[1]) / self.resolution - n / 2)
         col = round((x - self.origin[0]) / self.resolution - n / 2)
@@ -138,12 +138,12 @@ class Grid:
         return np.asarray(self.cells == UNKNOWN)
 
     def crop(self, frame: GridFrame) -> Grid:
-        """The part of this map inside a frame on the same lattice; outside is UNKNOWN."""
+        """Return the part of this map inside a frame on the same lattice; outside is UNKNOWN."""
         return Grid(frame, paste(self.frame, self.cells, frame, np.int8(UNKNOWN)))
 
 
 def paste(frame: GridFrame, values: NDArray, into: GridFrame, fill: np.generic) -> NDArray:
-    """Values given on one frame, laid onto another of the same lattice; `fill` elsewhere."""
+    """Return values of one frame on another frame of the same lattice, with `fill` elsewhere."""
     row, col = frame.offset(into)
     out = np.full(into.shape, fill, dtype=values.dtype)
     r0, r1 = max(0, row), min(frame.shape[0], row + into.shape[0])
@@ -174,7 +174,7 @@ class OccupancyGrid:
 
     @classmethod
     def from_grid(cls, grid: Grid, window: float) -> OccupancyGrid:
-        """A grid in which a whole map counts as seen (the `full` arm's knowledge)."""
+        """Return a grid in which a whole map counts as seen (as the arm `full` does)."""
         known = cls(grid.frame, window)
         known.log_odds[grid.free] = LOWEST
         known.log_odds[grid.occupied] = HIGHEST
@@ -182,11 +182,11 @@ class OccupancyGrid:
 
     @property
     def cells(self) -> NDArray[np.int8]:
-        """The whole map as FREE, OCCUPIED, UNKNOWN: (rows, columns) int8."""
+        """Whole map as FREE, OCCUPIED, UNKNOWN: (rows, columns) int8."""
         return _classify(self.log_odds)
 
     def crop(self, frame: GridFrame) -> Grid:
-        """What is known inside a frame on this lattice."""
+        """Return what is known inside a frame on this lattice."""
         return Grid(frame, _classify(paste(self.frame, self.log_odds, frame, np.int8(0))))
 
     def integrate(self, scan: Scan, pose: ArrayLike) -> None:

@@ -26,7 +26,7 @@ UNUSED = 7 * 86400.0
 
 
 def stamp(root: Path) -> str:
-    """A hash of all kernels' sources under a folder with our packages."""
+    """Return a hash of all kernels' sources under the folder that holds the packages."""
     digest = hashlib.sha256()
     for package in ("planner", "predictor", "sim"):
         for path in sorted((root / package).rglob("*.py")):
@@ -37,12 +37,13 @@ def stamp(root: Path) -> str:
 
 
 def cache() -> Path:
-    """Where compiled code is kept for a user."""
+    """Return the folder where compiled code is kept for a user."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "foresee"
 
 
 def kept(place: Path, stamp: str) -> Path | None:
-    """The folder of a stamp's kernels in a place, made if need be; None if it cannot be written.
+    """Return the folder of a stamp's kernels in a place, made if need be; None if it cannot be
+    written.
 
     Those of other stamps go once they are `UNUSED`: by then no process that starts or runs beside
     this one has them in use.

@@ -29,7 +29,7 @@ class Scan:
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def sensor_pose(self, x: float, y: float, yaw: float) -> tuple[float, float, float]:
-        """The sensor's x, y, yaw in the world for a robot at x, y, yaw."""
+        """Return the sensor's x, y, yaw in the world for a robot at x, y, yaw."""
         mx, my, myaw = self.mount
         cos, sin = math.cos(yaw), math.sin(yaw)
         return x + cos * mx - sin * my, y + sin * mx + cos * my, yaw + myaw

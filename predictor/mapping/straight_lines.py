@@ -15,7 +15,8 @@ NONE, OPEN, WALL = 0, 1, 2
 
 
 def main_direction(cells: NDArray[np.int8], default: float) -> float:
-    """Direction of most of the seen walls [rad], in [0, pi/2): buildings have two, at right angles.
+    """Return the direction of most walls seen [rad], in [0, pi/2); buildings have two, at right
+    angles.
 
     Args:
         cells: a map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
@@ -34,7 +35,7 @@ def main_direction(cells: NDArray[np.int8], default: float) -> float:
 def look_back(
     cells: NDArray[np.int8], angle: float, memory: float
 ) -> tuple[NDArray[np.int8], NDArray[np.float32], NDArray[np.float32]]:
-    """From each unknown cell, look to the nearest known cell along four directions.
+    """Find the nearest known cell from each unknown one, along four directions.
 
     Args:
         cells: a map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
@@ -62,7 +63,8 @@ def look_back(
 
 @njit(cache=True, nogil=True)
 def _wall_angles(cells):  # type: ignore[no-untyped-def]
-    """Directions of seen walls, modulo a right angle: a histogram with one bin a degree, (90,).
+    """Return a histogram of the directions of seen walls modulo a right angle, one bin a degree,
+    (90,).
 
     Each occupied cell votes for the principal axis of the occupied cells around it, weighted by
     how stretched these are.
@@ -99,7 +101,7 @@ def _wall_angles(cells):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _look(cells, slope, backwards, memory, kind, distance, support):  # type: ignore[no-untyped-def]
-    """One direction of `look_back`, into arrays given.
+    """Look along one direction of `look_back`, and write into the arrays given.
 
     The lines row = k + round(slope * column) visit each cell once, so that no map is resampled.
     """
@@ -153,7 +155,8 @@ def _look(cells, slope, backwards, memory, kind, distance, support):  # type: ig
 
 @njit(cache=True, nogil=True)
 def nearness(cells, value, length):  # type: ignore[no-untyped-def]
-    """exp(-distance / length) to the nearest cell of a value; (3, 4) chamfer distance [cells]."""
+    """Return exp(-distance / length) to the nearest cell of a value, with the (3, 4) chamfer
+    distance [cells]."""
     rows, cols = cells.shape
     out = np.zeros((rows, cols), dtype=np.float32)
     straight, diagonal = math.exp(-1.0 / length), math.exp(-4.0 / 3.0 / length)
