@@ -22,7 +22,7 @@ from predictor.mapping.families import FAMILIES
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_training import TrainConfig
+from predictor.training.compact_config import TrainConfig
 from predictor.training.image_arguments import NAMES, add_arguments, configured
 
 if TYPE_CHECKING:

@@ -6,16 +6,17 @@ import dataclasses
 import hashlib
 import json
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
-from torch import Tensor
 
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError
 from predictor.infra.plain_json import loads
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
 
 
 class WeightsError(LineError):
@@ -44,7 +45,7 @@ class Net(Protocol):
     def state_dict(self) -> dict[str, Tensor]: ...  # noqa: D102
 
 
-Kind = TypeVar("Kind", bound=torch.nn.Module)
+Kind = TypeVar("Kind", bound="torch.nn.Module")
 
 
 def fingerprint(tensors: dict[str, Tensor]) -> str:
@@ -65,6 +66,8 @@ def save_weights(path: Path, net: Net, facts: dict[str, Any]) -> None:
         net: the network.
         facts: facts of its training; plain data.
     """
+    from safetensors.torch import save
+
     tensors = {name: values.contiguous() for name, values in net.state_dict().items()}
     header = {
         "architecture": net.architecture,
@@ -96,6 +99,8 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
         WeightsError: if the file is missing, truncated, of another network, of wrong shapes, or
             not as it was written.
     """
+    import torch
+
     known: Any = kind
     header, tensors = _read(path, numbers=True)
     if header.get("architecture") not in known.ARCHITECTURES:

@@ -21,7 +21,7 @@ path = out / "results.json"
 found = json.loads(path.read_text()) if path.exists() else {"values": [], "seconds": 0.0}
 try:
     while len(found["values"]) < 10:
-        time.sleep(0.05)
+        time.sleep(0.1)
         found["values"].append(len(found["values"]))
         found["seconds"] = time.time()
         (out / "part").write_text(json.dumps(found))
@@ -48,7 +48,7 @@ def case(tmp_path, monkeypatch):
 @pytest.mark.parametrize("kind", ["SIGKILL", "SIGTERM", "SIGINT"])
 def test_a_command_that_goes_on_where_it_was_has_the_same_results(tmp_path, case, kind):
     seconds = case(COUNTS)
-    found = interruptions.interrupted(tmp_path, None, seconds, (0, "counting", kind, 0.7))
+    found = interruptions.interrupted(tmp_path, None, seconds, (0, "counting", kind, 0.5))
     assert found["interrupted"]
     assert found["status"] != 0
     assert found["status again"] == 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,36 +17,11 @@ from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
+from predictor.training.compact_config import TrainConfig
 from predictor.training.group import Group
 from predictor.training.targets import batch_of, known_of, losses
 from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
-
-
-@dataclass(frozen=True)
-class TrainConfig:
-    """Settings that decide the numbers of a training.
-
-    Attributes:
-        steps: number of optimiser steps.
-        batch: samples per step at `USUAL` side; fewer of a larger side, more of a smaller.
-        rate: highest learning rate.
-        warmup: steps in which the rate rises to it; then it falls along a cosine to zero.
-        decay: weight decay of AdamW.
-        average: share that the old average keeps when weights are averaged over the steps.
-        seed: seed of the first weights and of the order of samples.
-        start: fingerprint of the weights that training starts from; None: random weights.
-    """
-
-    steps: int = 8_000
-    batch: int = 32
-    rate: float = 2e-3
-    warmup: int = 300
-    decay: float = 0.02
-    average: float = 0.998
-    seed: int = 0
-    start: str | None = None
-
 
 SIDES = (200, 200, 200, 120, 160, 240, 280)
 """Sides of the squares that a step learns from, drawn at random [cells]: the windows and the

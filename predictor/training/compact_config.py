@@ -1,0 +1,30 @@
+"""The settings of a training of the compact network, apart from what takes long to import."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Settings that decide the numbers of a training.
+
+    Attributes:
+        steps: number of optimiser steps.
+        batch: samples per step at `USUAL` side; fewer of a larger side, more of a smaller.
+        rate: highest learning rate.
+        warmup: steps in which the rate rises to it; then it falls along a cosine to zero.
+        decay: weight decay of AdamW.
+        average: share that the old average keeps when weights are averaged over the steps.
+        seed: seed of the first weights and of the order of samples.
+        start: fingerprint of the weights that training starts from; None: random weights.
+    """
+
+    steps: int = 8_000
+    batch: int = 32
+    rate: float = 2e-3
+    warmup: int = 300
+    decay: float = 0.02
+    average: float = 0.998
+    seed: int = 0
+    start: str | None = None
