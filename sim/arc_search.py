@@ -162,8 +162,10 @@ def explore(  # type: ignore[no-untyped-def]
                 end_x = x + straight * math.cos(yaw + half)
                 end_y = y + straight * math.sin(yaw + half)
                 end_yaw = yaw + 2.0 * half
-                spare = min(spare, _fits(clearance, resolution, origin, end_x, end_y, end_yaw,
-                                         offsets, needed))  # fmt: skip
+                spare = min(
+                    spare,
+                    _fits(clearance, resolution, origin, end_x, end_y, end_yaw, offsets, needed),
+                )
                 if spare < 0.0:
                     break
             if spare < 0.0:

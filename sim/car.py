@@ -178,6 +178,7 @@ def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -
     frame = world.grid.frame
     grown = body.inflated(0.5 * spacing)
     array = np.atleast_2d(np.asarray(poses, dtype=np.float64))
-    contact = first_contact(world.solid, frame.resolution, frame.origin, array,
-                            grown.half_length, grown.half_width)  # fmt: skip
+    contact = first_contact(
+        world.solid, frame.resolution, frame.origin, array, grown.half_length, grown.half_width
+    )
     return bool(contact >= 0)

@@ -33,8 +33,13 @@ def generate(family: str, seed: int) -> World:
     Raises:
         ValueError: if there is no such family.
     """
-    draw = {"corridor": _corridor, "narrow": _narrow, "office": _office, "trap": _trap,
-            "paper": _paper}  # fmt: skip
+    draw = {
+        "corridor": _corridor,
+        "narrow": _narrow,
+        "office": _office,
+        "trap": _trap,
+        "paper": _paper,
+    }
     if family not in draw:
         raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")
     # The family is part of the seed, so that equal seeds do not give equal skeletons.

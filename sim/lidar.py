@@ -97,8 +97,9 @@ class Lidar:
         x, y, yaw = (float(value) for value in np.asarray(pose, dtype=np.float64)[:3])
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
             raise ValueError(f"pose is ({x}, {y}, {yaw}), it must be finite")
-        blank = Scan(np.empty(0), config.angle_min, config.angle_increment, config.range_max,
-                     config.mount)  # fmt: skip
+        blank = Scan(
+            np.empty(0), config.angle_min, config.angle_increment, config.range_max, config.mount
+        )
         sx, sy, bearing = blank.sensor_pose(x, y, yaw)
         frame = world.grid.frame
         ranges = frame.resolution * cast_rays(
@@ -116,8 +117,9 @@ class Lidar:
             if rng is None:
                 raise ValueError("a sensor with noise or dropout needs an rng")
             ranges = self._disturbed(ranges, rng)
-        return Scan(ranges, config.angle_min, config.angle_increment, config.range_max,
-                    config.mount)  # fmt: skip
+        return Scan(
+            ranges, config.angle_min, config.angle_increment, config.range_max, config.mount
+        )
 
     def _blocked(
         self,

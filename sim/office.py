@@ -177,8 +177,9 @@ def _put(canvas: Canvas, room: Room, thing: tuple[Point, Point]) -> bool:
     dy = max(abs(centre[1] - room.door[1]) - 0.5 * size[1], 0.0)
     if math.hypot(dx, dy) < 1.3:
         return False
-    corners = [(centre[0] + 0.45 * sx * size[0], centre[1] + 0.45 * sy * size[1])
-               for sx, sy in CORNERS]  # fmt: skip
+    corners = [
+        (centre[0] + 0.45 * sx * size[0], centre[1] + 0.45 * sy * size[1]) for sx, sy in CORNERS
+    ]
     if not all(canvas.is_free(x, y) for x, y in [centre, *corners]):
         return False
     canvas.box(centre, size)

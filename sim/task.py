@@ -101,8 +101,10 @@ def sample_task(
         ValueError: if the lengths make no sense.
     """
     if not 0 <= min_length <= max_length < math.inf:
-        raise ValueError(f"lengths are {min_length} to {max_length} m, they must satisfy 0 <= "
-                         "min_length <= max_length")  # fmt: skip
+        raise ValueError(
+            f"lengths are {min_length} to {max_length} m, they must satisfy 0 <= "
+            "min_length <= max_length"
+        )
     car = car or CarLimits()
     rng = np.random.default_rng(seed)
     frame = world.grid.frame
@@ -161,8 +163,9 @@ def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
         poses, parents, lengths, goals = _ways(task.world, start, car, roomy, LONGEST_LEG)
         goals &= lengths >= max(SHORTEST_LEG, 0.6 * float(lengths[goals].max(initial=0.0)))
         if not goals.any():
-            raise NoTaskError(f"{task.world.name}: after {driven:.0f} of {length:.0f} m there is "
-                              "no going on")  # fmt: skip
+            raise NoTaskError(
+                f"{task.world.name}: after {driven:.0f} of {length:.0f} m there is no going on"
+            )
         far = np.flatnonzero(goals)
         gaps, _ = cKDTree(points).query(poses[far, :2])
         new = far[np.asarray(gaps) > NEW]

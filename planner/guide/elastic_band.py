@@ -83,8 +83,19 @@ def lines_along(
         way[passed], tether[passed] = goal, config.hold
     guess = _begun(way, pose)
     for comfort in config.comfort:
-        yield relax(guess, way, tether, clearance, frame.resolution, frame.origin, config.bending,
-                    config.push, comfort, config.iterations, tightest)  # fmt: skip
+        yield relax(
+            guess,
+            way,
+            tether,
+            clearance,
+            frame.resolution,
+            frame.origin,
+            config.bending,
+            config.push,
+            comfort,
+            config.iterations,
+            tightest,
+        )
 
 
 def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,8 +132,9 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(guess, way, tether, field, resolution, origin, bending, push, comfort, iterations,  # type: ignore[no-untyped-def]
-          tightest):  # fmt: skip
+def relax(  # type: ignore[no-untyped-def]
+    guess, way, tether, field, resolution, origin, bending, push, comfort, iterations, tightest
+):
     """Return the curve (n, 2) of least cost, with its first two points and its last held.
 
     Args:

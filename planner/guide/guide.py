@@ -329,8 +329,16 @@ class Guide:
     ) -> Path | None:
         """Search for a path over forward arcs; from its end it follows the route."""
         forward = replace(self.car, reverse=0.0)
-        legs = find_legs(cost, known, pose, self.goal, self.config.onward, self._stuck, forward,
-                         self.config.hybrid)  # fmt: skip
+        legs = find_legs(
+            cost,
+            known,
+            pose,
+            self.goal,
+            self.config.onward,
+            self._stuck,
+            forward,
+            self.config.hybrid,
+        )
         return self._onward(cost, legs[0]) if legs else None
 
     def _onward(self, cost: CostMap, leg: Leg) -> Path:

@@ -97,20 +97,22 @@ def find_legs(
     field = cost_to_go(cost, goal)
     if field is None:
         return []
-    to_go, side = field
+    costs = cost.density, cost.frame.resolution, cost.frame.origin
+    prices = config.reversing, config.shift, config.steering
+    start = np.asarray(pose, dtype=np.float64)[:3]
     cells = known.cells
     for x, y in stuck:
         here = cells[around(known.frame, float(x), float(y), STUCK_REACH)]
         here[here == UNKNOWN] = OCCUPIED
+    both = car.reverse > 0.0
     curvature = 1.0 / (config.slack * car.turning_radius)
     for margin in config.margin:
         body = car.body.inflated(margin)
+        seen = cells, known.frame.resolution, known.frame.origin
+        halves = body.half_length, body.half_width
         poses, gears = _search(
-            np.asarray(pose, dtype=np.float64)[:3], goal, ahead, to_go, side, cost.density,
-            cost.frame.resolution, cost.frame.origin, cells, known.frame.resolution,
-            known.frame.origin, body.half_length, body.half_width, curvature, car.reverse > 0.0,
-            config.reversing, config.shift, config.steering, config.nodes,
-        )  # fmt: skip
+            start, goal, ahead, field, costs, seen, halves, curvature, both, prices, config.nodes
+        )
         if len(gears):
             return _legs(poses, gears)
     return []
@@ -118,17 +120,18 @@ def find_legs(
 
 def _legs(poses: NDArray[np.float64], gears: NDArray[np.int64]) -> list[Leg]:
     ends = [0, *(np.flatnonzero(np.diff(gears)) + 1), len(gears)]
-    return [Leg(poses[a * CHECKS : b * CHECKS + 1], int(gears[a]))
-            for a, b in itertools.pairwise(ends)]  # fmt: skip
+    return [
+        Leg(poses[a * CHECKS : b * CHECKS + 1], int(gears[a])) for a, b in itertools.pairwise(ends)
+    ]
 
 
 @njit(cache=True, nogil=True)
 def _search(  # type: ignore[no-untyped-def]
-    start, goal, ahead, to_go, side, density, coarse, origin, cells, fine, fine_origin, half_length,
-    half_width, curvature, both, reversing, shift, steering, limit,
-):  # fmt: skip
+    start, goal, ahead, field, costs, seen, halves, curvature, both, prices, limit
+):
     """Return poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); n = 0 if none is found."""
-    occupied, unfree = cells > 0, cells != 0
+    (to_go, side), (density, coarse, origin), (reversing, shift, steering) = field, costs, prices
+    occupied, unfree = seen[0] > 0, seen[0] != 0
     # Of each node: its pose, the cost spent, its parent, and the arc that leads to it. There is
     # room for all that can come up; the system provides memory only where it is written to.
     size = 1 + 2 * SHARES.size * limit
@@ -163,10 +166,8 @@ def _search(  # type: ignore[no-untyped-def]
             gear = 1 if direction == 0 else -1
             blocked = occupied if gear > 0 else unfree
             for share in SHARES:
-                hit, ex, ey, eyaw = _driven(
-                    blocked, fine, fine_origin, x, y, yaw, share * curvature, gear, half_length,
-                    half_width, node == 0,
-                )  # fmt: skip
+                place = blocked, seen[1], seen[2], halves[0], halves[1]
+                hit, ex, ey, eyaw = _driven(place, x, y, yaw, share * curvature, gear, node == 0)
                 if hit or not _inside(ex, ey, density.shape, coarse, origin):
                     continue
                 left = _remaining(ex, ey, to_go, side, origin)
@@ -197,16 +198,14 @@ def _key(x, y, yaw, gear, shape, coarse, origin):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _driven(  # type: ignore[no-untyped-def]
-    blocked, fine, origin, x, y, yaw, kappa, gear, half_length, half_width, first
-):
+def _driven(place, x, y, yaw, kappa, gear, first):  # type: ignore[no-untyped-def]
     """Return whether the body meets something on an arc, and the pose at the arc's end."""
     ex, ey, eyaw = x, y, yaw
     for check in range(1, CHECKS + 1):
         ex, ey, eyaw = pose_along(x, y, yaw, kappa, gear * STEP * check / CHECKS)
         # It may start closer to something than it likes, and must be able to leave.
         if (not first or check == CHECKS) and meets(
-            blocked, fine, origin, ex, ey, eyaw, half_length, half_width
+            place[0], place[1], place[2], ex, ey, eyaw, place[3], place[4]
         ):
             return True, ex, ey, eyaw
     return False, ex, ey, eyaw
@@ -238,9 +237,12 @@ def _trace(node, poses, parents, gears, shares, curvature):  # type: ignore[no-u
         chosen[i] = gears[node]
         for check in range(1, CHECKS + 1):
             way[CHECKS * i + check] = pose_along(
-                poses[before, 0], poses[before, 1], poses[before, 2], shares[node] * curvature,
+                poses[before, 0],
+                poses[before, 1],
+                poses[before, 2],
+                shares[node] * curvature,
                 gears[node] * STEP * check / CHECKS,
-            )  # fmt: skip
+            )
         node = before
     return way, chosen
 

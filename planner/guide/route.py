@@ -27,10 +27,12 @@ def find_route(
     cells = _trace(towards, coarse.shape[1] + 2, *ends[0], *ends[1])
     if len(cells) == 0:
         return None
-    points = np.column_stack([
-        cost.frame.origin[0] + (cells[:, 1] + 0.5) * step,
-        cost.frame.origin[1] + (cells[:, 0] + 0.5) * step,
-    ])  # fmt: skip
+    points = np.column_stack(
+        [
+            cost.frame.origin[0] + (cells[:, 1] + 0.5) * step,
+            cost.frame.origin[1] + (cells[:, 0] + 0.5) * step,
+        ]
+    )
     # Moving averages take the staircase out without leaving the cells' neighbourhood.
     if len(points) > 4:
         padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])

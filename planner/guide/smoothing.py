@@ -55,8 +55,16 @@ class Smoother:
         """
         cost, frame = self.cost, self.cost.frame
         way = self._run_out(way)
-        lines = lines_along(way, pose, cost.room, frame, cost.unsure, self.goal,
-                            0.95 * self.car.max_curvature, self.config)  # fmt: skip
+        lines = lines_along(
+            way,
+            pose,
+            cost.room,
+            frame,
+            cost.unsure,
+            self.goal,
+            0.95 * self.car.max_curvature,
+            self.config,
+        )
         for line in lines:
             if self._is_drivable(line):
                 path = Path.through(np.vstack([line, way[len(line) :]]), source)
@@ -74,8 +82,14 @@ class Smoother:
         """
         car, points = self.car, path.points
         head = points[: max(2, min(path.drivable or 120, len(points)))]
-        v = speeds(head, max(speed, SLOWEST), car.v_max, car.acceleration, car.braking,
-                   car.planned_cornering)  # fmt: skip
+        v = speeds(
+            head,
+            max(speed, SLOWEST),
+            car.v_max,
+            car.acceleration,
+            car.braking,
+            car.planned_cornering,
+        )
         slowness = np.ones(len(points))
         slowness[: len(head)] = car.v_max / np.maximum(v, SLOWEST)
         return self.cost.along(points, slowness)

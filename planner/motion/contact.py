@@ -12,8 +12,9 @@ from predictor.mapping.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def first_meeting(states, controls, dt, spacing, blocked, resolution, origin, half_length,  # type: ignore[no-untyped-def]
-                  half_width):  # fmt: skip
+def first_meeting(  # type: ignore[no-untyped-def]
+    states, controls, dt, spacing, blocked, resolution, origin, half_length, half_width
+):
     """Return the distance along a plan [m] and the speed [m/s] at which the body first meets a
     blocked cell.
 
@@ -108,8 +109,13 @@ def swerves(stages: int, braking: float, tightest: float) -> np.ndarray:
     """
     shares = (-1.0, -0.5, 0.0, 0.5, 1.0)
     made = [(share, share, 0) for share in (math.nan, *np.linspace(-1.0, 1.0, 13))]
-    made += [(one, two, after) for after in (4, 8, 12) for one in (math.nan, *shares)
-             for two in shares if one != two]  # fmt: skip
+    made += [
+        (one, two, after)
+        for after in (4, 8, 12)
+        for one in (math.nan, *shares)
+        for two in shares
+        if one != two
+    ]
     ways = np.empty((len(made), stages, 2))
     ways[:, :, 0] = -braking
     for way, (one, two, after) in zip(ways, made, strict=True):

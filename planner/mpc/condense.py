@@ -55,8 +55,9 @@ def clearances(field, resolution, origin, states, offset):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True)
-def merit(states, controls, last, costs, value, required, comfort, effort, smoothness, closeness,  # type: ignore[no-untyped-def]
-          violation):  # fmt: skip
+def merit(  # type: ignore[no-untyped-def]
+    states, controls, last, costs, value, needed, comfort, effort, smoothness, closeness, violation
+):
     """Compute the merit of a plan: the cost that `MPC.solve` lowers.
 
     Args:
@@ -65,7 +66,7 @@ def merit(states, controls, last, costs, value, required, comfort, effort, smoot
         last: curvature before the first [1/m].
         costs: of the states after the first, by their references (N,).
         value: clearance of their circles (N, 2) [m].
-        required: of the clearance [m]; `comfort` more costs nothing.
+        needed: clearance that is required [m]; `comfort` more costs nothing.
         effort: weights of a², κ².
         smoothness: weight of a squared change of κ.
         closeness: weight of a squared metre of comfort lacking.
@@ -79,9 +80,9 @@ def merit(states, controls, last, costs, value, required, comfort, effort, smoot
         total += smoothness * (kappa - before) ** 2
         before = kappa
         for i in range(2):
-            lacking = max(0.0, required + comfort - value[k, i])
+            lacking = max(0.0, needed + comfort - value[k, i])
             total += 0.5 * closeness * lacking * lacking
-            total += violation * max(0.0, required - value[k, i])
+            total += violation * max(0.0, needed - value[k, i])
     return total
 
 

@@ -73,8 +73,9 @@ def _faster_end(controls, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, max_curvature,  # type: ignore[no-untyped-def]
-           required, trust):  # fmt: skip
+def bounds(  # type: ignore[no-untyped-def]
+    states, controls, value, near, dt, v_max, accel, braking, lateral, tightest, required, trust
+):
     """Compute the bounds of the QP's variables and rows: lower and upper, (4N + near,) each.
 
     The order is that of `rows`, after the variables'. On a second step `rows` are those of the
@@ -90,7 +91,7 @@ def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, ma
         accel: most acceleration [m/s²].
         braking: most deceleration [m/s²].
         lateral: most lateral acceleration [m/s²].
-        max_curvature: tightest [1/m].
+        tightest: maximum curvature [1/m].
         required: of the clearance [m].
         trust: most that a curvature may change [1/m].
     """
@@ -101,8 +102,8 @@ def bounds(states, controls, value, near, dt, v_max, accel, braking, lateral, ma
     for k in range(n):
         lower[2 * k] = -braking - controls[k, 0]
         upper[2 * k] = accel - controls[k, 0]
-        lower[2 * k + 1] = max(-max_curvature - controls[k, 1], -trust)
-        upper[2 * k + 1] = min(max_curvature - controls[k, 1], trust)
+        lower[2 * k + 1] = max(-tightest - controls[k, 1], -trust)
+        upper[2 * k + 1] = min(tightest - controls[k, 1], trust)
         # A car that is measured above v_max must still have a plan: it may brake down to it.
         top = max(v_max, states[0, 3] - braking * dt * (k + 1))
         lower[size + k] = -states[k + 1, 3]

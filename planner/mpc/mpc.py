@@ -135,13 +135,22 @@ class MPC:
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
         # Arguments of `rollout`.
-        self.driving = (c.dt, car.v_max, car.acceleration, car.braking,
-                      car.planned_cornering, car.max_curvature)  # fmt: skip
+        self.driving = (
+            c.dt,
+            car.v_max,
+            car.acceleration,
+            car.braking,
+            car.planned_cornering,
+            car.max_curvature,
+        )
         self._io = {
-            "z": np.zeros((n, 6)), "multiplier": np.zeros((n, NX)),
-            "reference": np.zeros((n, REFERENCE)), "jacobian": np.zeros((n, 6, NX)),
-            "gradient": np.zeros((n, 6)), "hessian": np.zeros((n, 6, 6)),
-        }  # fmt: skip
+            "z": np.zeros((n, 6)),
+            "multiplier": np.zeros((n, NX)),
+            "reference": np.zeros((n, REFERENCE)),
+            "jacobian": np.zeros((n, 6, NX)),
+            "gradient": np.zeros((n, 6)),
+            "hessian": np.zeros((n, 6, 6)),
+        }
         self._buffer, self._evaluate = self._stage.buffer()
         for i, name in enumerate(("z", "multiplier", "reference")):
             self._buffer.set_arg(i, memoryview(self._io[name]))  # type: ignore[call-arg,arg-type]
@@ -225,9 +234,14 @@ class MPC:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         c = self.config
         refs, costs = references(
-            problem.path.points, problem.segment, states, self._reach(), c.progress, c.contour,
+            problem.path.points,
+            problem.segment,
+            states,
+            self._reach(),
+            c.progress,
+            c.contour,
             *c.final,
-        )  # fmt: skip
+        )
         return refs, costs
 
     def _clearances(
@@ -247,9 +261,18 @@ class MPC:
         _, costs = self._references(problem, states[1:])
         value, _ = self._clearances(problem, states[1:])
         return condense.merit(
-            states, controls, problem.last_curvature, costs, value, self.required, c.comfort,
-            c.effort, c.smoothness, c.closeness, c.violation,
-        )  # fmt: skip
+            states,
+            controls,
+            problem.last_curvature,
+            costs,
+            value,
+            self.required,
+            c.comfort,
+            c.effort,
+            c.smoothness,
+            c.closeness,
+            c.violation,
+        )
 
     def _search(
         self,
@@ -300,18 +323,15 @@ class MPC:
         qp.model.settings = DAQP
         # Warm start: assume the active set of the guess, and later that of the last QP.
         start = (
-            {"primal_start": np.zeros(len(g))} if last is None
+            {"primal_start": np.zeros(len(g))}
+            if last is None
             else {"dual_start": np.append(last.limits, -clearance[near[:, 0], near[:, 1]])}
-        )  # fmt: skip
+        )
         flag, _ = qp.model.setup(h, g, a, upper, lower, sense, **start)
         return qp, self._solved(qp, flag, lower, upper, value)
 
     def _second_step(
-        self,
-        qp: _QP,
-        problem: _Problem,
-        states: NDArray[np.float64],
-        controls: NDArray[np.float64],
+        self, qp: _QP, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> _Step | None:
         """Solve a QP at other controls, but with the same matrices; return None if that fails."""
         g, value, _, _ = self._first_order(problem, states, controls)
@@ -342,10 +362,7 @@ class MPC:
         return _Step(np.asarray(step).reshape(-1, 2), gain, found[:limits].copy(), clearance)
 
     def _first_order(
-        self,
-        problem: _Problem,
-        states: NDArray[np.float64],
-        controls: NDArray[np.float64],
+        self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return the cost's gradient by the controls (2N,), the clearances (N+1, 2), their
         gradients (N+1, 2, 3), and what they lack of comfort (N+1, 2)."""
@@ -371,12 +388,9 @@ class MPC:
         value: NDArray[np.float64],
         near: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        car = self.limits
         lower, upper = constraints.bounds(
-            states, controls, value, near, self.config.dt, car.v_max, car.acceleration,
-            car.braking, car.planned_cornering, car.max_curvature, self.required,
-            self.config.trust,
-        )  # fmt: skip
+            states, controls, value, near, *self.driving, self.required, self.config.trust
+        )
         return lower, upper
 
 

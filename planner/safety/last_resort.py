@@ -92,8 +92,11 @@ class LastResort:
 
         def way_after(level: int) -> int:
             first = np.array([levels[level], curvature])
-            return int(first_free(state, first, ways, self.mpc.driving, CONTACT_SPACING, place,
-                                  onward, arcs))  # fmt: skip
+            return int(
+                first_free(
+                    state, first, ways, self.mpc.driving, CONTACT_SPACING, place, onward, arcs
+                )
+            )
 
         way = way_after(0)
         if way >= 0:
@@ -134,7 +137,9 @@ class LastResort:
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
         """Return the speeds at which a way meets occupied cells, leaves the safe set, leaves the
         certain cells, and ends."""
-        met = (self.checker.contact(stop, blocked, risk.frame)
-               for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain))  # fmt: skip
+        met = (
+            self.checker.contact(stop, blocked, risk.frame)
+            for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain)
+        )
         hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
         return hit, left, unsure, float(stop.states[-1, 3])

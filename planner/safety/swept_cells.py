@@ -25,8 +25,16 @@ def swept_cells(
 def _sweep(among, resolution, origin, poses, half_length, half_width):  # type: ignore[no-untyped-def]
     met = np.zeros(among.shape, dtype=np.bool_)
     for i in range(poses.shape[0]):
-        cells = covered(among.shape, resolution, origin, poses[i, 0], poses[i, 1], poses[i, 2],
-                        half_length, half_width)  # fmt: skip
+        cells = covered(
+            among.shape,
+            resolution,
+            origin,
+            poses[i, 0],
+            poses[i, 1],
+            poses[i, 2],
+            half_length,
+            half_width,
+        )
         for j in range(cells.shape[0]):
             row, col = cells[j, 0], cells[j, 1]
             if among[row, col]:

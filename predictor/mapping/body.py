@@ -108,8 +108,16 @@ def first_contact(blocked, resolution, origin, poses, half_length, half_width): 
         half_width: half its extent across [m].
     """
     for i in range(poses.shape[0]):
-        if meets(blocked, resolution, origin, poses[i, 0], poses[i, 1], poses[i, 2], half_length,
-                 half_width):  # fmt: skip
+        if meets(
+            blocked,
+            resolution,
+            origin,
+            poses[i, 0],
+            poses[i, 1],
+            poses[i, 2],
+            half_length,
+            half_width,
+        ):
             return i
     return -1
 

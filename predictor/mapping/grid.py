@@ -99,10 +99,7 @@ class GridFrame:
         n = max(1, round(side / self.resolution))
         row = round((y - self.origin[1]) / self.resolution - n / 2)
         col = round((x - self.origin[0]) / self.resolution - n / 2)
-        origin = (
-            self.origin[0] + col * self.resolution,
-            self.origin[1] + row * self.resolution,
-        )
+        origin = (self.origin[0] + col * self.resolution, self.origin[1] + row * self.resolution)
         return GridFrame(self.resolution, origin, (n, n))
 
 
@@ -230,8 +227,16 @@ class OccupancyGrid:
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         grown = body.inflated(around)
         self.cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
-        inside = covered(self.frame.shape, self.frame.resolution, self.frame.origin, x, y, yaw,
-                         grown.half_length, grown.half_width)  # fmt: skip
+        inside = covered(
+            self.frame.shape,
+            self.frame.resolution,
+            self.frame.origin,
+            x,
+            y,
+            yaw,
+            grown.half_length,
+            grown.half_width,
+        )
         region = self.log_odds[tuple(inside.T)]
         self.log_odds[tuple(inside.T)] = np.where(region == 0, MISS, region)
 
