@@ -16,7 +16,7 @@ from predictor.mapping.car_limits import CarLimits
 from sim.world import World
 
 SPACING = 0.2
-"""How far a corner of the body moves between two poses tested for collision [cells]."""
+"""Maximum distance that a corner of the body moves between poses tested for collision [cells]."""
 
 REST = 1e-6
 """A car slower than this stands: braking may leave a rounding error of its speed [m/s]."""
@@ -40,7 +40,7 @@ class DubinsCar:
     def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
         """Return the state (4,) after `dt` [s] of constant control, (2,) or (3,).
 
-        Control beyond the limits is cut to them. |v| saturates at 0 and at the gear's top speed,
+        Controls beyond the limits are clipped. |v| saturates at 0 and at the gear's top speed,
         inside the step too, so the path is one circular arc.
 
         Raises:

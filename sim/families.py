@@ -18,7 +18,7 @@ NARROW = NetworkConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, 
 TRAP = NetworkConfig(60.0, (2.4, 4.5), (8.0, 16.0), 16, oblique=0.15, gap=1.0, reach=50.0)
 
 PASSAGE = 1.5
-"""What an obstacle of a trap leaves open beside it [m]."""
+"""Width that an obstacle of a trap leaves open beside it [m]."""
 
 
 def generate(family: str, seed: int) -> World:

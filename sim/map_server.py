@@ -33,7 +33,7 @@ MAX_YAML = 20_000
 MAX_METRES = 1e6
 """Origins farther away and coarser resolutions are refused [m]."""
 FORMATS = ("PNG", "PPM", "BMP", "JPEG", "TIFF", "GIF")
-"""Of images. Pillow starts other programs for some of the others, such as EPS."""
+"""Formats of images. For some others, such as EPS, Pillow starts other programs."""
 
 
 class MapError(LineError):
@@ -42,7 +42,7 @@ class MapError(LineError):
 
 @dataclass(frozen=True)
 class MapFile:
-    """What the YAML file of a map says.
+    """The content of a map's YAML file.
 
     Attributes:
         image: path of the image.

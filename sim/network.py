@@ -12,7 +12,7 @@ from sim.canvas import Canvas, Point
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """How a network grows.
+    """Settings of a network's growth.
 
     Attributes:
         size: the square it must stay in [m].

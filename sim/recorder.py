@@ -18,7 +18,7 @@ EARLY_TICK, FEW_CELLS = 40, 40
 
 @dataclass(frozen=True, eq=False)
 class _Tick:
-    """What is kept of a tick; see `sim.episode.Episode.trace`."""
+    """The record of a tick; see `sim.episode.Episode.trace`."""
 
     control: NDArray[np.float64]
     gear: int

@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 from predictor.mapping.kernels import njit
 
 SPACING = 0.1
-"""Between the points of a path [m]."""
+"""Distance between the points of a path [m]."""
 NEAR_END = 3.0
-"""How far before a path's end it begins to be followed more closely [m]."""
+"""Distance before its end from which a path is followed more closely [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where to go.
+    """A path to follow.
 
     Attributes:
         points: (n, 2) [m], `SPACING` apart.
-        source: who found it. "route": a line along Dijkstra's route; "hybrid": arcs; "ompl": OMPL;
-            "dijkstra": the route itself, which the car may not be able to drive; "given": the task.
-        drivable: how many of the first points lie on curves that the car can drive.
+        source: its origin. "route": a line along Dijkstra's route; "hybrid": arcs; "ompl":
+            OMPL; "dijkstra": the route itself, which the car may not be able to drive; "given": the
+            prescribed route.
+        drivable: number of points, from the first, on curves that the car can drive.
     """
 
     points: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""A plan: what the MPC makes, and the car drives."""
+"""A plan: the motion that the MPC finds and the car drives."""
 
 from __future__ import annotations
 

@@ -92,8 +92,8 @@ def bounds(  # type: ignore[no-untyped-def]
         braking: most deceleration [m/s²].
         lateral: most lateral acceleration [m/s²].
         tightest: maximum curvature [1/m].
-        required: of the clearance [m].
-        trust: most that a curvature may change [1/m].
+        required: clearance that is required [m].
+        trust: maximum change of a curvature [1/m].
     """
     n = controls.shape[0]
     size = 2 * n

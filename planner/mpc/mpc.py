@@ -1,4 +1,4 @@
-"""Model-predictive control by direct transcription: how fast, and how to stop.
+"""Model-predictive control by direct transcription: plan how to follow a path and how to stop.
 
     minimise    Σ progress along the path, distance from it, smoothness, closeness to the unsafe
     subject to  car dynamics and limits,
@@ -52,12 +52,12 @@ class MPCConfig:
             plan that ends on a drivable path ends where the car can go on from.
         effort: cost of a² and of κ², a stage.
         smoothness: cost of a squared change of κ from stage to stage.
-        closeness: cost of a squared metre of clearance lacking, a stage.
-        comfort: clearance beyond what is required below which closeness costs [m].
-        violation: merit of a metre of clearance lacking of what is required.
+        closeness: cost of a squared metre of lacking comfort, a stage.
+        comfort: clearance beyond the required one, below which it is lacking [m].
+        violation: cost of a metre of lacking required clearance.
         margin: clearance required of the circles that cover the body, beyond its outline [m].
-        trust: most that a curvature may change in one step [1/m].
-        iterations: at most, of one or two steps each.
+        trust: maximum change of a curvature in one step [1/m].
+        iterations: maximum number of iterations, of one or two steps each.
         tolerance: relative decrease of the merit by a step at which the iteration stops.
     """
 

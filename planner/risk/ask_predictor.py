@@ -1,4 +1,4 @@
-"""Asking a predictor, whatever it does: the plug-in may raise, answer late, or never."""
+"""Asking a predictor safely: a plug-in may raise, answer late, or never answer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from predictor.prediction import BadPredictionError, Prediction, Predictor, chec
 
 
 class LateError(Exception):
-    """The answer is not there in time, or an earlier question is still being answered."""
+    """The prediction is late, or the predictor still works on an earlier one."""
 
 
 class RaisedError(Exception):

@@ -42,8 +42,8 @@ def _transform(mask):  # type: ignore[no-untyped-def]
     starts = np.empty(cols + 1, dtype=np.float32)
     squares = np.empty(cols, dtype=np.float32)
     lifted = np.empty(cols, dtype=np.float32)
-    # To multiply is faster than to divide, and near enough: crossings of parabolas that are apart
-    # lie at fractions, and which of two is the lower is asked at whole columns alone.
+    # Multiplying is faster than dividing, and exact enough: crossings lie at fractions of a column,
+    # and the lower parabola is looked up at whole columns only.
     halves = np.float32(0.5) / np.arange(cols).astype(np.float32)
     for row in range(rows):
         for col in range(cols):

@@ -9,13 +9,13 @@ import numpy as np
 from predictor.mapping.kernels import njit
 
 _TINY = 1e-6
-"""A way through a cell that is shorter than this is a graze and does not cross it [cells]."""
+"""A beam whose way through a cell is shorter than this does not cross the cell [cells]."""
 _ONE = 2.0**40
 """One cell in fixed point."""
 _MOST = 32
-"""Farthest beams apart that may spare one between them the cells near the sensor."""
+"""Maximum distance, in beams, of the two beams that cover one between them near the sensor."""
 _SURE = 0.999
-"""Beams this far apart, less than a cell, leave no cell between them untouched [cells]."""
+"""Beams at most this far apart touch every cell between them [cells]."""
 
 
 @njit(cache=True, nogil=True)

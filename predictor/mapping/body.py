@@ -35,7 +35,7 @@ class Body:
 
     @property
     def radius(self) -> float:
-        """Of the circle around the whole body [m]."""
+        """Radius of the circle around the whole body [m]."""
         return math.hypot(self.half_length, self.half_width)
 
     def circles(self, count: int | None = None) -> tuple[NDArray[np.float64], float]:

@@ -23,9 +23,9 @@ FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Cell values, as in nav_msgs/OccupancyGrid."""
 
 HIT, MISS = 17, -8
-"""What one scan adds to a cell: log-odds in steps of 0.05, after Hornung et al. 2013 (OctoMap)."""
+"""Log-odds that a hit and a miss add to a cell, in steps of 0.05 (Hornung et al. 2013, OctoMap)."""
 LOWEST, HIGHEST = -40, 70
-"""The bounds that log-odds are clamped to: the same source, the same unit."""
+"""Bounds of the log-odds, from the same source and in the same unit."""
 
 
 @dataclass(frozen=True)
@@ -151,10 +151,10 @@ def paste(frame: GridFrame, values: NDArray, into: GridFrame, fill: np.generic) 
 
 
 class OccupancyGrid:
-    """What a robot has seen so far: log-odds of occupancy that scans are integrated into.
+    """Map of what a robot has seen so far: log-odds of occupancy that scans are integrated into.
 
-    The one long-lived value of the loop that changes in place: copying a building at every tick
-    would cost more than the rest of the cycle. It grows to hold what the window reaches.
+    It is the only long-lived value of the loop that changes in place: copying a building at every
+    tick would take longer than the rest of the cycle. It grows to hold what the window reaches.
 
     Args:
         frame: the first extent; its lattice is kept when the grid grows.

@@ -1,11 +1,11 @@
-"""Compiled kernels are kept between runs, and made anew when any of them changes.
+"""The cache of compiled kernels: kept between runs, and compiled again when any of them changes.
 
 Import `njit` from here, not from numba: this module says first where numba keeps what it compiles.
 
-numba stamps what it keeps of a kernel with the kernel's own file alone. A kernel that calls one of
-another file would go on with that one's old code, and what decides over collisions must not.
-So all are kept in a folder that is named after the sources of all: in the package, or in the user's
-cache where the package cannot be written.
+numba checks only a kernel's own file. A kernel that calls one of another file would go on using the
+old code of that one, which is not acceptable in code that decides about collisions. So all kernels
+are kept in a folder that is named after the sources of all: in the package, or in the user's cache
+where the package cannot be written.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numba import config, njit
 __all__ = ["cache", "njit"]
 
 UNUSED = 7 * 86400.0
-"""Since a process last began with the kernels of a folder, after which it goes [s]."""
+"""A folder that no process has used for this long is deleted [s]."""
 
 
 def stamp(root: Path) -> str:
