@@ -39,7 +39,7 @@ def tables_of(results: dict[str, Any]) -> str:
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
-    """A comparison with its summary made again of its episodes: old files have fewer figures."""
+    """Summarise a comparison's episodes again: old files have fewer figures."""
     from benchmarks.runs.drive_result import DriveResult
     from benchmarks.runs.summary import gap, summarise
 
@@ -87,7 +87,7 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
 
 
 def risks(runs: dict[str, dict[str, Any]]) -> str:
-    """One line for each run of `predicted`: the risk that was asked for, and what became of it.
+    """Return a line for each run of `predicted`: the risk asked for and the realised one.
 
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
@@ -112,7 +112,7 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
 
 
 def scores(runs: dict[str, dict[str, Any]]) -> str:
-    """One line for each predictor on each group of buildings: how good its probabilities are.
+    """Return a line for each predictor on each group of buildings: its scores.
 
     Args:
         runs: name → contents of a results.json of `predictor.evaluate`.

@@ -101,7 +101,7 @@ def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _on_straights(points: NDArray, way: NDArray) -> NDArray[np.bool_]:
-    """Whether the point of a way (M, 2) nearest to each point (N, 2) lies on a straight."""
+    """Return whether the point of a way nearest to each point lies on a straight, (N,)."""
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T))]
     at = np.arange(0.0, along[-1], STEP)
     path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])

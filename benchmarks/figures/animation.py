@@ -47,7 +47,7 @@ OVERVIEW = 320
 def roll_out(
     state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: float = 1.0
 ) -> NDArray[np.float64]:
-    """States (N+1, 4) that controls (N, 2), acceleration and curvature, lead to; see `sim.car`.
+    """Return the states (N+1, 4) of a car under controls (N, 2); see `sim.car`.
 
     Args:
         state: x, y, yaw, v at the start, (4,).
@@ -131,7 +131,7 @@ class Animation:
         return 1.0 / (self.dt * self.stride)
 
     def frame(self, number: int) -> NDArray[np.uint8]:
-        """One frame, (height, width, 3)."""
+        """Return one frame, (height, width, 3)."""
         tick = self.ticks[number]
         state = self._trace.states[tick]
         is_last = number == len(self) - 1
@@ -145,7 +145,7 @@ class Animation:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def seen(self, tick: int) -> NDArray[np.int8]:
-        """The true map where it has been seen by a tick, unknown elsewhere."""
+        """Return the true map where it has been seen by a tick, unknown elsewhere."""
         seen = (self._first_seen > 0) & (self._first_seen <= tick + 1)
         return np.where(seen, self._truth.cells, np.int8(-1))
 

@@ -58,7 +58,7 @@ class _Moment:
 
 
 def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure:
-    """One tick in six panels; the outline of the true free space lies over each map.
+    """Draw one tick in six panels, each with the outline of the true free space.
 
     Args:
         run: whose drives.
@@ -134,7 +134,7 @@ def _load(run: Run, index: int, arm: str) -> _Moment:
 
 
 def _view(now: _Moment) -> tuple[float, float, float, float]:
-    """A square that holds the maps of this tick."""
+    """Return left, right, bottom, top of a square that holds the maps of this tick."""
     boxes = np.array([extent(now.known.frame), extent(now.frame)])
     left, right = boxes[:, 0].min(), boxes[:, 1].max()
     bottom, top = boxes[:, 2].min(), boxes[:, 3].max()
@@ -265,7 +265,7 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
 
 
 def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
-    """Speed along the plan, coloured as before, over what the end that leads stands on."""
+    """Draw the speed along the plan, over what the leading end of the car stands on."""
     plan = now.plan
     steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
     distance = np.concatenate([[0.0], np.cumsum(steps)])

@@ -74,7 +74,7 @@ OUTCOME_MARKS = {"reached": "o", "collided": "X", "timed_out": "s", "stuck": "D"
 
 
 def new_figure(width: float, height: float, maps: bool = False, dpi: int = 150) -> Figure:
-    """A figure of a size in inches; it knows no window system.
+    """Return an empty figure that needs no window system.
 
     Args:
         width: [inch].
@@ -87,25 +87,25 @@ def new_figure(width: float, height: float, maps: bool = False, dpi: int = 150) 
 
 
 def arm_colour(arm: str) -> str:
-    """The colour of an arm, the same in every figure."""
+    """Return the colour of an arm, the same in every figure."""
     return ARM_COLOURS.get(arm, OTHER_ARM)
 
 
 @cache
 def predictor_colour(name: str) -> str:
-    """The colour of a predictor, the same in every figure of a run."""
+    """Return the colour of a predictor, the same in every figure of a run."""
     if name in PREDICTOR_COLOURS:
         return PREDICTOR_COLOURS[name]
     return next(_TURNS)
 
 
 def limit_colour(limit: str) -> str:
-    """The colour of what limited the speed."""
+    """Return the colour of what limited the speed."""
     return LIMIT_COLOURS.get(limit, "#FFFFFF")
 
 
 def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float64]:
-    """A map as colours, (rows, columns, 3).
+    """Return a map as colours, (rows, columns, 3).
 
     Args:
         cells: as in `predictor.Grid`.
@@ -120,7 +120,7 @@ def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float6
 
 
 def shrink(cells: NDArray[np.int8], factor: int) -> NDArray[np.int8]:
-    """A coarser map: blocks of cells take their largest value, so occupied outlives free."""
+    """Return a coarser map: blocks of cells take their largest value, so walls remain."""
     if factor <= 1:
         return cells
     rows, cols = (math.ceil(n / factor) for n in cells.shape)
@@ -131,7 +131,7 @@ def shrink(cells: NDArray[np.int8], factor: int) -> NDArray[np.int8]:
 
 
 def extent(frame: GridFrame) -> tuple[float, float, float, float]:
-    """Left, right, bottom, top of a frame [m], as images want them."""
+    """Return left, right, bottom, top of a frame [m], as images want them."""
     (x, y), (width, height) = frame.origin, frame.size
     return x, x + width, y, y + height
 
@@ -148,7 +148,7 @@ def draw_image(ax: Axes, image: NDArray, frame: GridFrame) -> None:
 def speed_line(
     ax: Axes, points: NDArray, speed: NDArray, v_max: float, width: float = 2.0
 ) -> LineCollection:
-    """A line through points (n, 2), each segment coloured by its mean speed, in either gear."""
+    """Draw a line through points (n, 2), each segment coloured by its mean speed."""
     # A white rim sets the line off from whatever lies beneath.
     ax.plot(*points.T, color="white", linewidth=width + 1.5, solid_capstyle="round", zorder=4)
     segments = np.stack([points[:-1], points[1:]], axis=1)
@@ -162,7 +162,7 @@ def speed_line(
 
 
 def body_outline(pose: NDArray, body: Body) -> NDArray[np.float64]:
-    """Corners of the body at x, y, yaw, (4, 2) [m]."""
+    """Return the corners of the body at x, y, yaw, (4, 2) [m]."""
     corner = np.array([body.half_length, body.half_width])
     local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * corner
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -170,7 +170,7 @@ def body_outline(pose: NDArray, body: Body) -> NDArray[np.float64]:
 
 
 def draw_body(ax: Axes, pose: NDArray, body: Body, colour: str) -> Polygon:
-    """The car."""
+    """Draw the car, and return its shape."""
     patch = Polygon(
         body_outline(pose, body), facecolor=colour, edgecolor="white", linewidth=0.8, zorder=6
     )
@@ -179,7 +179,7 @@ def draw_body(ax: Axes, pose: NDArray, body: Body, colour: str) -> Polygon:
 
 
 def scale_bar(ax: Axes, length: float) -> None:
-    """A bar of a length [m] in the lower left corner, in place of axes' numbers."""
+    """Draw a bar of a length [m] in the lower left corner, in place of axes' numbers."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     x, y = left + 0.04 * (right - left), bottom + 0.05 * (top - bottom)
     ax.plot([x, x + length], [y, y], color="white", linewidth=5, solid_capstyle="butt", zorder=8)
@@ -190,7 +190,7 @@ def scale_bar(ax: Axes, length: float) -> None:
 
 
 def bare(ax: Axes) -> None:
-    """A map's axes: no numbers, a thin frame, the same scale along x and y."""
+    """Strip a map's axes: no numbers, a thin frame, the same scale along x and y."""
     ax.set_aspect("equal")
     ax.set_xticks([])
     ax.set_yticks([])

@@ -38,7 +38,7 @@ class _Drive:
 
 
 def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
-    """One episode's speed over distance for every arm of every run, strips of limits below.
+    """Draw one episode's speed over distance for each arm of each run, and its limits.
 
     Speeds in reverse are drawn below zero.
 
@@ -134,7 +134,7 @@ def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:
 
 
 def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
-    """The limits; `room`: whether there is space to the right that texts may run into."""
+    """Draw the limits; `room`: whether there is space to the right for texts."""
     for row, drive in enumerate(drives):
         distance, limits = drive.trace.distance, drive.trace.limits
         ax.broken_barh(

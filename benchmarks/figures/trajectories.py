@@ -34,7 +34,7 @@ START_COLOUR, GOAL_COLOUR, CRASH_COLOUR = "#0072B2", "#009E73", "#C00000"
 
 
 def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
-    """The true map and the arms' ways coloured by speed: a row an episode, a column an arm.
+    """Draw the true map and the paths: a row for each episode, a column for each arm.
 
     Args:
         run: whose drives.
@@ -82,7 +82,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
 
 
 def _marks(run: Run, indices: Sequence[int]) -> list[Line2D]:
-    """The legend: only the marks that occur."""
+    """Return the legend, with only the marks that occur."""
     seen = {e.outcome for e in run.episodes if e.index in indices}
     marks = [("o", START_COLOUR, 7, "start"), ("*", GOAL_COLOUR, 13, "goal")]
     if any(len(run.trace(i, arm).cusps) for i in indices for arm in run.arms_of(i)):
@@ -103,7 +103,7 @@ def _name(run: Run, index: int) -> str:
 
 
 def _box(run: Run, index: int, row: list[tuple[str, Trace]]) -> NDArray[np.float64]:
-    """Left, right, bottom, top of what an episode's panels show [m]."""
+    """Return left, right, bottom, top of what an episode's panels show [m]."""
     goal = run.drives[index, row[0][0]].goal
     points = np.vstack([np.array([goal])] + [trace.states[:, :2] for _, trace in row])
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN

@@ -27,7 +27,7 @@ class VideoError(LineError):
 
 
 def kind_for(wanted: str) -> str:
-    """The file type: "gif", "mp4", or for "auto" MP4 where ffmpeg is on the PATH, else GIF.
+    """Return the file type, "gif" or "mp4"; for "auto" MP4 if ffmpeg is installed.
 
     Raises:
         VideoError: if MP4 is wanted and there is no ffmpeg.

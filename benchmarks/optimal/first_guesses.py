@@ -66,7 +66,7 @@ def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, 
 def timed(
     name: str, way: NDArray[np.float64], yaw: float, car: CarLimits, tick: float, share: float = 1.0
 ) -> Guess:
-    """A drive along a way, as fast as the car's limits allow: a forward and a backward pass.
+    """Return a drive along a way, as fast as the car's limits allow.
 
     Args:
         name: of the guess.
@@ -103,7 +103,7 @@ def timed(
 def _turned(
     way: NDArray[np.float64], start: tuple[float, float, float], side: float
 ) -> NDArray[np.float64]:
-    """A way that begins with an arc, to the left for 1, until it points where the way leads."""
+    """Return a way that begins with an arc until it points where the way leads."""
     join = min(len(way) - 1, round(JOIN / STEP))
     points = []
     for along in np.arange(0.0, 2.0 * math.pi * TURN, STEP):
@@ -117,7 +117,7 @@ def _turned(
 def _arcs(
     task: Task, car: CarLimits, radius: float, comfort: float, goal_radius: float
 ) -> NDArray[np.float64] | None:
-    """The cheapest way of arcs to near the goal, (n, 2) [m]; None if there is none."""
+    """Return the cheapest way of arcs to near the goal, (n, 2) [m]; None without one."""
     poses, parents, _, _ = arc_ways(
         task.world, task.start, car.body, radius, CLEARANCE, comfort, DETOUR * task.path_length
     )
@@ -145,7 +145,7 @@ def _evenly(way: NDArray[np.float64], left: float) -> NDArray[np.float64]:
 
 
 def _smooth(way: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """A way convolved with a Gaussian [m]; its ends stay where they are."""
+    """Convolve a way with a Gaussian [m]; its ends stay where they are."""
     reach = min(len(way) - 1, math.ceil(4.0 * sigma / STEP))
     before = 2.0 * way[0] - way[reach:0:-1]
     after = 2.0 * way[-1] - way[-2 : -2 - reach : -1]

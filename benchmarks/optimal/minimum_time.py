@@ -58,7 +58,7 @@ class Guess:
         return self.dt * len(self.controls)
 
     def resampled(self, ticks: int) -> Guess:
-        """The same drive in another number of ticks."""
+        """Return the same drive in another number of ticks."""
         mine, ends = np.linspace(0.0, 1.0, len(self.states)), np.linspace(0.0, 1.0, ticks + 1)
         states = np.stack([np.interp(ends, mine, column) for column in self.states.T], axis=1)
         held = ((ends[1:] + ends[:-1]) / 2 * len(self.controls)).astype(int)
@@ -104,7 +104,7 @@ class MinimumTime:
     box: NDArray[np.float64]
 
     def solve(self, guess: Guess, iterations: int = 300, barrier: float = 0.1) -> Drive:
-        """The quickest drive near a guess, rolled out by the simulator's car.
+        """Return the quickest drive near a guess, rolled out by the simulator's car.
 
         Args:
             guess: where to start; its number of ticks is kept.
@@ -119,7 +119,7 @@ class MinimumTime:
         return drive
 
     def roll(self, guess: Guess, status: str = "", iterations: int = 0) -> Drive:
-        """What the simulator's car does with a guess's controls."""
+        """Roll a guess's controls out by the simulator's car."""
         car, state = DubinsCar(self.car), np.array([*self.task.start, 0.0])
         states, hit = [state], False
         for control in guess.controls:
@@ -179,7 +179,7 @@ class MinimumTime:
         return self.roll(drive, stats["return_status"], stats["iter_count"])
 
     def _stage(self, places: int) -> ca.Function:
-        """One tick as a function of state (4,), control (2,) and its length.
+        """Return one tick as a function of state (4,), control (2,) and its length.
 
         It returns the state after it (4,), the lateral acceleration at both ends (2,), and the
         clearance of the circles' centres at some places along it (2 · places,).
@@ -233,7 +233,7 @@ class MinimumTime:
 
 
 def signed_distance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """From each cell's centre to the boundary of the solid cells [cells]; negative inside them.
+    """Return the distance of each cell to the solid boundary [cells]; negative inside.
 
     The distance is to the cells' squares, not to their centres: a lattice of half the spacing
     holds the corners and the sides' middles too, among which the nearest point always is.

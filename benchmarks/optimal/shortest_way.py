@@ -39,7 +39,7 @@ class NoWayError(LineError):
 
 
 def time_bound(length: float, car: CarLimits, goal_radius: float) -> float:
-    """Least time [s] for a way of a length [m]: full acceleration from rest, then top speed.
+    """Return the least time [s] for a length [m]: full acceleration, then top speed.
 
     Args:
         length: of the shortest way to the goal [m].
@@ -54,14 +54,14 @@ def time_bound(length: float, car: CarLimits, goal_radius: float) -> float:
 
 
 def way_length(way: NDArray[np.float64]) -> float:
-    """Length of a polyline (n, 2) [m]."""
+    """Return the length of a polyline (n, 2) [m]."""
     return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 
 def shortest_way(
     world: World, start: tuple[float, float], goal: tuple[float, float], radius: float
 ) -> NDArray[np.float64]:
-    """The shortest way of a disc's centre from a start to a goal, on the whole map.
+    """Return the shortest way of a disc's centre to a goal, on the whole map.
 
     Lazy Theta* (Nash, Koenig and Tovey 2010) over the cells finds on which side to pass what; the
     way is then pulled taut: a search for the shortest way among the points at the disc's radius
@@ -117,7 +117,7 @@ def _blocked(solid: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
 
 
 def _corners(world: World) -> NDArray[np.float64]:
-    """Where walls have a convex corner: (n, 2) [m]."""
+    """Return the convex corners of the walls, (n, 2) [m]."""
     frame = world.grid.frame
     s = np.pad(world.solid, 1, constant_values=True)
     a, b, c, d = s[:-1, :-1], s[:-1, 1:], s[1:, :-1], s[1:, 1:]
@@ -127,7 +127,7 @@ def _corners(world: World) -> NDArray[np.float64]:
 
 
 def _around(corners: NDArray[np.float64], room: Room) -> NDArray[np.float64]:
-    """Where the disc's centre may be as it turns around corners: (n, 2) [m]."""
+    """Return the places of the disc's centre as it turns around corners, (n, 2) [m]."""
     angles = 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
     # Lines from one point to the next are to touch the circle, not to cut it.
     reach = room[-1] / math.cos(math.pi / DIRECTIONS)
@@ -138,7 +138,7 @@ def _around(corners: NDArray[np.float64], room: Room) -> NDArray[np.float64]:
 
 
 def _distances(points: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From points (n, 2) to a polyline (m, 2) [m]."""
+    """Return the distances of points (n, 2) from a polyline (m, 2) [m]."""
     best = np.full(len(points), np.inf)
     for a, b in pairwise(way):
         ab = b - a
@@ -149,7 +149,7 @@ def _distances(points: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray
 
 @njit(cache=True, nogil=True)
 def _meets(solid, resolution, origin, x, y, radius):  # type: ignore[no-untyped-def]
-    """Whether a disc meets a solid cell."""
+    """Return whether a disc meets a solid cell."""
     u, v, reach = (x - origin[0]) / resolution, (y - origin[1]) / resolution, radius / resolution
     for row in range(math.floor(v - reach), math.floor(v + reach) + 1):
         for col in range(math.floor(u - reach), math.floor(u + reach) + 1):
@@ -164,7 +164,7 @@ def _meets(solid, resolution, origin, x, y, radius):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def sees(solid, clearance, resolution, origin, radius, a, b):  # type: ignore[no-untyped-def]
-    """Whether a disc can move straight from a to b, both (2,) [m], without meeting a solid cell.
+    """Return whether a disc can move straight from a to b, both (2,) [m].
 
     Args:
         solid: (rows, columns) bool.

@@ -1,4 +1,4 @@
-"""Predictors that mean harm: they lie, write where they should not, come late, raise, and worse.
+"""Hostile predictors: they lie, write into their arguments, answer late, or raise.
 
 None of them may make a car collide at a risk below 1, nor end a drive.
 """
@@ -43,7 +43,7 @@ class Hostile:
 
 
 def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float32) -> Prediction:
-    """A prediction that cells are free with a probability, and else occupied."""
+    """Return a prediction that cells are free with a probability, and else occupied."""
     p_free = np.broadcast_to(np.asarray(free, dtype), known.frame.shape).copy()
     return Prediction(
         known.frame, p_free, (1 - p_free).astype(dtype),
@@ -52,12 +52,12 @@ def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float
 
 
 def free(confidence: float, dtype: Any = np.float32) -> Answer:
-    """All that was not seen is free, with a confidence."""
+    """Claim that all unobserved space is free, with a confidence."""
     return lambda known, pose, call: claim(known, 1, confidence, dtype)
 
 
 def walls(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """All that was not seen is occupied."""
+    """Claim that all unobserved space is occupied."""
     return claim(known, 0.0)
 
 
@@ -173,7 +173,7 @@ class _Array(np.ndarray):
 
 
 def broken(**fields: Any) -> Answer:
-    """A prediction of which some fields are replaced; functions are given the good field."""
+    """Replace some fields of a good prediction; functions are given the good field."""
 
     def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
         good = claim(known, 1.0)
@@ -208,7 +208,7 @@ LIARS: dict[str, Answer] = {
         confidence=lambda c: (c * np.float32(0.99)).view(_Array)
     ),
 }
-"""They keep to the contract."""
+"""Predictors that keep to the contract, and lie."""
 WRITERS: dict[str, Answer] = {
     "clears the map": clears_the_map,
     "fills the map": fills_the_map,
@@ -216,7 +216,7 @@ WRITERS: dict[str, Answer] = {
     "moves the map": moves_the_map,
     "writes later": writes_later,
 }
-"""They write into what they are handed."""
+"""Predictors that write into their arguments."""
 FAULTY: dict[str, Answer] = {
     "late": late,
     "never": never,
@@ -244,6 +244,6 @@ FAULTY: dict[str, Answer] = {
     ),
     "no frame": broken(frame=None),
 }  # fmt: skip
-"""They break the contract: each must be counted as a fault."""
+"""Predictors that break the contract: each answer must be counted as a fault."""
 KINDS = LIARS | WRITERS | FAULTY
 """All of them by name."""

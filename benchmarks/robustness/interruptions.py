@@ -172,7 +172,7 @@ def references(work: Path) -> dict[str, float]:
 
 
 def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
-    """The command line; data that it reads are copied, for it may write there."""
+    """Return the command line; data that it reads are copied, as it may write there."""
     words = [sys.executable, "-m", command]
     for word in CASES[command]:
         name = word.strip("{}")
@@ -190,7 +190,7 @@ def _folder(ours: Path) -> Iterator[Path]:
 
 @contextmanager
 def _exclusive(disk: Path) -> Iterator[Path]:
-    """The small file system, emptied before and after, for one trial at a time."""
+    """Give the small file system to one trial at a time, emptied before and after."""
     handle = os.open(disk, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -228,7 +228,7 @@ def _full(disk: Path) -> Iterator[None]:
 
 
 def _heed_ctrl_c() -> None:
-    """In the child: Ctrl-C counts, even if a shell began this command in the background."""
+    """Let Ctrl-C count in the child, even if a shell began it in the background."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
@@ -256,7 +256,7 @@ def _members(session: int) -> list[int]:
 
 
 def _lasting(value: Any) -> Any:
-    """A JSON value without what differs between two runs."""
+    """Return a JSON value without what differs between two runs."""
     if isinstance(value, dict):
         return {k: _lasting(v) for k, v in value.items() if k not in VOLATILE}
     return [_lasting(v) for v in value] if isinstance(value, list) else value

@@ -24,7 +24,7 @@ class Arm:
     about: str
 
     def drives_alike(self, differing: set[str]) -> bool:
-        """Whether this arm's drives are the same in comparisons that differ in some settings.
+        """Return whether this arm drives alike in comparisons with some settings different.
 
         Never of an arm with the chosen predictor: its code may have changed, whatever its name.
 

@@ -42,7 +42,7 @@ class Oracle:
         self.world = world
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """The truth, with full confidence."""
+        """Return the truth, with full confidence."""
         free, surface = self.world.truth(known.frame)
         return Prediction(
             known.frame,
@@ -53,14 +53,14 @@ class Oracle:
 
 
 def predictor_for(arm: Arm, chosen: Predictor, world: World) -> Predictor | None:
-    """The predictor that an arm drives with in a world."""
+    """Return the predictor that an arm drives with in a world."""
     if arm.predictor == "oracle":
         return Oracle(world)
     return chosen if arm.predictor == "chosen" else None
 
 
 def sources(names: tuple[str, ...]) -> list[str]:
-    """The families and map files that `--world` names, folders opened.
+    """Return the families and map files that `--world` names, folders opened.
 
     Raises:
         UsageError: if one is neither a family, nor a map, nor a folder with maps.
@@ -100,7 +100,7 @@ def check_maps(names: tuple[str, ...]) -> None:
 
 @lru_cache(maxsize=2)
 def task_of(settings: Settings, index: int) -> Task:
-    """The task of an episode, the same for every arm and every vehicle.
+    """Return the task of an episode, the same for every arm and every vehicle.
 
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
@@ -111,7 +111,7 @@ def task_of(settings: Settings, index: int) -> Task:
 
 
 def task_in(place: str, seed: int, car: CarLimits) -> Task:
-    """A task in one of `sources`.
+    """Return a task in one of `sources`.
 
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
@@ -142,7 +142,7 @@ def shortest_length(task: Task) -> float | None:
 def score(
     outcome: str, time: float, path_length: float, shortest: float | None, car: CarLimits
 ) -> dict[str, float | None]:
-    """How a drive compares with the least time and the shortest way of its task.
+    """Compare a drive with the least time and the shortest way of its task.
 
     Args:
         outcome: "reached" counts alone.
@@ -170,7 +170,7 @@ def score(
 def attempt(
     settings: Settings, weights: str | None, item: tuple[int, str]
 ) -> tuple[DriveResult, dict[str, NDArray]] | str:
-    """As `drive`, or a line why the episode cannot be driven.
+    """Return `drive`, or a line why the episode cannot be driven.
 
     Args:
         settings: of the run.
@@ -190,14 +190,14 @@ def attempt(
 
 
 def car_of(settings: Settings) -> CarLimits:
-    """The car that drives."""
+    """Return the limits of the car that drives."""
     return CarLimits(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
 
 
 def navigator_for(
     settings: Settings, arm: Arm, task: Task, predictor: Predictor | None, deadline: float
 ) -> Navigator:
-    """The navigator of an arm at the start of a task.
+    """Return the navigator of an arm at the start of a task.
 
     Args:
         settings: of the run.

@@ -16,7 +16,7 @@ KIND = "optimum"
 
 
 def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
-    """What identifies a task, whatever file or run it is in: numbers are rounded to 1 mm, 1 mrad.
+    """Return what identifies a task in any file: numbers are rounded to 1 mm, 1 mrad.
 
     Args:
         world: its name.
@@ -33,7 +33,7 @@ def _rounded(numbers: Sequence[float]) -> tuple[float, ...]:
 
 
 def optimum_of(path: Path, v_max: float | None = None) -> dict[Key, float | None]:
-    """Least times T_opt [s] by task, None where no drive was found.
+    """Return the least times T_opt [s] by task, None where no drive was found.
 
     Args:
         path: file that `benchmarks.optimum` has written.
@@ -52,7 +52,7 @@ def optimum_of(path: Path, v_max: float | None = None) -> dict[Key, float | None
 
 
 def read_optima(path: Path) -> dict[str, Any]:
-    """All that a file of optima holds.
+    """Read a file of optima.
 
     Raises:
         UsageError: if it cannot be read, or is something else.
@@ -68,7 +68,7 @@ def read_optima(path: Path) -> dict[str, Any]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """The means of a file of optima, in Markdown; of drives whose T_opt and T_bound are known."""
+    """Return the means over drives whose T_opt and T_bound are known, as Markdown."""
     drives = found["drives"]
     known = [d for d in drives if d["t_opt"] is not None and d["t_bound"] is not None]
     best, bound, length = (

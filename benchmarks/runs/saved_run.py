@@ -92,7 +92,7 @@ class Run:
         return sorted({episode.index for episode in self.episodes})
 
     def setting(self, name: str, default: float) -> float:
-        """A setting that is a number, or the default where the run does not say."""
+        """Return a setting that is a number, or the default if the run does not name it."""
         value = self.settings.get(name)
         return float(value) if isinstance(value, int | float) else default
 
@@ -102,7 +102,7 @@ class Run:
         return {(episode.index, episode.arm): episode for episode in self.episodes}
 
     def arms_of(self, index: int) -> list[str]:
-        """Arms that have driven an episode.
+        """Return the arms that have driven an episode.
 
         Raises:
             RunError: if none has.
@@ -116,7 +116,7 @@ class Run:
         return arms
 
     def pick_arm(self, index: int | None, arm: str | None = None) -> str:
-        """The arm to show where there is room for one: the one asked for, else one that predicts.
+        """Return the arm to show: the one asked for, else one that predicts.
 
         Args:
             index: the episode that it must have driven; None: any.
@@ -143,7 +143,7 @@ class Run:
         return self.indices[0]
 
     def trace(self, index: int, arm: str) -> Trace:
-        """The arrays of one drive.
+        """Return the arrays of one drive.
 
         Raises:
             RunError: if there are none.
@@ -154,7 +154,7 @@ class Run:
         return trace
 
     def truth(self, index: int) -> Grid:
-        """The true map of an episode's world.
+        """Return the true map of an episode's world.
 
         Raises:
             RunError: if it is missing or broken.

@@ -22,7 +22,7 @@ GAP = ("known", "predicted", "oracle")
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """95 % Wilson interval of a share."""
+    """Compute the 95 % Wilson interval of a share."""
     if trials == 0:
         return 0.0, 1.0
     interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
@@ -35,7 +35,7 @@ def bootstrap(
     statistic: Callable[[NDArray[np.float64]], Any],
     rounds: int = 2000,
 ) -> tuple[float, float]:
-    """95 % interval of a statistic of sums over episodes, resampled by world.
+    """Compute the 95 % interval of a statistic of sums over episodes.
 
     Args:
         worlds: each episode's world, n of them; episodes of one world are drawn together.
@@ -60,9 +60,10 @@ def grouped_mean(
     weights: NDArray[np.float64],
     rounds: int = 2000,
 ) -> dict[str, Any] | None:
-    """A weighted mean with its 95 % interval, groups resampled; None without any weight.
+    """Compute a weighted mean and its 95 % interval by resampling groups.
 
-    One group says nothing of others: then the interval's ends are None.
+    Without any weight the result is None. One group says nothing of others: then the ends of the
+    interval are None.
 
     Args:
         groups: to which each entry belongs, (n,); those of one group are drawn together.
@@ -88,7 +89,7 @@ def estimate(
     entries: NDArray[np.float64],
     statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> dict[str, Any]:
-    """A statistic of sums over episodes, as `bootstrap` takes it, with its 95 % interval.
+    """Compute a statistic of sums over episodes and its 95 % interval; see `bootstrap`.
 
     Returns:
         `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` distinct worlds,
@@ -102,17 +103,17 @@ def estimate(
 
 
 def paired_speed(arms: Arms, arm: str) -> dict[str, Any]:
-    """Σ path length / Σ time of an arm over all paired episodes, interval over worlds [m/s]."""
+    """Compute an arm's speed, total length over total time, on paired episodes [m/s]."""
     return _of_speeds(arms, (arm,), lambda speeds: speeds[0])
 
 
 def difference(arms: Arms, arm: str, baseline: str) -> dict[str, Any]:
-    """Speed of an arm less that of a baseline, on the same episodes [m/s]."""
+    """Compute an arm's speed less that of a baseline, on the same episodes [m/s]."""
     return _of_speeds(arms, (arm, baseline), lambda speeds: speeds[0] - speeds[1])
 
 
 def success(arms: Arms, arm: str) -> dict[str, Any] | None:
-    """An arm's SCT, success weighted by completion time (Yokoyama, Ha and Batra 2021).
+    """Compute SCT, success weighted by completion time (Yokoyama, Ha and Batra 2021).
 
     The mean over episodes of T_bound / time where the goal was reached, else of 0.
 
@@ -124,7 +125,7 @@ def success(arms: Arms, arm: str) -> dict[str, Any] | None:
 
 
 def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
-    """Σ time of an arm / Σ time of a baseline over the episodes that both reached, paired.
+    """Compute total time over that of a baseline, on the episodes that both reached.
 
     Returns:
         Its interval is over worlds; `episodes` says how many there are. None if there are none.
@@ -170,7 +171,7 @@ def share_of_time(arms: Arms) -> dict[str, Any] | None:
 
 
 def _share(arms: Arms, key: str, gap: dict[str, Any]) -> dict[str, Any] | None:
-    """The share in one figure; `gap` is by how much the oracle is the better one in it."""
+    """Compute the share of the gap in one figure; `gap` is the lead of the oracle in it."""
     if gap["low"] is None or gap["low"] <= 0:
         return None
 
@@ -185,7 +186,7 @@ def _share(arms: Arms, key: str, gap: dict[str, Any]) -> dict[str, Any] | None:
 def _mean_difference(
     arms: Arms, arm: str, baseline: str | None = None, key: str = "sct"
 ) -> dict[str, Any]:
-    """Mean over episodes of a figure of an arm, less that of a baseline if there is one."""
+    """Compute an arm's mean of a figure, less that of a baseline if there is one."""
     values = np.array([getattr(result, key) for result in arms[arm]], dtype=np.float64)
     if baseline is not None:
         values = values - [getattr(result, key) for result in arms[baseline]]
@@ -194,12 +195,12 @@ def _mean_difference(
 
 
 def _scored(arms: Arms) -> Arms:
-    """Only the episodes that have an SCT in every arm."""
+    """Return only the episodes that have an SCT in every arm."""
     return _only(arms, lambda result: result.sct is not None)
 
 
 def _reached(arms: Arms, names: tuple[str, ...]) -> Arms:
-    """Only some arms, and only the episodes that all of them reached."""
+    """Return only some arms, and only the episodes that all of them reached."""
     chosen = {name: arms[name] for name in names}
     return _only(chosen, lambda result: result.outcome == "reached")
 
@@ -230,7 +231,7 @@ def _of_speeds(
 
 
 def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -> float:
-    """Exact two-sided p that two arms end in an outcome equally often, on paired episodes."""
+    """Compute the exact two-sided p that two arms end in an outcome equally often."""
     pairs = list(zip(first, second, strict=True))
     a = sum(x.outcome == outcome != y.outcome for x, y in pairs)
     b = sum(y.outcome == outcome != x.outcome for x, y in pairs)
@@ -238,7 +239,7 @@ def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -
 
 
 def realised_risk(results: Sequence[DriveResult]) -> dict[str, Any] | None:
-    """Mean over worlds of the share of relying ticks whose promise broke; None if none relied."""
+    """Compute the share of broken promises, averaged over worlds; None without promises."""
     made = dict.fromkeys((r.world for r in results if r.promises), 0)
     broken = dict(made)
     for r in results:

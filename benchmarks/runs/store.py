@@ -191,7 +191,7 @@ class Store:
                             packed.writestr(name, part.read(name))
 
     def _packed(self) -> list[DriveResult]:
-        """The drives that are packed, with results and traces; what is damaged is set aside."""
+        """Return the packed drives with results and traces; damaged files are set aside."""
         path, traces = self.out / RESULTS, self.out / TRACES
         if not path.exists() and not traces.exists():
             return []
@@ -211,7 +211,7 @@ class Store:
         return kept
 
     def _good_traces(self) -> set[str]:
-        """The names of the packed arrays whose drive and building are whole.
+        """Return the names of the packed arrays whose drive and building are whole.
 
         A file with damaged ones is set aside, and one with what is good takes its place.
         """
@@ -281,7 +281,7 @@ def _results(path: Path) -> tuple[list[DriveResult], dict[int, str]]:
 
 
 def _reads(packed: zipfile.ZipFile, name: str) -> bool:
-    """Whether an entry can be read and is what was written."""
+    """Return whether an entry can be read and is what was written."""
     try:
         packed.read(name)
     except (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error):

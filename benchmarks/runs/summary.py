@@ -30,7 +30,7 @@ OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
 def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> Arms:
-    """Each arm's results on the episodes that all arms have finished, in one order."""
+    """Return each arm's results on the episodes that all arms have finished, in one order."""
     by_key = {(r.index, r.arm): r for r in episodes}
     indices = sorted({r.index for r in episodes})
     common = [i for i in indices if all((i, arm) in by_key for arm in arms)]
@@ -46,7 +46,7 @@ def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, A
 
 
 def _headline(by_arm: Arms, arm: str) -> dict[str, Any]:
-    """The figures that lead every table: SCT, times and distances, each None where not known."""
+    """Return the figures that lead every table, each None where it is not known."""
     results = by_arm[arm]
     sct = success(by_arm, arm)
     reached = [r for r in results if r.outcome == "reached"]
@@ -108,12 +108,12 @@ def _details(by_arm: Arms, arm: str) -> dict[str, Any]:
 
 
 def _ends(estimated: dict[str, Any]) -> list[float] | None:
-    """The interval of an estimate; None if there is none."""
+    """Return the interval of an estimate; None if there is none."""
     return None if estimated["low"] is None else [estimated["low"], estimated["high"]]
 
 
 def _ratio(results: list[DriveResult], top: str, bottom: str) -> float | None:
-    """Σ of one figure / Σ of another, over the episodes in which both are known."""
+    """Return the sum of one figure over that of another, where both are known."""
     known = [
         (getattr(r, top), getattr(r, bottom)) for r in results if getattr(r, bottom) is not None
     ]
@@ -126,7 +126,7 @@ def _mean(results: list[DriveResult], key: str) -> float | None:
 
 
 def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[str, Any]:
-    """The share of the gap between `known` and `oracle` that `predicted` closes.
+    """Return the share of the gap between `known` and `oracle` that `predicted` closes.
 
     Returns:
         `sct`: the share in SCT; `time`: in time, on a prescribed route alone. Each None where it
@@ -138,7 +138,7 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
 
 
 def title(settings: dict[str, Any]) -> str:
-    """What was compared, in a line."""
+    """Return in a line what was compared."""
     worlds = settings["world"]
     named = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     return (
@@ -156,7 +156,7 @@ def comparison(results: dict[str, Any]) -> str:
 
 
 def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
-    """The summary as a Markdown table and what there is to say beside it.
+    """Return the summary as a Markdown table, and remarks below it.
 
     Args:
         summary: of `summarise`.
@@ -229,7 +229,7 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
 
 
 def broken(entry: dict[str, Any]) -> str:
-    """The share of promises that an arm broke, and its interval."""
+    """Return the share of promises that an arm broke, and its interval."""
     if entry["realised_risk"] is None:
         return ""
     ends = entry["realised_risk_interval"]

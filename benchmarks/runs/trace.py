@@ -138,7 +138,7 @@ class Archive:
         return frozenset(self._file.files)
 
     def array(self, name: str) -> NDArray:
-        """One array.
+        """Return one array.
 
         Raises:
             RunError: if it is missing or broken.

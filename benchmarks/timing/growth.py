@@ -37,7 +37,7 @@ Times = dict[str, dict[str, float]]
 
 
 def grown(axis: str, seed: int, report: Callable[[str], None]) -> list[dict[str, Any]]:
-    """How stages grow along an axis: each value with its stages.
+    """Time stages along an axis, and return each value with its stages.
 
     Args:
         axis: of `AXES`.
@@ -83,7 +83,7 @@ def _planning(stages: int, seed: int) -> Times:
 
 
 def believing(task: Task, window: float, expansion: float) -> Times:
-    """From the known map to the risk map that the MPC reads, along a task's way.
+    """Time the steps from the known map to the risk map, along a task's route.
 
     Args:
         task: where.
@@ -111,7 +111,7 @@ def believing(task: Task, window: float, expansion: float) -> Times:
 
 
 def draw(measured: dict[str, list[dict[str, Any]]]) -> Figure:
-    """A panel for each axis: medians as lines, up to the 99th percentile shaded."""
+    """Draw a panel for each axis: medians as lines, up to the 99th percentile shaded."""
     figure = new_figure(13.0, 3.2)
     axes = figure.subplots(1, len(measured))
     for ax, (axis, entries) in zip(axes, measured.items(), strict=True):

@@ -55,7 +55,7 @@ Solver = Callable[[Tick], Solve]
 
 
 def hall(seed: int | None) -> Grid:
-    """A hall along x with round posts in it, or without for None, all of it seen."""
+    """Return a hall along x with round posts in it, or without for None, all observed."""
     rng = np.random.default_rng(seed)
     shape = (round(WIDTH / RESOLUTION), round((LENGTH + 10) / RESOLUTION))
     frame = GridFrame(RESOLUTION, (-5.0, -WIDTH / 2), shape)
@@ -69,17 +69,17 @@ def hall(seed: int | None) -> Grid:
 
 
 def straight(aside: float = 0.0) -> Path:
-    """The path along the hall's middle, or beside it [m]."""
+    """Return the path along the hall's middle, or beside it [m]."""
     return Path.through(np.array([[-BEHIND, aside], [LENGTH + 60.0, aside]]), "given")
 
 
 def segment_at(x: float) -> int:
-    """The segment of `straight`, near which a car is."""
+    """Return the segment of `straight` near which a car is."""
     return max(0, int((x + BEHIND) / SPACING) - 2)
 
 
 def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Controls (N, 2) of a car that pursues a path and minds no post."""
+    """Return controls (N, 2) of a car that pursues a path and ignores the posts."""
     car = mpc.limits
     return np.asarray(
         pursue(path.points, segment_at(state[0]), state, mpc.stages, mpc.config.dt, car.v_max,
@@ -88,7 +88,7 @@ def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
-    """The risk map of a tick, where it lies in driving."""
+    """Return the risk map of a tick, placed as in driving."""
     centre = state[:2] + AHEAD * np.array([np.cos(state[2]), np.sin(state[2])])
     frame = grid.frame.square(float(centre[0]), float(centre[1]), SIDE * grid.frame.resolution)
     return RiskMap.from_prediction(grid.crop(frame), None, 0.0)

@@ -65,7 +65,7 @@ def _file(one: Measurement) -> str:
 
 
 def _of(one: Measurement) -> dict[str, Any]:
-    """What a measurement is of, as JSON gives it back."""
+    """Return what a measurement is of, as JSON gives it back."""
     of = {"name": one.name, "code": code(), "machine": machine(), "runtime": installed([RUNTIME]),
           "settings": one.settings}  # fmt: skip
     plain: dict[str, Any] = json.loads(json.dumps(of))
@@ -83,7 +83,7 @@ def installed(packages: Iterable[str]) -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def code() -> str:
-    """A fingerprint of this project's code and weights, changed since the last commit or not."""
+    """Return a fingerprint of this project's code and weights, committed or not."""
     root = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for package in PACKAGES:

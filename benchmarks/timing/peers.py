@@ -70,7 +70,7 @@ REPEATS = 200
 
 
 def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
-    """One of `STAGES`, ours and the peers', in a building of corridors: see `compare`."""
+    """Time one of `STAGES` and its peers in a building of corridors; see `compare`."""
     task = task_in("corridor", seed, CarLimits())
     poses = along(task, REPEATS)
     if stage == "rays":
@@ -86,7 +86,7 @@ def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
 
 
 def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
-    """One scan: 1081 beams over 270°, 20 m. octomap and raycast2D find the cell that is hit."""
+    """Cast one scan of 1081 beams, 270°, 20 m; octomap and raycast2D find the cell hit."""
     from raycast2D import Lidar2D
 
     # At the robot's own centre, where the peers have it.
@@ -161,7 +161,7 @@ def _irsim(
 
 
 def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
-    """One scan into a map of 0.05 m, each cell updated once, with the whole 20 m of its rays."""
+    """Integrate one scan into a map of 0.05 m, each cell once, with all 20 m of its rays."""
     lidar, known = Lidar(), task.blank(60.0)
     resolution = known.frame.resolution
     scans = [lidar.scan(task.world, pose) for pose in poses]
@@ -194,7 +194,7 @@ def _octree(resolution: float) -> Any:
 
 
 def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
-    """The exact distance transform of a window of 200 × 200 cells."""
+    """Compute the exact distance transform of a window of 200 × 200 cells."""
     import cv2
     from scipy.ndimage import distance_transform_edt
 
@@ -210,7 +210,7 @@ def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
 
 
 def predictions(crops: list[Any], poses: NDArray[np.float64]) -> dict[str, Call]:
-    """One prediction of a 10 m square: the same network, by the two runtimes."""
+    """Predict a 10 m square: the same network, by the two runtimes."""
     ours, torch = Compact(), Compact(runtime="torch")
     return {
         OURS: lambda i: ours.predict(crops[i], poses[i]),

@@ -20,7 +20,7 @@ COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
 
 
 def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
-    """A solver that starts from its own last solution, multipliers too.
+    """Return a solver that starts from its own last solution, multipliers too.
 
     Args:
         mpc: whose settings and limits count.

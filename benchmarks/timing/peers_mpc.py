@@ -50,7 +50,7 @@ def ours(mpc: MPC) -> Solver:
 
 
 def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
-    """A solver from the last plan; and every fifth tick from another start too: the cheaper.
+    """Return a solver that also tries another start every fifth tick.
 
     Args:
         mpc: whose costs count.
@@ -87,7 +87,7 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
 def compare(
     config: MPCConfig, worlds: int, ticks: int, report: Callable[[str], None]
 ) -> dict[str, dict[str, float]]:
-    """Each solver's closed loop through the same halls, one hall after the other.
+    """Drive each solver's closed loop through the same halls, one after the other.
 
     Args:
         config: of the problem.
@@ -138,7 +138,7 @@ def compare(
 
 
 def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
-    """What makes each solver; those that are compiled take minutes."""
+    """Return what makes each solver; those that are compiled take minutes."""
 
     def fatrop() -> Solver:
         return general(mpc, "fatrop", compiled=True)

@@ -41,7 +41,7 @@ REPEATS = 500
 
 
 def maps(seed: int) -> dict[str, World]:
-    """The two maps that rays and scans are measured on."""
+    """Return the two maps that rays and scans are measured on."""
     task = task_in("corridor", seed, CarLimits())
     return {
         "corridor 1000²": places.corridors(task, 1000),
@@ -50,7 +50,7 @@ def maps(seed: int) -> dict[str, World]:
 
 
 def rays(seed: int) -> dict[str, Measure]:
-    """Rays a second of the caster, on one thread and on two, and the error of scans.
+    """Measure rays a second of the caster, on one and two threads, and the error of scans.
 
     A scan has 1081 beams. On ways each is cast 0.25 m from the one before, as a driving car does,
     up to 20 of them before another way begins: what lies around is then mostly in the processor's
@@ -106,7 +106,7 @@ def _casts(skips, cells, starts, beams, longest):  # type: ignore[no-untyped-def
 
 
 def error(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> tuple[float, int]:
-    """The largest difference from the exact answer [m], and how many beams were compared.
+    """Return the largest error of a scan [m], and how many beams were compared.
 
     A beam that should return and does not, or the other way about, is off by infinity.
     """
@@ -133,7 +133,7 @@ def error(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> tuple[float
 def exact_ranges(
     cells: NDArray[np.int8], x: float, y: float, angles: NDArray[np.float64], longest: float
 ) -> list[float | None]:
-    """Range along each beam [cells] as `sim.lidar.cast_rays` has it, from every cell's own slabs.
+    """Compute the exact range along each beam [cells], from every cell's own slabs.
 
     Brute force: each cell within range that a beam may be stopped by, a solid one beside a free
     one, is cut with each beam. None where a corner decides, to within 1e-9 cells.
@@ -170,7 +170,7 @@ def exact_ranges(
 
 
 def mapping(seed: int) -> dict[str, Measure]:
-    """Scans of 1081 beams integrated a second, no beam cut short of its 20 m, on one thread."""
+    """Measure scans integrated a second, 1081 beams of up to 20 m, on one thread."""
     lidar, found = Lidar(), {}
     window = 2 * (lidar.config.range_max + 0.5)
     for name, world in maps(seed).items():
@@ -192,7 +192,7 @@ def mapping(seed: int) -> dict[str, Measure]:
 
 
 def distance(seed: int) -> dict[str, Measure]:
-    """The distance transform of windows of 200 × 200 cells, as a drive sees them."""
+    """Time the distance transform of windows of 200 × 200 cells, as a drive sees them."""
     task = task_in("corridor", seed, CarLimits())
     states = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
     masks = [
@@ -205,7 +205,7 @@ def distance(seed: int) -> dict[str, Measure]:
 
 
 def risk(seed: int) -> dict[str, Measure]:
-    """The risk map, from the prediction to what the MPC reads."""
+    """Time the risk map, from the prediction to what the MPC reads."""
     task = task_in("corridor", seed, CarLimits())
     return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
 

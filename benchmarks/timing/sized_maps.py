@@ -18,7 +18,7 @@ CLEAR = 0.3
 
 
 def along(task: Task, count: int) -> NDArray[np.float64]:
-    """Poses along a task's way, (count, 3)."""
+    """Return poses along a task's route, (count, 3)."""
     way = task.waypoints
     at = np.linspace(1, len(way) - 2, count).astype(int)
     ahead = way[at + 1] - way[at]
@@ -26,7 +26,7 @@ def along(task: Task, count: int) -> NDArray[np.float64]:
 
 
 def anywhere(world: World, count: int) -> NDArray[np.float64]:
-    """Poses in free cells of a map, drawn evenly, (count, 3)."""
+    """Return poses in free cells of a map, drawn evenly, (count, 3)."""
     rng, frame = np.random.default_rng(0), world.grid.frame
     free = np.argwhere(world.grid.free)
     rows, cols = free[rng.integers(len(free), size=count)].T
@@ -35,7 +35,7 @@ def anywhere(world: World, count: int) -> NDArray[np.float64]:
 
 
 def on_ways(world: World, count: int) -> NDArray[np.float64]:
-    """Poses as a driving car's ticks make them, (≤ count, 3): `STEP` apart, on straight ways.
+    """Return poses `STEP` apart on straight ways, as a driving car's ticks, (≤ count, 3).
 
     The ways begin at places drawn evenly, and end where something solid is near.
     """
@@ -50,7 +50,7 @@ def on_ways(world: World, count: int) -> NDArray[np.float64]:
 
 
 def corridors(task: Task, side: int) -> World:
-    """The square of a side [cells] around the middle of a task's way; outside all is unknown."""
+    """Return the square of a side [cells] around the middle of a task's route."""
     grid = task.world.grid
     middle = 0.5 * (task.waypoints.min(axis=0) + task.waypoints.max(axis=0))
     frame = grid.frame.square(float(middle[0]), float(middle[1]), side * grid.frame.resolution)
@@ -58,7 +58,7 @@ def corridors(task: Task, side: int) -> World:
 
 
 def cluttered(side: int, seed: int) -> World:
-    """A hall of a side [cells] of 0.05 m with boxes on its floor, one on 6 m²."""
+    """Return a hall of a side [cells] of 0.05 m, with a box on every 6 m² of floor."""
     rng = np.random.default_rng(seed)
     cells = np.full((side, side), FREE, dtype=np.int8)
     for _ in range(round((0.05 * side) ** 2 / 6)):

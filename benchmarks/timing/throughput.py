@@ -44,7 +44,7 @@ class Driven:
 def throughput(
     episodes: int, seed: int, jobs: int, report: Callable[[str], None]
 ) -> dict[str, Measure]:
-    """Simulated seconds a second a core over the default arms, and what 1,000 episodes take.
+    """Measure simulated seconds a second a core, and what 1,000 episodes take.
 
     Args:
         episodes: paired over the arms.
@@ -70,7 +70,7 @@ def throughput(
 
 
 def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, Measure]:
-    """Memory of one process over many drives, each in a new building, the arms in turn.
+    """Measure the memory of one process over many drives, each in a new building.
 
     The growth is a straight line's through the second half of the drives, with the 95 % interval
     of its slope: the first half fills caches.
@@ -153,7 +153,7 @@ def _one(settings: Settings, item: Item) -> Driven | None:
 
 
 def resident() -> float:
-    """Memory of this process [MiB]; its peak where the system does not tell what it has now."""
+    """Return the memory of this process [MiB]; its peak where the system tells no more."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:

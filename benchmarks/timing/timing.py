@@ -24,7 +24,7 @@ def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
 
 
 def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:
-    """The spread of the times of `call(0)`, `call(1)`, …, after one that does not count."""
+    """Return the spread of the times of `call(0)`, `call(1)`, …, after an uncounted one."""
     call(0)
     taken = []
     for i in range(repeats):
@@ -35,7 +35,7 @@ def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:
 
 
 def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[str, list[float]]:
-    """Times of each stage [ms], tick by tick, over drives through corridors.
+    """Time each stage [ms], tick by tick, over drives through corridors.
 
     Args:
         arm: what the car may know, of `benchmarks.runs.arms`.

@@ -13,7 +13,7 @@ from typing import Any
 
 
 def machine() -> dict[str, Any]:
-    """What the numbers were measured on."""
+    """Return what the numbers are measured on."""
     model = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -32,7 +32,7 @@ def machine() -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def commit() -> str | None:
-    """The commit of this code, with "+" if it was changed since; None outside a checkout."""
+    """Return the commit of this code, with "+" if it was changed since; None without one."""
     here = Path(__file__).resolve().parent
 
     def git(*words: str) -> str:
@@ -47,7 +47,7 @@ def commit() -> str | None:
 
 
 def several_states(commits: Iterable[str | None], of: str) -> str:
-    """A line of warning where results come from several states of the code; else nothing.
+    """Return a warning if results come from several states of the code, else "".
 
     Args:
         commits: of each of them.

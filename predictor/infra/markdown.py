@@ -9,7 +9,7 @@ DASH = "–"
 
 
 def markdown(rows: list[list[str]]) -> str:
-    """A table whose first row is its head, padded so that it reads well as plain text too."""
+    """Return a padded table whose first row is its head."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = [
         "| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |"
@@ -19,7 +19,7 @@ def markdown(rows: list[list[str]]) -> str:
 
 
 def figure(value: float | None, ends: list[float] | None, form: str) -> str:
-    """A value and the ends of its 95 % interval, or a dash in its place; blank without a value."""
+    """Return a value and the ends of its 95 % interval; "" without a value."""
     if value is None:
         return ""
     told = DASH if ends is None else "–".join(format(end, form) for end in ends)
@@ -27,7 +27,7 @@ def figure(value: float | None, ends: list[float] | None, form: str) -> str:
 
 
 def interval(value: dict[str, Any], form: str, factor: float = 1.0) -> str:
-    """A value and its 95 % interval, or a dash in its place."""
+    """Return a value and its 95 % interval, or a dash in its place."""
     mid = format(factor * value["value"], form)
     if value["low"] is None:
         return f"{mid} ({DASH})"
