@@ -86,7 +86,7 @@ def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, mo
         raise LostError(todo[1:])
 
     with monkeypatch.context() as patched:
-        patched.setattr("predictor.infra.workers.finished", deadly)
+        patched.setattr("benchmarks.corridor.finished", deadly)
         assert run(*command) == 1
     assert "again and again: (1, 'known')" in capsys.readouterr().err
     r = results(tmp_path / "run")

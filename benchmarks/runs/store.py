@@ -63,8 +63,9 @@ class Store:
         if not (out / SETTINGS).exists() and (out / RESULTS).exists():
             # Without settings, results that cannot be read may be anybody's.
             _results(out / RESULTS)
+        # Some older runs name the control period too, which is no setting.
         self._folder = ResumableFolder(
-            out, self._marked, grows=GROWS, absent=UNNAMED, exclusive=True
+            out, self._marked, grows=(*GROWS, "dt"), absent=UNNAMED, exclusive=True
         )
         self.notes = self._folder.notes
         self.commit = commit()
