@@ -3,6 +3,7 @@
 import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -59,3 +60,14 @@ def test_an_argument_is_shown_escaped_and_on_one_line(command, capsys):
     assert said.endswith("\n")
     assert said[:-1].isprintable()
     assert len(said) < 2000
+
+
+def test_a_reader_that_stops_early_gets_no_complaint():
+    files = sorted(
+        str(path) for path in (Path(__file__).parents[1] / "docs/results").glob("*.json")
+    )
+    command = [sys.executable, "-m", "benchmarks.tables", *files]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 1

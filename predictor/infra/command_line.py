@@ -80,10 +80,16 @@ def run_command(name: str, work: Callable[[], int | None]) -> int:
         disk, such as a full one, 130 after Ctrl-C.
     """
     try:
-        return work() or 0
+        status = work() or 0
+        sys.stdout.flush()
+        return status
     except LineError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:
+        # The program that read the output has ended, such as `head`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except OSError as error:
         print(f"{name}: {one_line(error)}; what was finished is kept", file=sys.stderr)
         return 1 if error.errno in DISK else 2
