@@ -7,6 +7,7 @@ from pathlib import Path
 from comparison import results
 
 from benchmarks import tables
+from benchmarks.runs import overview
 
 
 def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
@@ -34,7 +35,7 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
         for name in ("sct", "t_bound", "t_opt", "detour", "shortest_length", "vehicle"):
             episode.pop(name, None)
     older["settings"].pop("vehicle", None)
-    text = tables.tables_of(tables.summarised(older))
+    text = tables.tables_of(overview.summarised(older))
     assert "dubins car" in text
     ratio = next(line for line in text.splitlines() if "time ratio" in line)
     assert re.search(r"0\.\d\d \(0\.\d\d to \d\.\d\d\)", ratio)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.drive_result import DriveResult
@@ -90,6 +90,11 @@ class Run:
     def indices(self) -> list[int]:
         """Numbers of the episodes, ascending."""
         return sorted({episode.index for episode in self.episodes})
+
+    def first(self, count: int) -> Self:
+        """Return the run with its first episodes alone; its summary stays that of all."""
+        kept = set(self.indices[:count])
+        return replace(self, episodes=[e for e in self.episodes if e.index in kept])
 
     def setting(self, name: str, default: float) -> float:
         """Return a setting that is a number, or the default if the run does not name it."""
