@@ -42,7 +42,7 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
     chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
     car = car_of(chosen)
     task = task_in(world, seed, car) if isinstance(world, str) else sample_task(world, seed, car)
-    results, arrays = [], dict[str, NDArray]()
+    results, arrays = [], dict[str, NDArray[Any]]()
     for arm in chosen.arms:
         result, found = drive_task(chosen, task, 0, arm)
         results.append(result)
@@ -69,13 +69,13 @@ class InMemory(Archive):
         arrays: by the names that they have in a file.
     """
 
-    arrays: dict[str, NDArray]
+    arrays: dict[str, NDArray[Any]]
 
     @cached_property
     def names(self) -> frozenset[str]:
         """Names of all arrays."""
         return frozenset(self.arrays)
 
-    def array(self, name: str) -> NDArray:
+    def array(self, name: str) -> NDArray[Any]:
         """Return one array."""
         return self.arrays[name]

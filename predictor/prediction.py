@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +133,7 @@ def asked(
         ) from error
 
 
-def _lies_within(values: NDArray, low: float, high: float) -> bool:
+def _lies_within(values: NDArray[Any], low: float, high: float) -> bool:
     """Return whether no value lies outside of [low, high]; NaN counts as inside."""
     ends = values.min(initial=low), values.max(initial=low)
     if np.isnan(ends).any():

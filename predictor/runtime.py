@@ -68,7 +68,7 @@ def _openvino(module: nn.Module, shape: tuple[int, int]) -> Run:
         # Deprecated, but the only form that OpenVINO reads for maps of any size.
         warnings.simplefilter("ignore", DeprecationWarning)
         # Checks of shapes are traced with the result that they had for the example.
-        warnings.simplefilter("ignore", torch.jit.TracerWarning)
+        warnings.simplefilter("ignore", torch.jit.TracerWarning)  # type: ignore[attr-defined]
         traced = torch.jit.trace(module.eval(), example, check_trace=False)
     frontend = FrontEndManager().load_by_framework("pytorch")
     decoder = TorchScriptPythonDecoder(traced, example_input=(example,))

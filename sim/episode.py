@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,7 @@ class Episode:
     impact_speed: float | None
     faults: dict[str, int]
     paths: dict[str, int]
-    trace: dict[str, NDArray]
+    trace: dict[str, NDArray[Any]]
 
 
 def run_episode(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +81,11 @@ class Recorder:
         if len(cells) > most or (tick == EARLY_TICK and most < FEW_CELLS):
             self._moment = (len(cells), tick, decision)
 
-    def arrays(self) -> dict[str, NDArray]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the trace but for the states; see `sim.episode.Episode.trace`."""
         ticks = self._ticks
         names = sorted({tick.limit for tick in ticks})
-        out: dict[str, NDArray] = {
+        out: dict[str, NDArray[Any]] = {
             "controls": np.array([tick.control for tick in ticks], dtype=np.float32),
             "gears": np.array([tick.gear for tick in ticks], dtype=np.int8),
             "plans": _padded([tick.plan for tick in ticks]),
@@ -142,10 +143,10 @@ def _padded(plans: list[NDArray[np.float16]]) -> NDArray[np.float16]:
     return np.array([np.pad(plan, ((0, longest - len(plan)), (0, 0))) for plan in plans])
 
 
-def _moment(tick: int, decision: Decision) -> dict[str, NDArray]:
+def _moment(tick: int, decision: Decision) -> dict[str, NDArray[Any]]:
     """Return one tick in full, for a picture."""
     risk, prediction = decision.risk_map, decision.prediction
-    out: dict[str, NDArray] = {
+    out: dict[str, NDArray[Any]] = {
         "moment_tick": np.array(tick),
         "moment_frame": _frame_array(risk.frame),
         "moment_known": risk.known.cells,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -136,7 +136,7 @@ def extent(frame: GridFrame) -> tuple[float, float, float, float]:
     return x, x + width, y, y + height
 
 
-def draw_image(ax: Axes, image: NDArray, frame: GridFrame) -> None:
+def draw_image(ax: Axes, image: NDArray[Any], frame: GridFrame) -> None:
     """Lay an image of a frame's cells into metric axes; it may be coarser than the frame."""
     left, right, bottom, top = extent(frame)
     factor = math.ceil(frame.shape[0] / image.shape[0])
@@ -146,7 +146,7 @@ def draw_image(ax: Axes, image: NDArray, frame: GridFrame) -> None:
 
 
 def speed_line(
-    ax: Axes, points: NDArray, speed: NDArray, v_max: float, width: float = 2.0
+    ax: Axes, points: NDArray[Any], speed: NDArray[Any], v_max: float, width: float = 2.0
 ) -> LineCollection:
     """Draw a line through points (n, 2), each segment coloured by its mean speed."""
     # A white rim sets the line off from whatever lies beneath.
@@ -161,7 +161,7 @@ def speed_line(
     return line
 
 
-def body_outline(pose: NDArray, body: Body) -> NDArray[np.float64]:
+def body_outline(pose: NDArray[Any], body: Body) -> NDArray[np.float64]:
     """Return the corners of the body at x, y, yaw, (4, 2) [m]."""
     corner = np.array([body.half_length, body.half_width])
     local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * corner
@@ -169,7 +169,7 @@ def body_outline(pose: NDArray, body: Body) -> NDArray[np.float64]:
     return np.asarray(local @ np.array([[cos, sin], [-sin, cos]]) + pose[:2], dtype=np.float64)
 
 
-def draw_body(ax: Axes, pose: NDArray, body: Body, colour: str) -> Polygon:
+def draw_body(ax: Axes, pose: NDArray[Any], body: Body, colour: str) -> Polygon:
     """Draw the car, and return its shape."""
     patch = Polygon(
         body_outline(pose, body), facecolor=colour, edgecolor="white", linewidth=0.8, zorder=6

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,13 +67,13 @@ def write_video(frames: Frames, count: int, rate: float, path: Path) -> None:
         part.unlink(missing_ok=True)
 
 
-def _counted(frames: Frames, count: int, bar: tqdm) -> Iterator[NDArray[np.uint8]]:
+def _counted(frames: Frames, count: int, bar: tqdm[Any]) -> Iterator[NDArray[np.uint8]]:
     for number in range(count):
         yield frames(number)
         bar.update()
 
 
-def _write_gif(frames: Frames, count: int, rate: float, path: Path, bar: tqdm) -> None:
+def _write_gif(frames: Frames, count: int, rate: float, path: Path, bar: tqdm[Any]) -> None:
     # One palette for all frames: only what moves must then be stored anew.
     samples = np.vstack([frames(number) for number in sorted({0, count // 2, count - 1})])
     palette = Image.fromarray(samples).quantize(255, dither=Image.Dither.NONE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ DETOUR = 1.8
 """Ways of arcs that are this much longer than the task's own are not followed."""
 
 
-def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, NDArray]]:
+def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, NDArray[Any]]]:
     """Ways (n, 2) to near the goal [m], with their names; none twice, some perhaps not drivable.
 
     The first are the shortest ways of discs, whatever the heading at the start; then the shortest

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from predictor.scoring.scores import Scores
 
 OF_A_FRAME = (*Similarity.__dataclass_fields__, "brier", "nll", "cells", "nan_cells")
 """Values kept of each frame: SSIM, sums over unobserved cells, and their number."""
-Kept = dict[str, NDArray]
+Kept = dict[str, NDArray[Any]]
 """Arrays kept of a stretch: each of `OF_A_FRAME`, and the sums of `Scores`."""
 
 

@@ -8,13 +8,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from benchmarks.recording.paper_drives import (
-    SimulatedConfig,
-    check_apart,
-    drives_of,
-    make_drive,
-    settings_of,
-)
+from benchmarks.recording.paper_drives import check_apart, drives_of, make_drive, settings_of
+from benchmarks.recording.settings import SimulatedConfig
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import FrameSet
 from predictor.data.survey import make_log, site_of, sources_of

@@ -79,9 +79,9 @@ class Evaluation:
 
         names = rows_of(self.config)
         groups: dict[str, dict[str, Scores]] = {}
-        bins: dict[str, dict[str, dict[str, NDArray]]] = {}
+        bins: dict[str, dict[str, dict[str, NDArray[Any]]]] = {}
         facts: dict[str, list[dict[str, Any]]] = {}
-        pictures: list[tuple[float, NDArray]] = []
+        pictures: list[tuple[float, NDArray[Any]]] = []
         for item in self.items:
             part = self._read(item)
             if part is None:
@@ -135,7 +135,7 @@ class Evaluation:
 def _summary(
     facts: list[dict[str, Any]],
     sums: dict[str, Scores],
-    families: list[dict[str, dict[str, NDArray]]],
+    families: list[dict[str, dict[str, NDArray[Any]]]],
 ) -> dict[str, Any]:
     """Compute the scores of a group: predictor → measures.
 

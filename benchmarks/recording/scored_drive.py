@@ -40,7 +40,7 @@ MEASURES = 2
 
 def score_drive(
     config: EvaluateConfig, item: tuple[str, int]
-) -> tuple[dict[str, Any], dict[str, NDArray]] | str:
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | str:
     """Score one drive, and return its facts and arrays, or a line that says why there is no drive.
 
     Args:

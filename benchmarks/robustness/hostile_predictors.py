@@ -187,7 +187,7 @@ def _returning(value: Any) -> Answer:
     return lambda known, pose, call: value
 
 
-def _patched(cells: NDArray) -> NDArray:
+def _patched(cells: NDArray[Any]) -> NDArray[Any]:
     """NaN in half of the cells."""
     return np.where(np.arange(cells.size).reshape(cells.shape) % 2, np.nan, cells)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +170,7 @@ def score(
 
 def attempt(
     settings: Settings, weights: str | None, item: tuple[int, str]
-) -> tuple[DriveResult, dict[str, NDArray]] | str:
+) -> tuple[DriveResult, dict[str, NDArray[Any]]] | str:
     """Return `drive`, or a line why the episode cannot be driven.
 
     Args:
@@ -230,7 +231,9 @@ def navigator_for(
     )
 
 
-def drive(settings: Settings, index: int, arm_name: str) -> tuple[DriveResult, dict[str, NDArray]]:
+def drive(
+    settings: Settings, index: int, arm_name: str
+) -> tuple[DriveResult, dict[str, NDArray[Any]]]:
     """Drive one episode with one arm.
 
     Returns:
@@ -244,7 +247,7 @@ def drive(settings: Settings, index: int, arm_name: str) -> tuple[DriveResult, d
 
 def drive_task(
     settings: Settings, task: Task, index: int, arm_name: str
-) -> tuple[DriveResult, dict[str, NDArray]]:
+) -> tuple[DriveResult, dict[str, NDArray[Any]]]:
     """Drive a task with one arm; as `drive`, whatever buildings the settings name."""
     arm = ARMS[arm_name]
     car = car_of(settings)

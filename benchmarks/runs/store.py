@@ -84,7 +84,7 @@ class Store:
         """Episodes and arms that need not be driven again."""
         return {(e.index, e.arm) for e in self.episodes}
 
-    def add(self, result: DriveResult, arrays: dict[str, NDArray]) -> None:
+    def add(self, result: DriveResult, arrays: dict[str, NDArray[Any]]) -> None:
         """Keep a finished drive; after this a kill cannot lose it."""
         self._folder.write(_part(result), dataclasses.asdict(result), arrays)
         self.episodes.append(result)

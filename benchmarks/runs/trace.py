@@ -7,7 +7,7 @@ import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
@@ -50,7 +50,7 @@ class Trace:
     index: int
     arm: str
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         found = self._read(name)
         wanted = self._shape_of(name)
         if len(wanted) != found.ndim or any(
@@ -66,7 +66,7 @@ class Trace:
             self._refuse(name, "is empty")
         return found
 
-    def _read(self, name: str) -> NDArray:
+    def _read(self, name: str) -> NDArray[Any]:
         return self.file.array(f"e{self.index}/{self.arm}/{name}")
 
     def _shape_of(self, name: str) -> tuple[int | str, ...]:
@@ -114,7 +114,7 @@ class Trace:
         return [names[i] for i in limits]
 
     @cached_property
-    def relied(self) -> list[NDArray]:
+    def relied(self) -> list[NDArray[Any]]:
         """Rows and columns of cells not seen that each tick's plan relies on, T of (k, 2)."""
         counts, cells = self["relied_count"].astype(int), self["relied_cells"]
         if (counts < 0).any() or counts.sum() != len(cells):
@@ -137,7 +137,7 @@ class Archive:
         """Of all arrays."""
         return frozenset(self._file.files)
 
-    def array(self, name: str) -> NDArray:
+    def array(self, name: str) -> NDArray[Any]:
         """Return one array.
 
         Raises:
@@ -178,7 +178,7 @@ class Archive:
         return file
 
 
-def frame_of(path: Path, numbers: NDArray, cells: NDArray) -> GridFrame:
+def frame_of(path: Path, numbers: NDArray[Any], cells: NDArray[Any]) -> GridFrame:
     """Return the frame of some cells (rows, columns) from resolution, x and y, (3,) [m].
 
     Args:

@@ -46,7 +46,7 @@ def counts(run: Run) -> dict[str, Any]:
             "thresholds": THRESHOLDS, "arms": arms}  # fmt: skip
 
 
-def sign_changes(curvature: NDArray, threshold: float) -> int:
+def sign_changes(curvature: NDArray[Any], threshold: float) -> int:
     """Return how often the curvatures above a threshold [1/m] change their sign; shape (N,)."""
     turning = curvature[np.abs(curvature) > threshold]
     return int((np.diff(np.sign(turning)) != 0).sum())
@@ -58,7 +58,7 @@ def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
-def _on_straights(points: NDArray, way: NDArray) -> NDArray[np.bool_]:
+def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
     """Return whether the point of a way nearest to each point lies on a straight, (N,)."""
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T))]
     at = np.arange(0.0, along[-1], STEP)

@@ -78,7 +78,9 @@ def _open_cell(
     return _nearest_open(coarse, row, col, math.ceil(0.6 / step))
 
 
-def _nearest_open(cost: NDArray[np.float32], row: int, col: int, reach: int) -> tuple | None:
+def _nearest_open(
+    cost: NDArray[np.float32], row: int, col: int, reach: int
+) -> tuple[int, int] | None:
     r0, c0 = max(0, row - reach), max(0, col - reach)
     part = cost[r0 : row + reach + 1, c0 : col + reach + 1]
     rows, cols = np.nonzero(np.isfinite(part))

@@ -110,7 +110,7 @@ class Recording:
 
     def __init__(self, frame: GridFrame, truth: NDArray[np.uint8]) -> None:
         self.frame, self.truth = frame, truth
-        self._rows: dict[str, list[NDArray]] = {
+        self._rows: dict[str, list[NDArray[Any]]] = {
             name: []
             for name in ("estimated", "remembered", "states", "actions", "times", "corners")
         }
@@ -144,7 +144,7 @@ class Recording:
         rows["times"].append(np.array(time, dtype=np.float64))
         rows["corners"].append(np.array(self.frame.offset(square), dtype=np.int32))
 
-    def arrays(self) -> dict[str, NDArray]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays of a trajectory's file."""
         return {name: np.stack(values) for name, values in self._rows.items()} | {
             "map": self.truth,
@@ -153,7 +153,7 @@ class Recording:
 
 
 def write_trajectory(
-    folder: Path, name: str, arrays: dict[str, NDArray], about: dict[str, Any]
+    folder: Path, name: str, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
 ) -> dict[str, Any]:
     """Write a trajectory's file, and return its facts for the manifest.
 

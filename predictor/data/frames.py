@@ -260,7 +260,7 @@ def _about(folder: Path) -> list[dict[str, Any]]:
     return about
 
 
-def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray]:
+def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray[Any]]:
     """Read a trajectory without its images, of which types and shapes are checked."""
     if not path.is_file():
         raise FramesError(f"{path} is missing: the command that made the set makes it again")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ class Edge:
     positions: list[tuple[float, float, float]] = field(default_factory=list)
     turns: list[tuple[float, float, float, float]] = field(default_factory=list)
 
-    def at(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], Rotation, NDArray]:
+    def at(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], Rotation, NDArray[Any]]:
         """Return positions (n, 3), rotations, and whether they are known at each time (n,)."""
         if self.fixed:
             count = len(times)
@@ -92,7 +93,7 @@ class Transforms:
 
     def look_up(
         self, root: str, child: str, times: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], Rotation, NDArray]:
+    ) -> tuple[NDArray[np.float64], Rotation, NDArray[Any]]:
         """Return positions (n, 3) [m] and rotations of a frame in an ancestor, and which are known.
 
         Raises:

@@ -26,7 +26,7 @@ UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError
               NotImplementedError, zlib.error, zipfile.BadZipFile)  # fmt: skip
 """What reading a damaged file may raise."""
 
-Part = tuple[dict[str, Any], dict[str, NDArray]]
+Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 """Facts, fit for JSON, and named arrays."""
 
 
@@ -93,7 +93,7 @@ class ResumableFolder:
         if self._lock is not None:
             self._lock.close()
 
-    def write(self, name: str, facts: dict[str, Any], arrays: Mapping[str, NDArray]) -> None:
+    def write(self, name: str, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
         """Write a part; after this a kill cannot lose it.
 
         Args:

@@ -10,6 +10,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -139,7 +140,9 @@ class Grid:
         return Grid(frame, paste(self.frame, self.cells, frame, np.int8(UNKNOWN)))
 
 
-def paste(frame: GridFrame, values: NDArray, into: GridFrame, fill: np.generic) -> NDArray:
+def paste(
+    frame: GridFrame, values: NDArray[Any], into: GridFrame, fill: np.generic
+) -> NDArray[Any]:
     """Return values of one frame on another frame of the same lattice, with `fill` elsewhere."""
     row, col = frame.offset(into)
     out = np.full(into.shape, fill, dtype=values.dtype)

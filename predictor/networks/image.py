@@ -6,6 +6,8 @@ same place in both, and the skip connections of a U-Net can copy it.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +39,7 @@ def pixels_of(n: int, side: int) -> NDArray[np.intp]:
     return ((np.arange(n) + 0.5) * (side / n)).astype(np.intp)
 
 
-def pixels_at_cells(image: NDArray, n: int) -> NDArray:
+def pixels_at_cells(image: NDArray[Any], n: int) -> NDArray[Any]:
     """Return the pixel at each cell's middle: from images (..., side, side) back to (..., n, n)."""
     pixels = pixels_of(n, image.shape[-1])
     return image[..., pixels[:, None], pixels]

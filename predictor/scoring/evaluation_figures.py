@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -49,7 +50,7 @@ def _save(figure: Figure, path: Path) -> None:
     write_whole(path, buffer.getvalue())
 
 
-def _panels(groups: dict[str, dict[str, Scores]], rows: int) -> tuple[Figure, NDArray]:
+def _panels(groups: dict[str, dict[str, Scores]], rows: int) -> tuple[Figure, NDArray[Any]]:
     figure = Figure(figsize=(3.1 * len(groups) + 0.6, 2.9 * rows + 0.4), layout="constrained")
     return figure, figure.subplots(rows, len(groups), squeeze=False, sharex=True, sharey="row")
 

@@ -7,6 +7,7 @@ scikit-image computes it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
     return np.where(known.unknown, believed, image)
 
 
-def ssim(image: NDArray, truth: NDArray, span: float = 1.0) -> float:
+def ssim(image: NDArray[Any], truth: NDArray[Any], span: float = 1.0) -> float:
     """Compute the mean SSIM of an image and the true one, without a rim of three cells.
 
     Args:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,12 +94,12 @@ class Scores:
             getattr(self, name)[:] += getattr(other, name)
         return self
 
-    def arrays(self, prefix: str) -> dict[str, NDArray]:
+    def arrays(self, prefix: str) -> dict[str, NDArray[Any]]:
         """Return the sums by name, after a prefix, to be kept in a file."""
         return {f"{prefix}/{name}": values for name, values in vars(self).items()}
 
     @classmethod
-    def of(cls, arrays: Mapping[str, NDArray], prefix: str) -> Scores:
+    def of(cls, arrays: Mapping[str, NDArray[Any]], prefix: str) -> Scores:
         """Return the scores that `arrays` made."""
         return cls(**{name: arrays[f"{prefix}/{name}"] for name in cls.__dataclass_fields__})
 
