@@ -1,6 +1,8 @@
 """The study: in order of worth, resumable, and no failure stops the rest."""
 
 import dataclasses
+import os
+import signal
 
 import pytest
 from generated_frames import generated, write_frames
@@ -150,3 +152,23 @@ def test_an_interrupted_study_leaves_no_process(data, tmp_path, monkeypatch):
 def test_arguments_that_make_no_sense_are_refused(data, wrong, tmp_path, capsys):
     assert main([*wrong, "--data", str(data), "--out", str(tmp_path)]) == 2
     assert wrong[0] in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_ctrl_c_is_the_studys_and_not_a_trainings_even_while_it_starts(data, tmp_path):
+    run = run_of(data, tmp_path)
+    process = run.start()
+    os.kill(process.pid, signal.SIGINT)
+    assert run.outcome(process) == "finished"
+
+
+@pytest.mark.slow
+def test_a_training_on_a_full_disk_ends_without_a_traceback(data, tmp_path, capfd):
+    run = run_of(data, tmp_path)
+    run.out.mkdir()
+    # Every write to it fails as on a full disk.
+    (run.out / "output.txt").symlink_to("/dev/full")
+    (run.out / "log.jsonl").mkdir()
+    outcome = run.outcome(run.start())
+    assert outcome.startswith("failed")
+    assert "Traceback" not in capfd.readouterr().err

@@ -98,16 +98,22 @@ class Run:
         follow_parent(parent)
         stopping = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: stopping.set())
-        with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
-            try:
-                # One thread each: the sums are the same, however many train at a time.
-                train_images(self.config, self.training, self.data.folder, self.out, 1, stopping)
-            except Stopped:
-                return
-            except Exception as error:
-                traceback.print_exc()
-                line = one_line(error)
-                self._failure.write_text(line.removeprefix("TrainError: "))
+        try:
+            with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
+                self._train(stopping)
+        except OSError:
+            # On a full disk not even the failure can be written down; the study says what it sees.
+            raise SystemExit(1) from None
+
+    def _train(self, stopping: threading.Event) -> None:
+        try:
+            # One thread each: the sums are the same, however many train at a time.
+            train_images(self.config, self.training, self.data.folder, self.out, 1, stopping)
+        except Stopped:
+            pass
+        except Exception as error:
+            traceback.print_exc()
+            self._failure.write_text(one_line(error).removeprefix("TrainError: "))
 
     def start(self) -> SpawnProcess:
         """Start or resume the training in a process of its own."""
@@ -116,7 +122,12 @@ class Run:
         # Forking would copy the threads and locks of libraries in whatever state they are.
         context = multiprocessing.get_context("spawn")
         process = context.Process(target=self.train, args=(os.getpid(),))
-        process.start()
+        # Ctrl-C is the study's: a process that is still importing would print a traceback.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return process
 
     def outcome(self, process: SpawnProcess) -> str:
