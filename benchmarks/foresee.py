@@ -30,8 +30,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run a command by its name; return its exit status, 2 if there is none of that name."""
     words = sys.argv[1:] if argv is None else argv
     if words and words[0] in COMMANDS:
-        # A script's own folder is searched in place of the working one. Last, so that nothing there
-        # hides a package, but a predictor of the user's is found.
+        # The working folder comes last in the search path: a plug-in is found there, and a file
+        # such as sim.py cannot hide a package of this project.
         sys.path.append("")
         status: int = importlib.import_module(COMMANDS[words[0]][0]).main(words[1:])
         return status

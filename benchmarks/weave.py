@@ -11,9 +11,8 @@ from benchmarks.runs.analysis import analyse
 
 DESCRIPTION = """\
 Count how often the car changes from one side to the other on straights, in runs of
-benchmarks.corridor on a given route. Straight is where the given way turns by less than 10° within
-3 m before and behind. Ticks on which the car drives straight, but for a curvature below a
-threshold, do not count.
+benchmarks.corridor on a prescribed route. The route is straight where it turns by less than 10°
+within 3 m before and behind. Ticks with a curvature below the threshold are ignored.
 """
 
 

@@ -8,11 +8,10 @@ from copy import deepcopy
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.prediction import BadPredictionError, Prediction, Predictor, asked
 
-TICK = 0.1
-"""Time that the planner has for a decision [s]."""
 CERTAIN = 1.0 - 1e-6
 """Confidence times probability from which on a cell counts as certain."""
 FIELDS = ("p_free", "p_occupied", "confidence")

@@ -51,8 +51,8 @@ def contents(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))
-        if "parts" in path.parts:
-            # What a command keeps for itself until it is done.
+        if "parts" in path.relative_to(folder).parts:
+            # Intermediate results, which a command removes or ignores when it has finished.
             continue
         if path.suffix == ".json":
             found[name] = _lasting(json.loads(path.read_text()))
@@ -117,7 +117,9 @@ def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
         differ = differences(contents(work / command), contents(folder / "out"))
     found = {
         "index": index, "command": command, "kind": kind, "seconds": round(moment, 2),
-        "interrupted": in_time, "status": status, "traceback": "Traceback" in said,
+        "interrupted": in_time, "status": status,
+        "last line": (said.strip().splitlines() or [""])[-1][-200:],
+        "traceback": "Traceback" in said,
         "processes left": left, "status again": again, "differences": differ[:20],
     }  # fmt: skip
     if good(found):

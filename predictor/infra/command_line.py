@@ -9,12 +9,12 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-# It keeps libraries to one thread a process, if it comes before they are imported.
+# Imported before numpy, this limits the libraries to one thread in each process.
 import predictor.infra.workers  # noqa: F401
 from predictor.infra.errors import LineError, one_line
 
 ENDLESS = 10**6
-"""A bound from which on a message about a range leaves it out."""
+"""Upper bounds from this on are not named in error messages."""
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Errors of the disk, not of what the user gave."""
 
@@ -24,7 +24,7 @@ class UsageError(LineError):
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Says what is wrong in one line; use it inside of `run_command`."""
+    """A parser that raises its errors, so that `run_command` prints them in one line."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
@@ -34,12 +34,12 @@ class OneLineParser(argparse.ArgumentParser):
         """
         raise UsageError(message)
 
-    def add_jobs(self, default: int | None = None) -> None:
+    def add_jobs(self) -> None:
         """Add --jobs, the number of worker processes; by default one a core."""
         self.add_argument(
             "--jobs",
             type=between(1, 10_000),
-            default=default or os.cpu_count() or 1,
+            default=os.cpu_count() or 1,
             metavar="N",
             help="worker processes (default: one for each core)",
         )
