@@ -44,8 +44,13 @@ def main(argv: list[str] | None = None) -> int:
     )
     AttackSettings.add_to(parser)
     parser.add_jobs()
-    parser.add_argument("--out", type=Path, default=Path("results/attack.json"), metavar="FILE",
-                        help="file of the drives (default: %(default)s)")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/attack.json"),
+        metavar="FILE",
+        help="file of the drives (default: %(default)s)",
+    )
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 

@@ -45,16 +45,35 @@ def main(argv: list[str] | None = None) -> int:
     )
     InterruptSettings.add_to(parser)
     add = parser.add_argument
-    add("--disk", type=Path, metavar="DIR", help="empty folder on a file system of its own with "
+    add(
+        "--disk",
+        type=Path,
+        metavar="DIR",
+        help="empty folder on a file system of its own with "
         "some 100 MB, which is filled up (mount -t tmpfs -o size=100m tmpfs DIR); without it no "
-        "disk is filled")  # fmt: skip
-    add("--jobs", type=between(1, 10_000), default=1, metavar="N",
-        help="trials at a time; each uses 2 processes (default: %(default)s)")  # fmt: skip
-    add("--work", type=Path, default=Path("results/interrupt"), metavar="DIR",
-        help="data, uninterrupted runs, and what failed trials left "
-        "(default: %(default)s)")  # fmt: skip
-    add("--out", type=Path, default=Path("results/interrupt.json"), metavar="FILE",
-        help="file of the trials (default: %(default)s)")  # fmt: skip
+        "disk is filled",
+    )
+    add(
+        "--jobs",
+        type=between(1, 10_000),
+        default=1,
+        metavar="N",
+        help="trials at a time; each uses 2 processes (default: %(default)s)",
+    )
+    add(
+        "--work",
+        type=Path,
+        default=Path("results/interrupt"),
+        metavar="DIR",
+        help="data, uninterrupted runs, and what failed trials left (default: %(default)s)",
+    )
+    add(
+        "--out",
+        type=Path,
+        default=Path("results/interrupt.json"),
+        metavar="FILE",
+        help="file of the trials (default: %(default)s)",
+    )
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 

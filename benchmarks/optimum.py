@@ -34,8 +34,13 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
     )
     Settings.add_to(parser, "world", "episodes", "seed", "v_max")
     parser.add_jobs()
-    parser.add_argument("--out", type=Path, default=Path("results/optimum.json"), metavar="FILE",
-                        help="file of the drives (default: %(default)s)")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/optimum.json"),
+        metavar="FILE",
+        help="file of the drives (default: %(default)s)",
+    )
     args = parser.parse_args(argv)
     settings = Settings.of(args)
     return settings, args.out, args.jobs

@@ -39,22 +39,34 @@ def _run(options: argparse.Namespace) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
-        prog="python -m benchmarks.plot", description=DESCRIPTION, epilog=EPILOG,
+        prog="python -m benchmarks.plot",
+        description=DESCRIPTION,
+        epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
-    parser.add_argument("--episode", metavar="K", type=int, help="draw episode K; by default each "
-                        "figure chooses")  # fmt: skip
+    parser.add_argument(
+        "--episode", metavar="K", type=int, help="draw episode K; by default each figure chooses"
+    )
     parser.add_argument(
         "--arm", help="whose moment and animation; by default the arm that predicts"
     )
     parser.add_argument("--out", metavar="OUT", type=Path, help="folder for the figures")
-    parser.add_argument("--animate", action="store_true", help="also write the drive as a video, "
-                        "in real time")  # fmt: skip
-    parser.add_argument("--format", choices=("auto", "gif", "mp4"), default="auto",
-                        help="of the video; auto: MP4 if there is ffmpeg, else GIF")  # fmt: skip
-    parser.add_argument("--stride", metavar="N", type=between(1, 10**9), help="draw every N-th "
-                        "tick; by default each, fewer where they exceed 400 frames")  # fmt: skip
+    parser.add_argument(
+        "--animate", action="store_true", help="also write the drive as a video, in real time"
+    )
+    parser.add_argument(
+        "--format",
+        choices=("auto", "gif", "mp4"),
+        default="auto",
+        help="of the video; auto: MP4 if there is ffmpeg, else GIF",
+    )
+    parser.add_argument(
+        "--stride",
+        metavar="N",
+        type=between(1, 10**9),
+        help="draw every N-th tick; by default each, fewer where they exceed 400 frames",
+    )
     return parser
 
 

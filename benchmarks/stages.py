@@ -24,10 +24,14 @@ if TYPE_CHECKING:
 COMMAND = "benchmarks.stages"
 ARMS = ("predicted", "known", "oracle")
 PEERS = {
-    "octomap": "octomap-python", "pyoctomap": "pyoctomap", "raycast2D": "raycast2D",
-    "irsim": "ir-sim", "cv2": "opencv-python-headless", "do_mpc": "do-mpc",
+    "octomap": "octomap-python",
+    "pyoctomap": "pyoctomap",
+    "raycast2D": "raycast2D",
+    "irsim": "ir-sim",
+    "cv2": "opencv-python-headless",
+    "do_mpc": "do-mpc",
     "pytorch_mppi": "pytorch-mppi",
-}  # fmt: skip
+}
 """Modules that `--peers` needs, and the packages that bring them."""
 COMPILER = "gcc"
 """What casadi and do-mpc call by default."""
@@ -139,9 +143,14 @@ def main(argv: list[str] | None = None) -> int:
         "measured anew.",
     )
     StageSettings.add_to(parser)
-    parser.add_argument("--out", type=Path, default=Path("results/stages"), metavar="DIR",
-                        help="folder of results.json, growth.png, and the parts they are made of "
-                        "(default: %(default)s)")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/stages"),
+        metavar="DIR",
+        help="folder of results.json, growth.png, and the parts they are made of "
+        "(default: %(default)s)",
+    )
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
@@ -191,10 +200,15 @@ def _run(args: Namespace) -> None:
     here = machine()
     here["packages"] |= installed([RUNTIME, *(PEERS.values() if settings.peers else ())])
     results = {
-        "machine": here, "commit": commit(), "threads": THREADS, "drives": settings.drives,
-        "seed": settings.seed, "stages": found["arms"]["predicted"],
-        "peak_memory_mib": found["measures"]["worker, peak memory"]["value"], **found,
-    }  # fmt: skip
+        "machine": here,
+        "commit": commit(),
+        "threads": THREADS,
+        "drives": settings.drives,
+        "seed": settings.seed,
+        "stages": found["arms"]["predicted"],
+        "peak_memory_mib": found["measures"]["worker, peak memory"]["value"],
+        **found,
+    }
     write_results(args.out / "results.json", "stages", results)
     draw(found["growth"]).savefig(args.out / "growth.png")
     print(tables(results), "", args.out / "results.json", sep="\n")

@@ -43,10 +43,18 @@ def main(argv: list[str] | None = None) -> int:
         prog="benchmarks.tables",
         description="Print the tables of results.json files as Markdown.",
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="results of "
-        f"{', '.join(COMMANDS.values())}")  # fmt: skip
-    parser.add_argument("--overview", action="store_true",
-                        help="print one table alone, with a line for each comparison")  # fmt: skip
+    parser.add_argument(
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help=f"results of {', '.join(COMMANDS.values())}",
+    )
+    parser.add_argument(
+        "--overview",
+        action="store_true",
+        help="print one table alone, with a line for each comparison",
+    )
     return run_command("benchmarks.tables", lambda: _run(parser.parse_args(argv)))
 
 

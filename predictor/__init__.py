@@ -76,8 +76,10 @@ def _refuse_hidden_packages() -> None:
         spec = importlib.util.find_spec(name)
         if spec is None or spec.origin is None or root in Path(spec.origin).resolve().parents:
             continue
-        line = (f"{spec.origin} hides the package {name} of foresee: give the command in another "
-                "folder, or as `foresee` followed by its name")  # fmt: skip
+        line = (
+            f"{spec.origin} hides the package {name} of foresee: give the command in another "
+            "folder, or as `foresee` followed by its name"
+        )
         if sys.argv[:1] == ["-m"]:
             print(line, file=sys.stderr)
             raise SystemExit(2)

@@ -14,8 +14,9 @@ def main(argv: list[str] | None = None) -> int:
         description="Check that a predictor keeps to the contract with the planner, and name what "
         "would make drives slower or hard to repeat.",
     )
-    parser.add_argument("predictor", metavar="P",
-                        help="a name, package.module:Class, or a .safetensors file")  # fmt: skip
+    parser.add_argument(
+        "predictor", metavar="P", help="a name, package.module:Class, or a .safetensors file"
+    )
     return run_command("predictor.check", lambda: _run(parser.parse_args(argv).predictor))
 
 

@@ -79,8 +79,11 @@ class Compact:
             # With nothing observed, the network has no evidence for its answer.
             confidence[:] = 0.0
         seen = ~known.unknown
-        for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
-                                 (confidence, True)):  # fmt: skip
+        for values, observed in (
+            (p_free, known.free),
+            (p_occupied, known.occupied),
+            (confidence, True),
+        ):
             np.copyto(values, observed, where=seen)
         return Prediction(known.frame, p_free, p_occupied, confidence)
 
@@ -165,8 +168,10 @@ def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
         rows, cols = (((np.arange(n) + 0.5) / ratio).astype(np.intp) for n in rank.shape)
         there = [((np.arange(back[-1] + 1) + 0.5) * ratio).astype(np.intp) for back in (rows, cols)]
         rank = maximum_filter(rank, max(1, math.ceil(ratio - 1e-6)), mode="nearest")
-        rank = rank[np.minimum(there[0], rank.shape[0] - 1)[:, None],
-                    np.minimum(there[1], rank.shape[1] - 1)]  # fmt: skip
+        rank = rank[
+            np.minimum(there[0], rank.shape[0] - 1)[:, None],
+            np.minimum(there[1], rank.shape[1] - 1),
+        ]
     return _CODES[rank], rows, cols
 
 

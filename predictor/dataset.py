@@ -32,20 +32,38 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "where it was: give the same command.",
     )
     add = parser.add_argument
-    add("--out", type=Path, metavar="DIR", help="folder of the set (default: "
-        f"{SIMULATED}, with --log {PHYSICAL})")  # fmt: skip
+    add(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help=f"folder of the set (default: {SIMULATED}, with --log {PHYSICAL})",
+    )
     parser.add_jobs()
     SimulatedConfig.add_to(parser.add_argument_group("simulated; by default as the paper's set"))
     physical = parser.add_argument_group("physical")
     add = physical.add_argument
-    add("--log", nargs="+", type=Path, metavar="PATH", help="logs with corrected poses, or folders "
-        "of them: CARMEN (.log, .log.gz), ROS 1 (.bag), ROS 2 (the bag's folder)")  # fmt: skip
+    add(
+        "--log",
+        nargs="+",
+        type=Path,
+        metavar="PATH",
+        help="logs with corrected poses, or folders "
+        "of them: CARMEN (.log, .log.gz), ROS 1 (.bag), ROS 2 (the bag's folder)",
+    )
     add("--scans", metavar="TOPIC", help="of a bag's LaserScans (default: the only one)")
-    add("--poses", metavar="TOPIC", help="of a bag's poses: /tf, PoseStamped, "
+    add(
+        "--poses",
+        metavar="TOPIC",
+        help="of a bag's poses: /tf, PoseStamped, "
         "PoseWithCovarianceStamped or Odometry (default: /tf where it knows the map, else the only "
-        "topic of poses)")  # fmt: skip
-    add("--map-frame", default="map", metavar="FRAME", help="that /tf is to lead to (default: "
-        "%(default)s)")  # fmt: skip
+        "topic of poses)",
+    )
+    add(
+        "--map-frame",
+        default="map",
+        metavar="FRAME",
+        help="that /tf is to lead to (default: %(default)s)",
+    )
     return parser.parse_args(argv)
 
 

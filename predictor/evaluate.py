@@ -23,8 +23,13 @@ def main(argv: list[str] | None = None) -> int:
     )
     EvaluateConfig.add_to(parser)
     parser.add_jobs()
-    parser.add_argument("--out", type=Path, default=Path("results/evaluate"), metavar="DIR",
-                        help="folder of scores and pictures (default: %(default)s)")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/evaluate"),
+        metavar="DIR",
+        help="folder of scores and pictures (default: %(default)s)",
+    )
     return run_command("predictor.evaluate", lambda: _run(parser.parse_args(argv)))
 
 

@@ -104,9 +104,10 @@ def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
     """Make a prediction of `ImagePredictor.printed`; observed cells stay as observed."""
     _, p_free, p_occupied, said = printed
     sure = said * np.float32(0.0 if known.unknown.all() else SUREST)
-    parts = [np.where(known.unknown, values, observed).astype(np.float32)
-             for values, observed in ((p_free, known.free), (p_occupied, known.occupied),
-                                      (sure, True))]  # fmt: skip
+    parts = [
+        np.where(known.unknown, values, observed).astype(np.float32)
+        for values, observed in ((p_free, known.free), (p_occupied, known.occupied), (sure, True))
+    ]
     return Prediction(known.frame, parts[0], parts[1], parts[2])
 
 

@@ -23,7 +23,19 @@ def short_map(tmp_path_factory):
 def narrow(tmp_path_factory):
     """A run of one drive through a narrow building: its folder, and its command."""
     out = tmp_path_factory.mktemp("narrow") / "run"
-    command = ("--episodes", 1, "--arms", "known", "--world", "narrow", "--seed", 3,
-               "--jobs", 1, "--out", out)  # fmt: skip
+    command = (
+        "--episodes",
+        1,
+        "--arms",
+        "known",
+        "--world",
+        "narrow",
+        "--seed",
+        3,
+        "--jobs",
+        1,
+        "--out",
+        out,
+    )
     assert run(*command) == 0
     return out, command

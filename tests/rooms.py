@@ -52,8 +52,12 @@ class Room:
         """Whether the body meets a cell, by default an occupied one, at any pose (n, 3)."""
         blocked = self.cells == OCCUPIED if blocked is None else blocked
         poses = np.ascontiguousarray(np.atleast_2d(poses), dtype=np.float64)
-        return bool(first_contact(blocked, RESOLUTION, self.frame.origin, poses, body.half_length,
-                                  body.half_width) >= 0)  # fmt: skip
+        return bool(
+            first_contact(
+                blocked, RESOLUTION, self.frame.origin, poses, body.half_length, body.half_width
+            )
+            >= 0
+        )
 
 
 def along(points) -> np.ndarray:

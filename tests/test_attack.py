@@ -42,8 +42,9 @@ def test_near_certain_lies_do_not_make_a_car_collide(family, seed, kind):
     task = task_of(settings, 0)
     driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), deadline=60.0)
     rng = np.random.default_rng(0)
-    episode = run_episode(task, driver, DubinsCar(car_of(settings)), Lidar(LidarConfig()),
-                          EpisodeConfig(), rng)  # fmt: skip
+    episode = run_episode(
+        task, driver, DubinsCar(car_of(settings)), Lidar(LidarConfig()), EpisodeConfig(), rng
+    )
     assert episode.outcome is not Outcome.COLLIDED
 
 

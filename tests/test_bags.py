@@ -27,9 +27,11 @@ def turn(yaw, roll=0.0):
     """A quaternion x, y, z, w: rolled, then turned."""
     a, b = 0.5 * yaw, 0.5 * roll
     return (
-        math.cos(a) * math.sin(b), math.sin(a) * math.sin(b),
-        math.sin(a) * math.cos(b), math.cos(a) * math.cos(b),
-    )  # fmt: skip
+        math.cos(a) * math.sin(b),
+        math.sin(a) * math.sin(b),
+        math.sin(a) * math.cos(b),
+        math.cos(a) * math.cos(b),
+    )
 
 
 class Bag:
@@ -70,18 +72,29 @@ class Bag:
 
     def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", longest=25.0, step=0.5):
         message = self.make(
-            "sensor_msgs/msg/LaserScan", self.header(time, "laser"), -0.5, 0.5, step, 0.0, 0.1,
-            0.2, longest, np.array(ranges, np.float32), np.zeros(0, np.float32),
-        )  # fmt: skip
+            "sensor_msgs/msg/LaserScan",
+            self.header(time, "laser"),
+            -0.5,
+            0.5,
+            step,
+            0.0,
+            0.1,
+            0.2,
+            longest,
+            np.array(ranges, np.float32),
+            np.zeros(0, np.float32),
+        )
         self.write(topic, time, message)
 
     def transform(self, time, parent, child, position, quaternion, topic="/tf"):
         vector = self.make("geometry_msgs/msg/Vector3", *map(float, position))
         rotation = self.make("geometry_msgs/msg/Quaternion", *quaternion)
         entry = self.make(
-            "geometry_msgs/msg/TransformStamped", self.header(time, parent), child,
+            "geometry_msgs/msg/TransformStamped",
+            self.header(time, parent),
+            child,
             self.make("geometry_msgs/msg/Transform", vector, rotation),
-        )  # fmt: skip
+        )
         self.write(topic, time, self.make("tf2_msgs/msg/TFMessage", [entry]))
 
     def mount(self, roll=0.0):
@@ -89,21 +102,24 @@ class Bag:
 
     def pose(self, time, x, y, yaw, kind="PoseStamped", topic="/pose"):
         point = self.make("geometry_msgs/msg/Point", x, y, 0.0)
-        pose = self.make("geometry_msgs/msg/Pose", point,
-                         self.make("geometry_msgs/msg/Quaternion", *turn(yaw)))  # fmt: skip
+        pose = self.make(
+            "geometry_msgs/msg/Pose", point, self.make("geometry_msgs/msg/Quaternion", *turn(yaw))
+        )
         header, spread = self.header(time, "map"), np.zeros(36)
         with_spread = ("geometry_msgs/msg/PoseWithCovariance", pose, spread)
         if kind == "PoseStamped":
             message = self.make("geometry_msgs/msg/PoseStamped", header, pose)
         elif kind == "PoseWithCovarianceStamped":
-            message = self.make("geometry_msgs/msg/PoseWithCovarianceStamped", header,
-                                self.make(*with_spread))  # fmt: skip
+            message = self.make(
+                "geometry_msgs/msg/PoseWithCovarianceStamped", header, self.make(*with_spread)
+            )
         else:
             still = self.make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
             moves = self.make("geometry_msgs/msg/Twist", still, still)
             twist = self.make("geometry_msgs/msg/TwistWithCovariance", moves, spread)
-            message = self.make("nav_msgs/msg/Odometry", header, "base_link",
-                                self.make(*with_spread), twist)  # fmt: skip
+            message = self.make(
+                "nav_msgs/msg/Odometry", header, "base_link", self.make(*with_spread), twist
+            )
         self.write(topic, time, message)
 
 
@@ -114,8 +130,11 @@ def bag(tmp_path, ros):
 def laser(x, y, yaw):
     """The laser's pose for the robot's."""
     cos, sin = math.cos(yaw), math.sin(yaw)
-    return (x + cos * LASER_AT[0] - sin * LASER_AT[1], y + sin * LASER_AT[0] + cos * LASER_AT[1],
-            yaw + TURN)  # fmt: skip
+    return (
+        x + cos * LASER_AT[0] - sin * LASER_AT[1],
+        y + sin * LASER_AT[0] + cos * LASER_AT[1],
+        yaw + TURN,
+    )
 
 
 @pytest.mark.parametrize("ros", ROS)
@@ -125,8 +144,9 @@ def test_poses_come_through_tf_at_the_scans_own_times(tmp_path, ros):
         for time in (10.0, 11.0, 12.0):
             # The map has moved against the odometry, as it does when a loop is closed.
             out.transform(time, "map", "odom", (1.0, time - 10.0, 0.0), turn(0.0))
-            out.transform(time, "odom", "base_link", (time - 10.0, 0.0, 0.0),
-                          turn(3.0 + 0.2 * (time - 10.0)))  # fmt: skip
+            out.transform(
+                time, "odom", "base_link", (time - 10.0, 0.0, 0.0), turn(3.0 + 0.2 * (time - 10.0))
+            )
         for time in (10.0, 10.25, 11.5):
             out.scan(time)
     log = read_bag(out.path)

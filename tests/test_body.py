@@ -25,8 +25,9 @@ def clipped_area(x, y, yaw, body: Body, row: int, col: int) -> float:
     """Area that a cell and a rectangle share: the cell's polygon cut by the four sides."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     left, low = ORIGIN[0] + col * RESOLUTION - x, ORIGIN[1] + row * RESOLUTION - y
-    corners = [(left + i * RESOLUTION, low + j * RESOLUTION)
-               for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]  # fmt: skip
+    corners = [
+        (left + i * RESOLUTION, low + j * RESOLUTION) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))
+    ]
     polygon = [(cos * a + sin * b, cos * b - sin * a) for a, b in corners]
     for axis, sign, limit in (
         (0, 1, body.half_length),
@@ -44,9 +45,11 @@ def clipped_area(x, y, yaw, body: Body, row: int, col: int) -> float:
                 kept.append((p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])))
         polygon = kept
     return 0.5 * abs(
-        sum(p[0] * q[1] - q[0] * p[1]
-            for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True))
-    )  # fmt: skip
+        sum(
+            p[0] * q[1] - q[0] * p[1]
+            for p, q in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+        )
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -92,8 +95,9 @@ def test_contact_is_meeting_a_covered_cell(x, y, yaw, seed):
     body = Body(0.5, 0.3)
     blocked = np.random.default_rng(seed).random(SHAPE) < 0.03
     expected = any(blocked[cell] for cell in cells_of(x, y, yaw, body))
-    found = first_contact(blocked, RESOLUTION, ORIGIN, np.array([[x, y, yaw]]),
-                          body.half_length, body.half_width)  # fmt: skip
+    found = first_contact(
+        blocked, RESOLUTION, ORIGIN, np.array([[x, y, yaw]]), body.half_length, body.half_width
+    )
     assert found == (0 if expected else -1)
 
 

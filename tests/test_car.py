@@ -110,8 +110,9 @@ def test_a_braking_car_stops_within_its_stopping_distance_and_stays():
 def test_no_corner_moves_further_than_the_spacing(state, control, dt, spacing):
     poses = np.vstack([state[:3], CAR.motion(state, control, dt, spacing)])
     body = CAR.limits.body
-    corners = np.array([[sx * body.half_length, sy * body.half_width]
-                        for sx in (-1, 1) for sy in (-1, 1)])  # fmt: skip
+    corners = np.array(
+        [[sx * body.half_length, sy * body.half_width] for sx in (-1, 1) for sy in (-1, 1)]
+    )
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     xs = poses[:, :1] + cos * corners[:, 0] - sin * corners[:, 1]
     ys = poses[:, 1:2] + sin * corners[:, 0] + cos * corners[:, 1]

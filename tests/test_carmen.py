@@ -137,10 +137,18 @@ def test_a_missing_log_is_an_error(tmp_path):
         read_carmen(tmp_path / "a.log")
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"angle_inc_deg": "wide"}', '{"angle_inc_deg": 0}',
-                                  '{"no_return_at_or_above_m": -1}',
-                                  '{"angle_min_deg": -90}',
-                                  '{"angle_min_deg": NaN, "angle_inc_deg": 1}'])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        '{"angle_inc_deg": "wide"}',
+        '{"angle_inc_deg": 0}',
+        '{"no_return_at_or_above_m": -1}',
+        '{"angle_min_deg": -90}',
+        '{"angle_min_deg": NaN, "angle_inc_deg": 1}',
+    ],
+)
 def test_a_file_beside_the_log_that_makes_no_sense_is_an_error(tmp_path, text):
     path = write(tmp_path / "a.log", scans(1))
     (tmp_path / "a.json").write_text(text)

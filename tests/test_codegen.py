@@ -99,7 +99,13 @@ def test_processes_that_start_together_share_the_cache():
         "from planner.mpc.mpc import MPC; import warnings; warnings.simplefilter('error'); MPC();"
         "print('ready')"
     )
-    both = [subprocess.Popen([sys.executable, "-W", "error::UserWarning", "-c", code],
-                             stdout=subprocess.PIPE, text=True) for _ in range(2)]  # fmt: skip
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-W", "error::UserWarning", "-c", code],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
     assert [process.communicate()[0].strip() for process in both] == ["ready", "ready"]
     assert len(list(cache().glob("*stage*.so"))) == 1

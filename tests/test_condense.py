@@ -67,9 +67,12 @@ def test_merit_adds_up():
     kappa = np.concatenate([[0.3], controls[:, 1]])
     lacking, outside = np.maximum(0, 0.75 - value), np.maximum(0, 0.5 - value)
     wanted = (
-        costs.sum() + 0.01 * (controls[:, 0] ** 2).sum() + 0.02 * (controls[:, 1] ** 2).sum()
-        + 0.1 * (np.diff(kappa) ** 2).sum() + 2.0 * (lacking**2).sum()
+        costs.sum()
+        + 0.01 * (controls[:, 0] ** 2).sum()
+        + 0.02 * (controls[:, 1] ** 2).sum()
+        + 0.1 * (np.diff(kappa) ** 2).sum()
+        + 2.0 * (lacking**2).sum()
         + 100.0 * (outside.sum() + 10.0 * states[-1, 3])
-    )  # fmt: skip
+    )
     found = merit(states, controls, 0.3, costs, value, 0.5, 0.25, (0.01, 0.02), 0.1, 4.0, 100.0)
     assert found == pytest.approx(wanted)

@@ -14,8 +14,14 @@ from predictor.mapping.body import first_contact
 from predictor.mapping.car_limits import CarLimits
 
 CAR = CarLimits()
-DRIVING = (0.1, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration,
-           CAR.max_curvature)  # fmt: skip
+DRIVING = (
+    0.1,
+    CAR.v_max,
+    CAR.acceleration,
+    CAR.braking,
+    CAR.lateral_acceleration,
+    CAR.max_curvature,
+)
 RESOLUTION, ORIGIN, HALVES = 0.05, (-1.0, -3.0), (0.25, 0.15)
 STAGES = 32
 NOWHERE = (np.zeros(1), 1.0, 0.05, (np.ones((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES))

@@ -11,14 +11,49 @@ from benchmarks.runs.drive import drive, score
 from benchmarks.runs.settings import Settings
 from predictor.mapping.car_limits import CarLimits
 
-SUMMARY = {"episodes", "reached", "collided", "timed_out", "stuck", "mean_speed", "time_to_goal",
-           "max_speed", "min_clearance", "stops", "cycle_ms_p50", "cycle_ms_p99", "sct", "detour",
-           "t_bound", "t_opt", "over_optimum", "vehicle"}  # fmt: skip
+SUMMARY = {
+    "episodes",
+    "reached",
+    "collided",
+    "timed_out",
+    "stuck",
+    "mean_speed",
+    "time_to_goal",
+    "max_speed",
+    "min_clearance",
+    "stops",
+    "cycle_ms_p50",
+    "cycle_ms_p99",
+    "sct",
+    "detour",
+    "t_bound",
+    "t_opt",
+    "over_optimum",
+    "vehicle",
+}
 
 
-EPISODE = {"arm", "world", "seed", "start", "goal", "outcome", "time", "path_length",
-           "mean_speed", "max_speed", "min_clearance", "stops", "shortest", "shortest_length",
-           "t_bound", "t_opt", "sct", "detour", "vehicle"}  # fmt: skip
+EPISODE = {
+    "arm",
+    "world",
+    "seed",
+    "start",
+    "goal",
+    "outcome",
+    "time",
+    "path_length",
+    "mean_speed",
+    "max_speed",
+    "min_clearance",
+    "stops",
+    "shortest",
+    "shortest_length",
+    "t_bound",
+    "t_opt",
+    "sct",
+    "detour",
+    "vehicle",
+}
 
 
 OUTCOMES = {"reached", "collided", "timed_out", "stuck"}
@@ -72,8 +107,21 @@ def test_a_drive_that_does_not_arrive_scores_nothing():
 
 
 def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path, capsys):
-    assert run("--world", short_map, "--episodes", 2, "--jobs", 1, "--predictor", "none",
-               "--out", tmp_path / "run") == 0  # fmt: skip
+    assert (
+        run(
+            "--world",
+            short_map,
+            "--episodes",
+            2,
+            "--jobs",
+            1,
+            "--predictor",
+            "none",
+            "--out",
+            tmp_path / "run",
+        )
+        == 0
+    )
     said = capsys.readouterr().out
     assert "Share of the gap" not in said
     rows = {line.split("|")[1].strip(): line for line in said.splitlines() if line[:1] == "|"}
@@ -81,9 +129,12 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
         "**SCT** (95 % over worlds)",
         "**time ratio** to `known`, both reached",
     ]
-    for row, arms in (("**SCT** (95 % over worlds)", 3), ("faster than `known` [m/s]", 2),
-                      ("**time ratio** to `known`, both reached", 2),
-                      ("speed [m/s] (95 % over worlds)", 3)):  # fmt: skip
+    for row, arms in (
+        ("**SCT** (95 % over worlds)", 3),
+        ("faster than `known` [m/s]", 2),
+        ("**time ratio** to `known`, both reached", 2),
+        ("speed [m/s] (95 % over worlds)", 3),
+    ):
         assert rows[row].count("(–)") == arms, rows[row]
         assert " to " not in rows[row].split("|", 2)[2]
     r = results(tmp_path / "run")
@@ -119,7 +170,20 @@ def test_an_episode_is_that_of_its_seed_with_noise_too():
 def test_help_names_the_units(tmp_path):
     done = python("-m", "benchmarks.corridor", "--help", cwd=tmp_path)
     assert done.returncode == 0
-    for word in ("[m/s]", "[m]", "--world", "--route", "--episodes", "--seed", "--arms",
-                 "--predictor", "--risk", "--v-max", "--window", "--expansion", "--jobs",
-                 "--out"):  # fmt: skip
+    for word in (
+        "[m/s]",
+        "[m]",
+        "--world",
+        "--route",
+        "--episodes",
+        "--seed",
+        "--arms",
+        "--predictor",
+        "--risk",
+        "--v-max",
+        "--window",
+        "--expansion",
+        "--jobs",
+        "--out",
+    ):
         assert word in done.stdout

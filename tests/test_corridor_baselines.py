@@ -11,17 +11,36 @@ from benchmarks.runs.drive import attempt
 
 def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
     """A file of T_opt, the same for all tasks."""
-    found = [{"index": e["index"], "world": e["world"], "seed": e["seed"], "start": e["start"],
-              "goal": e["goal"], "t_opt": t_opt, "t_bound": e["t_bound"]}
-             for e in episodes]  # fmt: skip
+    found = [
+        {
+            "index": e["index"],
+            "world": e["world"],
+            "seed": e["seed"],
+            "start": e["start"],
+            "goal": e["goal"],
+            "t_opt": t_opt,
+            "t_bound": e["t_bound"],
+        }
+        for e in episodes
+    ]
     head = {"kind": "optimum", "settings": {"v_max": v_max}, "drives": found}
     path.write_text(json.dumps(head))
     return path
 
 
 def test_times_are_compared_with_the_optimum_of_their_task(short_map, tmp_path, capsys):
-    command = ("--world", short_map, "--episodes", 2, "--jobs", 1, "--arms", "known",
-               "--out", tmp_path / "run")  # fmt: skip
+    command = (
+        "--world",
+        short_map,
+        "--episodes",
+        2,
+        "--jobs",
+        1,
+        "--arms",
+        "known",
+        "--out",
+        tmp_path / "run",
+    )
     assert run(*command) == 0
     assert "T_opt" not in capsys.readouterr().out
     episodes = results(tmp_path / "run")["episodes"]
@@ -40,8 +59,11 @@ def test_times_are_compared_with_the_optimum_of_their_task(short_map, tmp_path, 
 
 def test_times_of_another_car_are_no_optimum(narrow, tmp_path, capsys):
     other = optima_of(results(narrow[0])["episodes"], tmp_path / "other.json", v_max=3.0)
-    for words in (("--optimum", other), ("--optimum", tmp_path / "gone.json"),
-                  ("--optimum", other, "--v-max", 3, "--vehicle", "reeds-shepp")):  # fmt: skip
+    for words in (
+        ("--optimum", other),
+        ("--optimum", tmp_path / "gone.json"),
+        ("--optimum", other, "--v-max", 3, "--vehicle", "reeds-shepp"),
+    ):
         assert run(*words, "--out", tmp_path / "run") == 2
         assert capsys.readouterr().err.count("\n") == 1
         assert not (tmp_path / "run").exists()
@@ -59,8 +81,12 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
         return plain(settings, weights, item)
 
     monkeypatch.setattr("benchmarks.runs.drive.attempt", counted)
-    assert run(*command, "--arms", arms, "--predictor", "extend", "--baselines", first,
-               "--out", second) == 0  # fmt: skip
+    assert (
+        run(
+            *command, "--arms", arms, "--predictor", "extend", "--baselines", first, "--out", second
+        )
+        == 0
+    )
     assert driven == [(0, "predicted")]
     before, after = (results(out)["episodes"] for out in (first, second))
     assert [e["arm"] for e in after] == ["known", "predicted", "oracle"]
@@ -74,12 +100,27 @@ def test_baselines_of_another_risk_serve_the_arms_that_have_their_own(short_map,
     first, second = tmp_path / "first", tmp_path / "second"
     assert run(*command, "--arms", "known,oracle", "--out", first) == 0
     for arms, why in (("oracle", "holds a run with risk 0.05"), ("predicted", "chosen predictor")):
-        assert run(*command, "--arms", arms, "--risk", 0.2, "--baselines", first,
-                   "--out", second) == 2  # fmt: skip
+        assert (
+            run(*command, "--arms", arms, "--risk", 0.2, "--baselines", first, "--out", second) == 2
+        )
         assert why in capsys.readouterr().err
         assert not second.exists()
-    assert run(*command, "--arms", "known,oracle", "--risk", 0.2, "--expansion", 1.5,
-               "--baselines", first, "--out", second) == 0  # fmt: skip
+    assert (
+        run(
+            *command,
+            "--arms",
+            "known,oracle",
+            "--risk",
+            0.2,
+            "--expansion",
+            1.5,
+            "--baselines",
+            first,
+            "--out",
+            second,
+        )
+        == 0
+    )
     before, after = (results(out)["episodes"] for out in (first, second))
     assert after[0] == before[0]
     assert after[1] != before[1]

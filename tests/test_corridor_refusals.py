@@ -6,16 +6,38 @@ from comparison import run
 
 @pytest.mark.parametrize(
     "words",
-    [("--arms", "known,telepathic"), ("--arms", ""), ("--arms", "known,known"),
-     ("--risk", "2"), ("--risk", "nan"), ("--risk", "-0.1"), ("--risk", "much"),
-     ("--world", "missing.yaml"), ("--world", "castle"), ("--predictor", "crystal_ball"),
-     ("--predictor", "no_such_module:Class"), ("--predictor", "json:NoSuchClass"),
-     ("--predictor", "json:dumps"), ("--episodes", "0"), ("--episodes", "-3"),
-     ("--v-max", "0"), ("--v-max", "inf"), ("--window", "0"), ("--expansion", "0.5"),
-     ("--jobs", "0"), ("--route", "scenic"), ("--noise", "-1"), ("--dropout", "1"),
-     ("--seed", "-1"), ("--seed", "1.5"), ("--vehicle", "tank"), ("--faster",), ("--world",)],
+    [
+        ("--arms", "known,telepathic"),
+        ("--arms", ""),
+        ("--arms", "known,known"),
+        ("--risk", "2"),
+        ("--risk", "nan"),
+        ("--risk", "-0.1"),
+        ("--risk", "much"),
+        ("--world", "missing.yaml"),
+        ("--world", "castle"),
+        ("--predictor", "crystal_ball"),
+        ("--predictor", "no_such_module:Class"),
+        ("--predictor", "json:NoSuchClass"),
+        ("--predictor", "json:dumps"),
+        ("--episodes", "0"),
+        ("--episodes", "-3"),
+        ("--v-max", "0"),
+        ("--v-max", "inf"),
+        ("--window", "0"),
+        ("--expansion", "0.5"),
+        ("--jobs", "0"),
+        ("--route", "scenic"),
+        ("--noise", "-1"),
+        ("--dropout", "1"),
+        ("--seed", "-1"),
+        ("--seed", "1.5"),
+        ("--vehicle", "tank"),
+        ("--faster",),
+        ("--world",),
+    ],
     ids="".join,
-)  # fmt: skip
+)
 def test_bad_arguments_exit_with_two_and_one_line(words, tmp_path, capsys):
     assert run(*words, "--out", tmp_path / "run") == 2
     captured = capsys.readouterr()
@@ -36,9 +58,7 @@ def broken_maps(folder):
     (folder / "no_maps").mkdir()
 
 
-@pytest.mark.parametrize(
-    "name", ["empty.yaml", "image_missing.yaml", "not_yaml.yaml", "no_maps"]
-)  # fmt: skip
+@pytest.mark.parametrize("name", ["empty.yaml", "image_missing.yaml", "not_yaml.yaml", "no_maps"])
 def test_broken_maps_exit_with_two_and_one_line(name, tmp_path, capsys):
     broken_maps(tmp_path)
     assert run("--world", tmp_path / name, "--out", tmp_path / "run") == 2

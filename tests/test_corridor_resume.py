@@ -19,8 +19,20 @@ from sim.map_server import MapError
 def test_a_full_disk_gives_one_line_and_what_was_done_is_kept(
     short_map, tmp_path, monkeypatch, capsys
 ):
-    command = ("--world", short_map, "--episodes", 2, "--jobs", 1, "--predictor", "none", "--arms",
-               "known", "--out", tmp_path / "run")  # fmt: skip
+    command = (
+        "--world",
+        short_map,
+        "--episodes",
+        2,
+        "--jobs",
+        1,
+        "--predictor",
+        "none",
+        "--arms",
+        "known",
+        "--out",
+        tmp_path / "run",
+    )
     plain, written = resumable.write_whole, []
 
     def full(path, data):
@@ -78,8 +90,18 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
 
 
 def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, monkeypatch, capsys):
-    command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
-               "--out", tmp_path / "run")  # fmt: skip
+    command = (
+        "--world",
+        short_map,
+        "--arms",
+        "known",
+        "--episodes",
+        2,
+        "--jobs",
+        1,
+        "--out",
+        tmp_path / "run",
+    )
 
     def deadly(work, todo, *_):
         yield todo[0], work(todo[0])
@@ -100,8 +122,18 @@ def test_a_drive_that_kills_who_drives_it_stops_no_other(short_map, tmp_path, mo
 def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
     error, short_map, tmp_path, monkeypatch, capsys
 ):
-    command = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1,
-               "--out", tmp_path / "run")  # fmt: skip
+    command = (
+        "--world",
+        short_map,
+        "--arms",
+        "known",
+        "--episodes",
+        2,
+        "--jobs",
+        1,
+        "--out",
+        tmp_path / "run",
+    )
 
     def failing(settings, weights, item):
         if item[0] == 1:
@@ -144,8 +176,12 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
             os.kill(killed[0], signal.SIGKILL)
 
     monkeypatch.setattr(Store, "add", add)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
-                                  local_directory=tmp_path / "workers") as cluster:  # fmt: skip
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        dashboard_address=None,
+        local_directory=tmp_path / "workers",
+    ) as cluster:
         address = cluster.scheduler_address
         assert run(*command, "--dask", address, "--out", tmp_path / "dask") == 0
     assert killed

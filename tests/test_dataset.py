@@ -91,8 +91,7 @@ def test_frames_are_what_a_drive_through_the_building_sees(folder):
         world = generate("paper", facts["map_seed"])
         assert np.array_equal(frames.maps[number], truth_codes(world.grid.free, world.surface))
     truth = frames.truth(slice(None), 2.0)
-    for images, there in ((frames.estimated, truth[:, 50:150, 50:150]),
-                          (frames.remembered, truth)):  # fmt: skip
+    for images, there in ((frames.estimated, truth[:, 50:150, 50:150]), (frames.remembered, truth)):
         assert (images[images != 2] == there[images != 2]).all()
         assert 0.05 < (images != 2).mean() < 1.0
     inner = frames.remembered[:, 50:150, 50:150]
@@ -139,8 +138,16 @@ def test_a_killed_set_ends_as_if_it_had_not_been(folder, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_set_killed_without_warning_goes_on(folder, tmp_path):
-    command = [sys.executable, "-m", "predictor.dataset", "--out", str(tmp_path), "--jobs", "2",
-               *ARGUMENTS]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "predictor.dataset",
+        "--out",
+        str(tmp_path),
+        "--jobs",
+        "2",
+        *ARGUMENTS,
+    ]
     process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.DEVNULL)
     try:
         for _ in range(6000):
@@ -181,11 +188,21 @@ def test_a_building_in_two_splits_is_refused():
 
 
 @pytest.mark.parametrize(
-    "wrong", [["--train", "3"], ["--test", "1"], ["--more", "-1"], ["--jobs", "0"],
-              ["--length", "0"], ["--log", "nowhere.log"], ["--log", ""],
-              ["--more", "1000000000000"], ["--clutter", "1e300"], ["--people", "1e300"],
-              ["--noise", "nan"]]
-)  # fmt: skip
+    "wrong",
+    [
+        ["--train", "3"],
+        ["--test", "1"],
+        ["--more", "-1"],
+        ["--jobs", "0"],
+        ["--length", "0"],
+        ["--log", "nowhere.log"],
+        ["--log", ""],
+        ["--more", "1000000000000"],
+        ["--clutter", "1e300"],
+        ["--people", "1e300"],
+        ["--noise", "nan"],
+    ],
+)
 def test_arguments_that_make_no_sense_are_refused(wrong, tmp_path, capsys):
     assert main([*wrong, "--out", str(tmp_path / "out")]) == 2
     assert wrong[0] in (said := capsys.readouterr().err) or wrong[1] in said

@@ -24,9 +24,18 @@ def lines_in(room, vertices, pose, unsure=False, goal=ANYWHERE, config=CONFIG):
     way = Path.through(np.array(vertices), "").points
     clearance = distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION)
     everywhere = np.full(room.frame.shape, unsure)
-    return way, list(lines_along(way, np.array(pose, dtype=float), clearance, room.frame,
-                                 everywhere, goal, 0.95 * CAR.max_curvature,
-                                 config))  # fmt: skip
+    return way, list(
+        lines_along(
+            way,
+            np.array(pose, dtype=float),
+            clearance,
+            room.frame,
+            everywhere,
+            goal,
+            0.95 * CAR.max_curvature,
+            config,
+        )
+    )
 
 
 def line_in(*args, **settings):
@@ -56,8 +65,9 @@ def off(points, way) -> float:
 def test_a_straight_way_stays_straight(unsure, angle):
     ahead = np.array([math.cos(angle), math.sin(angle)])
     start = np.array([10.0, 10.0])
-    way, line = line_in(Room(20.0, 20.0), [start, start + 5.999999 * ahead], (*start, angle),
-                       unsure=unsure)  # fmt: skip
+    way, line = line_in(
+        Room(20.0, 20.0), [start, start + 5.999999 * ahead], (*start, angle), unsure=unsure
+    )
     assert line == pytest.approx(way, abs=1e-5)
 
 
@@ -119,9 +129,11 @@ def test_along_a_way_of_a_few_points_there_is_no_line(count):
 
 @pytest.mark.parametrize(
     ("vertices", "pose"),
-    [([(1.0, 1.0), (7.0, 1.0), (7.0, 7.0)], (1.0, 0.8, 0.2)),
-     ([(2.0, 0.6), (6.0, 1.4), (7.2, 6.0)], (2.0, 0.6, -0.3))],
-)  # fmt: skip
+    [
+        ([(1.0, 1.0), (7.0, 1.0), (7.0, 7.0)], (1.0, 0.8, 0.2)),
+        ([(2.0, 0.6), (6.0, 1.4), (7.2, 6.0)], (2.0, 0.6, -0.3)),
+    ],
+)
 def test_the_mirror_image_of_a_map_has_the_mirror_image_of_the_line(vertices, pose):
     plain, other = corner(), corner()
     other.cells = other.cells[::-1].copy()
@@ -147,8 +159,9 @@ def test_a_straight_line_has_no_curvature():
 
 @given(angle=st.floats(1.6, math.pi), on=st.floats(0.02, 0.3), back=st.floats(0.02, 0.3))
 def test_a_line_that_turns_back_is_tighter_than_any_car_can_steer(angle, on, back):
-    points = np.array([(0.0, 0.0), (on, 0.0),
-                       (on + back * math.cos(angle), back * math.sin(angle))])  # fmt: skip
+    points = np.array(
+        [(0.0, 0.0), (on, 0.0), (on + back * math.cos(angle), back * math.sin(angle))]
+    )
     assert np.abs(curvatures(points)).max() > 2 * CAR.max_curvature
 
 

@@ -36,11 +36,18 @@ class Shunter:
         plan = SimpleNamespace(states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)), gear=gear)
         frame = self.known.frame.square(state[0], state[1], 5.0)
         return SimpleNamespace(
-            control=np.array(control), plan=plan, limit=Limit.GOAL, faults=(), emergency=False,
-            relied=np.empty((0, 2)), relied_trust=np.empty(0), times={"cycle": 1.0}, path=None,
+            control=np.array(control),
+            plan=plan,
+            limit=Limit.GOAL,
+            faults=(),
+            emergency=False,
+            relied=np.empty((0, 2)),
+            relied_trust=np.empty(0),
+            times={"cycle": 1.0},
+            path=None,
             risk_map=RiskMap.from_prediction(self.known.crop(frame), None, 0.0, 0.0),
             prediction=None,
-        )  # fmt: skip
+        )
 
 
 def drive(controls, seconds=10.0):

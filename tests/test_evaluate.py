@@ -29,8 +29,19 @@ def run(*words):
 @pytest.fixture(scope="module")
 def evaluated(maps, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
-    command = ("--world", maps, "--drives", 1, "--predictors", "none", "extend", "--jobs", 1,
-               "--out", out)  # fmt: skip
+    command = (
+        "--world",
+        maps,
+        "--drives",
+        1,
+        "--predictors",
+        "none",
+        "extend",
+        "--jobs",
+        1,
+        "--out",
+        out,
+    )
     assert run(*command) == 0
     return out, command
 
@@ -97,8 +108,18 @@ def test_bad_arguments_are_one_line_and_leave_nothing_behind(wrong, tmp_path, ca
 
 
 def test_a_damaged_part_is_scored_again(maps, tmp_path):
-    command = ("--world", maps / "hall.yaml", "--drives", 1, "--predictors", "none", "--jobs", 1,
-               "--out", tmp_path)  # fmt: skip
+    command = (
+        "--world",
+        maps / "hall.yaml",
+        "--drives",
+        1,
+        "--predictors",
+        "none",
+        "--jobs",
+        1,
+        "--out",
+        tmp_path,
+    )
     assert run(*command) == 0
     before = json.loads((tmp_path / "results.json").read_text())["groups"]
     (part,) = (tmp_path / "parts").iterdir()
@@ -157,12 +178,24 @@ def test_buildings_that_a_predictor_has_learned_from_are_told(maps, monkeypatch)
 
 
 def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
-    command = ("--world", "corridor", "office", "--drives", 1, "--predictors", "none", "--jobs", 2,
-               "--out", tmp_path)  # fmt: skip
+    command = (
+        "--world",
+        "corridor",
+        "office",
+        "--drives",
+        1,
+        "--predictors",
+        "none",
+        "--jobs",
+        2,
+        "--out",
+        tmp_path,
+    )
     assert run(*command) == 0
     groups = json.loads((tmp_path / "results.json").read_text())["groups"]
-    one, other, both = (groups[name]["predictors"]["none"] for name in ("corridor", "office",
-                        "corridor + office"))  # fmt: skip
+    one, other, both = (
+        groups[name]["predictors"]["none"] for name in ("corridor", "office", "corridor + office")
+    )
     assert both["cells"] == one["cells"] + other["cells"]
     mean = (one["cells"] * one["brier_free"] + other["cells"] * other["brier_free"]) / both["cells"]
     assert both["brier_free"] == pytest.approx(mean)

@@ -201,8 +201,11 @@ print("driven", flush=True)
 def test_a_predictor_that_hangs_for_good_does_not_keep_the_program_from_ending():
     done = subprocess.run(
         [sys.executable, "-c", HANGS_FOR_GOOD, str(Path(__file__).parent)],
-        capture_output=True, text=True, timeout=20, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "driven" in done.stdout
 
@@ -225,9 +228,10 @@ def scans_that_are_bad():
         "increment of infinity": dataclasses.replace(good, angle_increment=math.inf),
         "range_max of zero": dataclasses.replace(good, range_max=0.0),
         "range_max of none": dataclasses.replace(good, range_max=None),
-        "mount of nan": Scan(good.ranges, good.angle_min, good.angle_increment, 20.0,
-                             (math.nan, 0.0, 0.0)),
-    }  # fmt: skip
+        "mount of nan": Scan(
+            good.ranges, good.angle_min, good.angle_increment, 20.0, (math.nan, 0.0, 0.0)
+        ),
+    }
 
 
 SILENT = ("nan", "negative", "minus infinity")

@@ -39,10 +39,17 @@ def write_run(directory, arms=("known", "predicted"), outcomes=None, episodes=2)
             for name, value in trace(cells, 1.0 + number, arm).items():
                 arrays[f"e{index}/{arm}/{name}"] = value
             result = a_result(
-                arm=arm, index=index, world="corridor-0", seed=index, goal=[10.0, 2.0],
-                outcome=(outcomes or {}).get((index, arm), "reached"), time=TICKS * 0.1,
-                path_length=1.0 + number, mean_speed=1.0 + number, sct=0.25 * (1 + number),
-            )  # fmt: skip
+                arm=arm,
+                index=index,
+                world="corridor-0",
+                seed=index,
+                goal=[10.0, 2.0],
+                outcome=(outcomes or {}).get((index, arm), "reached"),
+                time=TICKS * 0.1,
+                path_length=1.0 + number,
+                mean_speed=1.0 + number,
+                sct=0.25 * (1 + number),
+            )
             entries.append(asdict(result))
     np.savez_compressed(directory / "traces.npz", **arrays)
     results = {
@@ -63,21 +70,29 @@ def trace(cells, acceleration, arm):
     first_seen[:, 40:60] = TICKS // 2
     known = np.where(first_seen == 1, cells, np.int8(-1))
     out = {
-        "states": states, "controls": controls.astype(np.float32), "plans": plans,
+        "states": states,
+        "controls": controls.astype(np.float32),
+        "plans": plans,
         "limits": np.arange(TICKS, dtype=np.uint8) % 2,
         "limit_names": np.array(["acceleration", "unseen space"]),
         "first_seen": first_seen,
         "relied_count": np.full(TICKS, 2, np.int32),
         "relied_cells": np.tile(np.array([[20, 41], [20, 42]], np.int16), (TICKS, 1)),
-        "moment_tick": np.array(3), "moment_frame": np.array([0.1, 0.0, 0.0]),
-        "moment_known": known, "moment_safe": known == 0,
+        "moment_tick": np.array(3),
+        "moment_frame": np.array([0.1, 0.0, 0.0]),
+        "moment_known": known,
+        "moment_safe": known == 0,
         "moment_plan": roll_out(states[3], plans[3], 0.1).astype(np.float32),
         "moment_path": np.array([[1.0, 2.0], [10.0, 2.0]], np.float32),
-    }  # fmt: skip
+    }
     if arm == "predicted":
         belief = np.full((40, 40), 128, np.uint8)
-        out |= {"moment_prediction_frame": np.array([0.1, 2.0, 0.0]), "moment_p_free": belief,
-                "moment_p_occupied": belief // 2, "moment_confidence": belief}  # fmt: skip
+        out |= {
+            "moment_prediction_frame": np.array([0.1, 2.0, 0.0]),
+            "moment_p_free": belief,
+            "moment_p_occupied": belief // 2,
+            "moment_confidence": belief,
+        }
     return out
 
 
@@ -106,8 +121,11 @@ def backed_up(directory):
     back = roll_out(there[-1], np.array([[1.0, 0.5]] * 6), 0.1, -1)
     states = np.vstack([there, back[1:]])
     plan = roll_out(states[-1], np.array([[1.0, 0.5]] * 3 + [[-1.0, 0.5]] * 9), 0.1)
-    arrays |= {"e0/known/states": states, "e0/known/moment_plan": plan.astype(np.float32),
-               "e0/known/gears": np.repeat([1, -1], 6).astype(np.int8)}  # fmt: skip
+    arrays |= {
+        "e0/known/states": states,
+        "e0/known/moment_plan": plan.astype(np.float32),
+        "e0/known/gears": np.repeat([1, -1], 6).astype(np.int8),
+    }
     np.savez_compressed(directory / "traces.npz", **arrays)
     return directory
 
@@ -225,8 +243,20 @@ def test_the_map_of_an_animation_grows_as_cells_are_seen(tmp_path):
     assert known == sorted(known)
 
 
-@pytest.mark.parametrize("spoil", ["empty", "missing", "file", "broken", "list", "no traces",
-                                   "bad traces", "no episodes", "bad episode"])  # fmt: skip
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        "empty",
+        "missing",
+        "file",
+        "broken",
+        "list",
+        "no traces",
+        "bad traces",
+        "no episodes",
+        "bad episode",
+    ],
+)
 def test_bad_input_ends_with_status_2_and_one_line(tmp_path, capsys, spoil):
     run = tmp_path / "run"
     if spoil == "empty":
@@ -290,8 +320,10 @@ def test_arrays_of_the_wrong_kind_are_named(tmp_path, capsys, name, value):
     assert name in said or "frame" in name
 
 
-@pytest.mark.parametrize("extra", [["--episode", "7"], ["--arm", "oracle"], ["--episode", "x"],
-                                   ["--stride", "0"], ["--colour"]])  # fmt: skip
+@pytest.mark.parametrize(
+    "extra",
+    [["--episode", "7"], ["--arm", "oracle"], ["--episode", "x"], ["--stride", "0"], ["--colour"]],
+)
 def test_bad_arguments_end_with_status_2_and_one_line(tmp_path, capsys, extra):
     run = write_run(tmp_path / "run")
     try:

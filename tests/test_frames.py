@@ -218,8 +218,12 @@ def test_a_manifest_that_is_no_json_is_an_error(folder):
 
 def test_a_set_goes_on_where_it_was(tmp_path):
     write_set(tmp_path, NAMES[:2])
-    gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], check=True,
-                          capture_output=True, text=True).stdout.strip()  # fmt: skip
+    gone = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.strip()
     (tmp_path / f"test-000.npz.{gone}.tmp").write_bytes(b"half")
     again = FrameSet(tmp_path, "simulated", {"a": 1}, NAMES)
     assert again.missing == ["test-000"]

@@ -7,9 +7,7 @@ from hypothesis.extra.numpy import arrays
 
 from predictor.networks.grey_map import LEVELS, counted, fitted, level_of, literal
 
-COUNTS = arrays(
-    np.int64, (LEVELS, 3), elements=st.integers(0, 10**6), fill=st.just(0)
-)  # fmt: skip
+COUNTS = arrays(np.int64, (LEVELS, 3), elements=st.integers(0, 10**6), fill=st.just(0))
 
 
 @given(COUNTS)

@@ -51,8 +51,9 @@ def mutated(good: bytes):
     """Bytes that are good but for a few places, or anything at all."""
     edits = st.lists(
         st.tuples(st.integers(0, len(good)), st.integers(0, 40), st.binary(max_size=12)),
-        min_size=1, max_size=4,
-    )  # fmt: skip
+        min_size=1,
+        max_size=4,
+    )
 
     def apply(changes):
         data = good
@@ -105,8 +106,9 @@ def test_a_bags_metadata_of_any_bytes(folder, data):
     said_in_one_line(lambda: read_yaml(folder / "metadata.yaml", 10_000), YamlError)
 
 
-WEIGHTS = save({"w": torch.zeros(2)}, metadata={"architecture": "x", "facts": "{}",
-                                                "fingerprint": "0"})  # fmt: skip
+WEIGHTS = save(
+    {"w": torch.zeros(2)}, metadata={"architecture": "x", "facts": "{}", "fingerprint": "0"}
+)
 
 
 @given(mutated(WEIGHTS))
@@ -161,15 +163,24 @@ def test_a_shard_of_any_bytes(folder, good_shard, data):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"ends": np.array([5.5])}, {"ends": np.array([[1]])}, {"ends": np.array(["a"])},
-     {"ends": np.array([-1])}, {"ends": np.array([10**9])}, {"ends": np.array([9, 3])},
-     {"codes": np.zeros(3)}, {"codes": np.array(["x"])}, {"codes": np.zeros((2, 2), np.uint8)},
-     {"codes": np.frombuffer(zlib.compress(bytes([9]) * SIDE**2), np.uint8)},
-     {"codes": np.frombuffer(zlib.compress(bytes(500_000_000)), np.uint8)},
-     {"about": np.frombuffer(b"[]", np.uint8)}, {"about": np.frombuffer(DEEP, np.uint8)},
-     {"about": np.frombuffer(b'{"format": 1, "side": 280}', np.uint8)}],
+    [
+        {"ends": np.array([5.5])},
+        {"ends": np.array([[1]])},
+        {"ends": np.array(["a"])},
+        {"ends": np.array([-1])},
+        {"ends": np.array([10**9])},
+        {"ends": np.array([9, 3])},
+        {"codes": np.zeros(3)},
+        {"codes": np.array(["x"])},
+        {"codes": np.zeros((2, 2), np.uint8)},
+        {"codes": np.frombuffer(zlib.compress(bytes([9]) * SIDE**2), np.uint8)},
+        {"codes": np.frombuffer(zlib.compress(bytes(500_000_000)), np.uint8)},
+        {"about": np.frombuffer(b"[]", np.uint8)},
+        {"about": np.frombuffer(DEEP, np.uint8)},
+        {"about": np.frombuffer(b'{"format": 1, "side": 280}', np.uint8)},
+    ],
     ids=range(14),
-)  # fmt: skip
+)
 def test_a_shard_with_fields_of_the_wrong_kind_is_named(tmp_path, wrong):
     if "codes" in wrong and "ends" not in wrong:
         wrong["ends"] = np.array([wrong["codes"].size])
@@ -192,17 +203,21 @@ def expanding(depth=30):
 
 @pytest.mark.parametrize(
     ("data", "why"),
-    [(expanding(), "anchors and aliases"), (YAML + b"<<: {negate: 1}\n", "merge keys"),
-     (YAML.replace(b"0.1", b"1" + b":59" * 60_000), "over 20000 bytes"),
-     (YAML.replace(b"0.1", b"1" + b":59" * 3_000), "over 4000 characters"),
-     (YAML.replace(b"0.1", b"9" * 3_900), "finite number"),
-     (YAML + b"deep: " + b"[" * 5000, "nested"),
-     (YAML.replace(b"0.1", b"1e9"), "resolution"), (YAML.replace(b"0.1", b"1e-9"), "resolution"),
-     (YAML.replace(b"2.0", b"1e9"), "origin"),
-     (YAML.replace(b"map.pgm", b"m" * 3_000), "usable image"),
-     (YAML.replace(b"map.pgm", b'"\\e[31m\\x07"'), "is not there")],
+    [
+        (expanding(), "anchors and aliases"),
+        (YAML + b"<<: {negate: 1}\n", "merge keys"),
+        (YAML.replace(b"0.1", b"1" + b":59" * 60_000), "over 20000 bytes"),
+        (YAML.replace(b"0.1", b"1" + b":59" * 3_000), "over 4000 characters"),
+        (YAML.replace(b"0.1", b"9" * 3_900), "finite number"),
+        (YAML + b"deep: " + b"[" * 5000, "nested"),
+        (YAML.replace(b"0.1", b"1e9"), "resolution"),
+        (YAML.replace(b"0.1", b"1e-9"), "resolution"),
+        (YAML.replace(b"2.0", b"1e9"), "origin"),
+        (YAML.replace(b"map.pgm", b"m" * 3_000), "usable image"),
+        (YAML.replace(b"map.pgm", b'"\\e[31m\\x07"'), "is not there"),
+    ],
     ids=range(11),
-)  # fmt: skip
+)
 def test_a_map_file_that_means_harm_is_refused(tmp_path, data, why):
     (tmp_path / "map.yaml").write_bytes(data)
     with pytest.raises(MapError, match=why) as found:
@@ -226,8 +241,9 @@ def test_no_image_starts_another_program(tmp_path, monkeypatch, suffix):
 
 def test_a_png_that_decodes_to_gigabytes_is_refused_before_it_is_decoded(tmp_path):
     def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(
-            ">I", zlib.crc32(kind + data))  # fmt: skip
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     header = struct.pack(">IIBBBBB", 100_000, 100_000, 8, 0, 0, 0, 0)
     png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", b"") + chunk(b"IEND", b"")

@@ -33,8 +33,13 @@ def arc(pose, gear, kappa, metres):
     if abs(kappa) < 1e-9:
         return np.array([x + s * math.cos(yaw), y + s * math.sin(yaw), yaw])
     end = yaw + kappa * s
-    return np.array([x + (math.sin(end) - math.sin(yaw)) / kappa,
-                     y - (math.cos(end) - math.cos(yaw)) / kappa, end])  # fmt: skip
+    return np.array(
+        [
+            x + (math.sin(end) - math.sin(yaw)) / kappa,
+            y - (math.cos(end) - math.cos(yaw)) / kappa,
+            end,
+        ]
+    )
 
 
 def driven(leg):

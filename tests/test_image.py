@@ -51,8 +51,10 @@ def test_images_are_mirrored_as_maps_are(side):
 def test_several_maps_at_once():
     codes = np.stack([some_codes(110, seed) for seed in range(3)])
     together = image_of(codes, 128)
-    assert all(np.array_equal(image_of(one, 128), image)
-               for one, image in zip(codes, together, strict=True))  # fmt: skip
+    assert all(
+        np.array_equal(image_of(one, 128), image)
+        for one, image in zip(codes, together, strict=True)
+    )
 
 
 @pytest.mark.parametrize("expansion", EXPANSIONS)

@@ -155,8 +155,14 @@ def test_every_frame_is_learnt_from_once_an_epoch(tmp_path, monkeypatch):
 def test_the_weights_say_how_and_on_what_they_were_trained(tmp_path):
     path = trainer(tmp_path, "gan", epochs=0.4).run()
     net, facts = load_weights(path, ImageNet)
-    assert facts["network"] == {"arch": "gan", "expansion": 1.3, "given": "crop", "over": "batch",
-                                "turned": False, **TINY}  # fmt: skip
+    assert facts["network"] == {
+        "arch": "gan",
+        "expansion": 1.3,
+        "given": "crop",
+        "over": "batch",
+        "turned": False,
+        **TINY,
+    }
     assert facts["config"]["epochs"] == 0.4
     assert (facts["steps"], facts["frames"]) == (2, 10)
     assert (facts["worlds"], facts["validation_worlds"]) == ([f"{1:032x}"], [f"{2:032x}"])
@@ -217,8 +223,27 @@ def test_twenty_steps_of_the_papers_own_u_net(tmp_path):
     """Reduced in nothing but its epochs: 54 million parameters, images of 256 pixels."""
     data, out = tmp_path / "data", tmp_path / "out"
     write_frames(data, {"train": TRAIN, "validation": VALIDATION})
-    assert main(["--arch", "unet_ff", "--expansion", "1.1", "--preset", "paper", "--epochs", "2",
-                 "--data", str(data), "--out", str(out), "--jobs", "1"]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "--arch",
+                "unet_ff",
+                "--expansion",
+                "1.1",
+                "--preset",
+                "paper",
+                "--epochs",
+                "2",
+                "--data",
+                str(data),
+                "--out",
+                str(out),
+                "--jobs",
+                "1",
+            ]
+        )
+        == 0
+    )
     net, facts = load_weights(out / "unet_ff.safetensors", ImageNet)
     assert facts["steps"] == 20
     assert reduced(facts) == {"epochs": 2.0, "frames": 10}
@@ -239,8 +264,24 @@ def test_two_hundred_epochs_are_what_the_paper_made(tmp_path):
 def test_one_command_trains_and_writes_weights(tmp_path, capsys):
     data, out = tmp_path / "data", tmp_path / "out"
     write_frames(data, {"train": TRAIN, "validation": VALIDATION})
-    command = ["--arch", "unet_ff", "--expansion", "1.5", "--preset", "short", "--width", "0.0625",
-               "--side", "64", "--data", str(data), "--out", str(out), "--jobs", "1"]  # fmt: skip
+    command = [
+        "--arch",
+        "unet_ff",
+        "--expansion",
+        "1.5",
+        "--preset",
+        "short",
+        "--width",
+        "0.0625",
+        "--side",
+        "64",
+        "--data",
+        str(data),
+        "--out",
+        str(out),
+        "--jobs",
+        "1",
+    ]
     assert main(command) == 0
     path = out / "unet_ff.safetensors"
     assert capsys.readouterr().out.strip() == str(path)

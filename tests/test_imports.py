@@ -49,8 +49,13 @@ def test_own_imports_inside_functions_are_those_of_commands():
 def test_a_file_that_hides_a_package_is_named_in_a_line(tmp_path, name):
     (tmp_path / f"{name}.py").write_text("")
     command = [sys.executable, "-m", "benchmarks.corridor", "--help"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True,
-                          env={"PYTHONPATH": str(ROOT), "PATH": ""})  # fmt: skip
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+    )
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert f"{name}.py hides the package {name}" in done.stderr
@@ -59,8 +64,10 @@ def test_a_file_that_hides_a_package_is_named_in_a_line(tmp_path, name):
 def test_the_console_script_is_not_misled_by_it(tmp_path):
     for name in PACKAGES:
         (tmp_path / f"{name}.py").write_text("raise RuntimeError")
-    code = (f"import sys; sys.path[0] = {str(ROOT)!r}; from benchmarks.foresee import main; "
-            "sys.exit(main(['corridor', '--help']))")  # fmt: skip
+    code = (
+        f"import sys; sys.path[0] = {str(ROOT)!r}; from benchmarks.foresee import main; "
+        "sys.exit(main(['corridor', '--help']))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
     )

@@ -54,8 +54,10 @@ def test_kernels_that_none_uses_any_more_go_and_others_stay(tmp_path):
     (tmp_path / "module.pyc").touch()
     assert kept(tmp_path, "mine") == tmp_path / "kernels-mine"
     assert {path.name for path in tmp_path.iterdir()} == {
-        "kernels-recent", "kernels-mine", "module.pyc"
-    }  # fmt: skip
+        "kernels-recent",
+        "kernels-mine",
+        "module.pyc",
+    }
     assert (tmp_path / "kernels-mine" / "kernel.nbi").exists()
 
 

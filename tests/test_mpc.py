@@ -23,8 +23,7 @@ DT = 0.1
 CHECKER = CollisionChecker(CAR, DT)
 N_CELLS = 240
 FRAME = GridFrame(0.05, (-2.0, -6.0), (N_CELLS, N_CELLS))
-BOUNDS = (DT, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration,
-          CAR.max_curvature)  # fmt: skip
+BOUNDS = (DT, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration, CAR.max_curvature)
 
 speeds = st.floats(0.0, CAR.v_max)
 seeds = st.integers(0, 2**32 - 1)
@@ -159,8 +158,15 @@ def test_the_stage_derivatives_agree_with_finite_differences(seed):
     rng = np.random.default_rng(seed)
     effort = rng.uniform(0.0, 1.0, 2)
     stage = stage_functions(DT, 1, effort)
-    z = np.concatenate([rng.uniform(-5, 5, 2), rng.uniform(-3, 3, 1), rng.uniform(0.3, 4, 1),
-                        rng.uniform(-1.5, 1.5, 1), rng.uniform(-1.25, 1.25, 1)])  # fmt: skip
+    z = np.concatenate(
+        [
+            rng.uniform(-5, 5, 2),
+            rng.uniform(-3, 3, 1),
+            rng.uniform(0.3, 4, 1),
+            rng.uniform(-1.5, 1.5, 1),
+            rng.uniform(-1.25, 1.25, 1),
+        ]
+    )
     multiplier, reference = rng.normal(size=4), rng.normal(size=9)
 
     def successor(z):

@@ -26,10 +26,21 @@ def test_a_state_that_is_not_finite_is_refused():
         driver.step(np.array([0.0, math.nan, 0.0, 0.0]), LIDAR.scan(task.world, task.start))
 
 
-@pytest.mark.parametrize("changes", [{"risk": -0.1}, {"risk": 1.1}, {"risk": math.nan},
-                                     {"expansion": 0.9}, {"margin": math.nan}, {"margin": -0.1},
-                                     {"window": math.nan}, {"window": 0.0}, {"deadline": math.nan},
-                                     {"start_margin": -1.0}])  # fmt: skip
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"risk": -0.1},
+        {"risk": 1.1},
+        {"risk": math.nan},
+        {"expansion": 0.9},
+        {"margin": math.nan},
+        {"margin": -0.1},
+        {"window": math.nan},
+        {"window": 0.0},
+        {"deadline": math.nan},
+        {"start_margin": -1.0},
+    ],
+)
 def test_settings_that_make_no_sense_are_refused(changes):
     with pytest.raises(ValueError, match="must"):
         NavigatorConfig(**changes)
@@ -81,8 +92,9 @@ def test_a_plan_that_waits_first_is_driven_at_once_over_the_same_cells(waits, ka
     assert plan.states[: len(plan.states) - waits] == pytest.approx(waiting.states[waits:])
     assert plan.states[-1] == pytest.approx(waiting.states[-1])
     every = np.ones(frame.shape, dtype=bool)
-    mine, others = (swept_cells(p, 0.1, driver.config.car.body, frame, every)
-                    for p in (plan, waiting))  # fmt: skip
+    mine, others = (
+        swept_cells(p, 0.1, driver.config.car.body, frame, every) for p in (plan, waiting)
+    )
     assert np.array_equal(np.array(mine), np.array(others))
 
 

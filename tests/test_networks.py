@@ -112,8 +112,13 @@ def test_first_weights_are_normal(sigma):
     torch.manual_seed(0)
     net = UNet(64, 0.25, "batch")
     initialise(net, sigma)
-    weights = torch.cat([m.weight.detach().flatten() for m in net.modules()
-                         if isinstance(m, nn.Conv2d | nn.ConvTranspose2d)])  # fmt: skip
+    weights = torch.cat(
+        [
+            m.weight.detach().flatten()
+            for m in net.modules()
+            if isinstance(m, nn.Conv2d | nn.ConvTranspose2d)
+        ]
+    )
     assert float(weights.std()) == pytest.approx(sigma, rel=0.01)
     assert abs(float(weights.mean())) < 0.01 * sigma
 

@@ -126,8 +126,9 @@ def test_signed_distance_is_to_the_cells_squares():
         if solid[i, j]:
             assert found[i, j] < 0.0
         else:
-            beside = np.hypot(np.maximum(np.abs(rows - i) - 0.5, 0.0),
-                              np.maximum(np.abs(cols - j) - 0.5, 0.0))  # fmt: skip
+            beside = np.hypot(
+                np.maximum(np.abs(rows - i) - 0.5, 0.0), np.maximum(np.abs(cols - j) - 0.5, 0.0)
+            )
             assert found[i, j] == pytest.approx(beside.min())
 
 
@@ -148,8 +149,16 @@ def test_nothing_of_it_needs_the_planner():
 
 
 def result(index, t_opt=2.0):
-    return {"index": index, "world": f"w-{index}", "seed": index, "start": [0.12345, -1e-9, 1.0],
-            "goal": [3.0, 4.0], "t_opt": t_opt, "t_bound": 1.5, "shortest": 6.0}  # fmt: skip
+    return {
+        "index": index,
+        "world": f"w-{index}",
+        "seed": index,
+        "start": [0.12345, -1e-9, 1.0],
+        "goal": [3.0, 4.0],
+        "t_opt": t_opt,
+        "t_bound": 1.5,
+        "shortest": 6.0,
+    }
 
 
 @pytest.fixture
@@ -201,11 +210,18 @@ def test_times_are_found_by_task_whatever_the_rounding(tmp_path, counted):
 
 @pytest.mark.parametrize(
     "text",
-    ["{", "{}", "[]", "[" * 100_000, '{"kind": "attack"}', '{"kind": "x"}',
-     '{"command": "benchmarks.optimum", "settings": {}, "drives": []}',
-     '{"kind": "optimum", "settings": {}, "drives": [{}]}'],
+    [
+        "{",
+        "{}",
+        "[]",
+        "[" * 100_000,
+        '{"kind": "attack"}',
+        '{"kind": "x"}',
+        '{"command": "benchmarks.optimum", "settings": {}, "drives": []}',
+        '{"kind": "optimum", "settings": {}, "drives": [{}]}',
+    ],
     ids=["{", "{}", "[]", "deep", "other", "strange", "old", "empty"],
-)  # fmt: skip
+)
 def test_a_file_of_something_else_is_named_in_one_line(tmp_path, capsys, text):
     out = tmp_path / "optimum.json"
     out.write_text(text)

@@ -127,8 +127,10 @@ def test_the_drivable_part_of_a_path_turns_no_tighter_than_the_car_can(seed):
     # power, so that a tighter turn shows.
     p = path.points[: path.drivable]
     a, b = p[5:-5] - p[:-10], p[10:] - p[5:-5]
-    turn = np.abs((np.arctan2(b[:, 1], b[:, 0]) - np.arctan2(a[:, 1], a[:, 0]) + math.pi)
-                  % (2 * math.pi) - math.pi)  # fmt: skip
+    turn = np.abs(
+        (np.arctan2(b[:, 1], b[:, 0]) - np.arctan2(a[:, 1], a[:, 0]) + math.pi) % (2 * math.pi)
+        - math.pi
+    )
     assert turn.max() <= 5 * SPACING / 0.8 + 0.02
 
 

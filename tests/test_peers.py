@@ -57,9 +57,12 @@ def test_the_map_is_read_and_derived_as_ours_is():
     rng = np.random.default_rng(0)
     states = rng.uniform([2, -2, -3, 0], [8, 2, 3, 4], (50, 4))
     value, gradient = condense.clearances(
-        risk.clearance, risk.frame.resolution, risk.frame.origin, states,
+        risk.clearance,
+        risk.frame.resolution,
+        risk.frame.origin,
+        states,
         mpc.limits.body.length / 4,
-    )  # fmt: skip
+    )
     for i, state in enumerate(states):
         got, derived = read(state)
         assert np.asarray(got).ravel() == pytest.approx(value[i], abs=1e-9)

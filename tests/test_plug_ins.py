@@ -25,9 +25,25 @@ class MyPredictor:
 
 def test_a_plug_in_in_a_file_of_ones_own_runs_from_any_folder(short_map, tmp_path):
     (tmp_path / "my_module.py").write_text(PLUG_IN)
-    done = python("-m", "benchmarks.corridor", "--predictor", "my_module:MyPredictor",
-                  "--world", short_map, "--arms", "predicted", "--risk", 0.5, "--episodes", 2,
-                  "--jobs", 2, "--out", "run", cwd=tmp_path)  # fmt: skip
+    done = python(
+        "-m",
+        "benchmarks.corridor",
+        "--predictor",
+        "my_module:MyPredictor",
+        "--world",
+        short_map,
+        "--arms",
+        "predicted",
+        "--risk",
+        0.5,
+        "--episodes",
+        2,
+        "--jobs",
+        2,
+        "--out",
+        "run",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     r = results(tmp_path / "run")
     assert r["settings"]["predictor"] == "my_module:MyPredictor"
@@ -57,9 +73,23 @@ def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_pat
     def go(fingerprint):
         text = STUDENT.format(path=str(short_map), fingerprint=fingerprint)
         (tmp_path / "school.py").write_text(text)
-        return python("-m", "benchmarks.corridor", "--predictor", "school:Student", "--world",
-                      short_map, "--arms", "known,predicted", "--episodes", 1, "--jobs", 1,
-                      "--out", "run", cwd=tmp_path)  # fmt: skip
+        return python(
+            "-m",
+            "benchmarks.corridor",
+            "--predictor",
+            "school:Student",
+            "--world",
+            short_map,
+            "--arms",
+            "known,predicted",
+            "--episodes",
+            1,
+            "--jobs",
+            1,
+            "--out",
+            "run",
+            cwd=tmp_path,
+        )
 
     first = go("one")
     assert first.returncode == 0, first.stderr

@@ -167,9 +167,12 @@ class Remembers:
 
 def test_check_predictor_warns_of_what_a_drive_would_suffer_from():
     assert check_predictor(Claims(0.9)) == ()
-    for predictor, said in [(Claims(1.0), "certainty about"), (Claims(0.5, nan=3), "NaN in"),
-                            (Claims(0.5, seconds=0.11), "an answer took"),
-                            (Remembers(), "what was asked before")]:  # fmt: skip
+    for predictor, said in [
+        (Claims(1.0), "certainty about"),
+        (Claims(0.5, nan=3), "NaN in"),
+        (Claims(0.5, seconds=0.11), "an answer took"),
+        (Remembers(), "what was asked before"),
+    ]:
         [warning] = check_predictor(predictor)
         assert said in warning
 

@@ -96,9 +96,25 @@ def one_whole_network():
 @pytest.fixture(scope="module")
 def done(sets, study, tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
-    arguments = ["--out", str(out), "--data", str(sets / "simulated"), "--logs",
-                 str(sets / "physical"), "--predictors", "none", "extend", str(study),
-                 "--expansions", "1.1", "1.3", "--apart", "0", "--jobs", "1"]  # fmt: skip
+    arguments = [
+        "--out",
+        str(out),
+        "--data",
+        str(sets / "simulated"),
+        "--logs",
+        str(sets / "physical"),
+        "--predictors",
+        "none",
+        "extend",
+        str(study),
+        "--expansions",
+        "1.1",
+        "1.3",
+        "--apart",
+        "0",
+        "--jobs",
+        "1",
+    ]
     assert main(arguments) == 0
     return out, arguments, json.loads((out / "results.json").read_text())
 
@@ -111,8 +127,19 @@ def undrawn(monkeypatch):
 
 
 def command(sets, out, *more):
-    return ["--out", str(out), "--data", str(sets / "simulated"), "--apart", "0", "--jobs", "1",
-            "--expansions", "1.1", *more]  # fmt: skip
+    return [
+        "--out",
+        str(out),
+        "--data",
+        str(sets / "simulated"),
+        "--apart",
+        "0",
+        "--jobs",
+        "1",
+        "--expansions",
+        "1.1",
+        *more,
+    ]
 
 
 def test_an_image_is_wholly_like_itself_and_less_like_any_other():
@@ -190,8 +217,16 @@ def test_results_have_all_that_was_asked(done):
         for rows in entry.values():
             assert rows.keys() == names
             for row in rows.values():
-                for name in ("ssim", "ssim_unseen", "ssim_coarse", "iou_free", "iou_occupied",
-                             "brier", "nll", "ece"):  # fmt: skip
+                for name in (
+                    "ssim",
+                    "ssim_unseen",
+                    "ssim_coarse",
+                    "iou_free",
+                    "iou_occupied",
+                    "brier",
+                    "nll",
+                    "ece",
+                ):
                     assert isinstance(row[name], float)
                 assert -1 <= row["ssim"] <= 1
                 assert 0 <= row["brier"] <= 1
@@ -230,20 +265,35 @@ def test_tables_have_the_papers_numbers_beside(done):
 def test_sites_are_counted_where_both_differences_are_above_zero_for_certain():
     def row(ssim, to_copy, to_grey):
         low = {"copy": to_copy, "grey": to_grey, "none": -0.1}
-        return {"ssim": ssim, "above": {
-            other: {"ssim": {"low": value}, "ssim_unseen": None} for other, value in low.items()
-        }}  # fmt: skip
+        return {
+            "ssim": ssim,
+            "above": {
+                other: {"ssim": {"low": value}, "ssim_unseen": None} for other, value in low.items()
+            },
+        }
 
     sites = {
-        "attic": {"1.30": {"unet_ff": row(0.9, 0.1, 0.1), "unet-logs": row(0.99, -0.1, 0.1),
-                           "compact": row(0.9, 0.1, -0.1)}},
-        "cellar": {"1.30": {"gan": row(0.5, 0.1, 0.1), "resnet_ff": row(0.6, -0.1, 0.1),
-                            "compact": row(0.9, 0.1, 0.1)}},
+        "attic": {
+            "1.30": {
+                "unet_ff": row(0.9, 0.1, 0.1),
+                "unet-logs": row(0.99, -0.1, 0.1),
+                "compact": row(0.9, 0.1, -0.1),
+            }
+        },
+        "cellar": {
+            "1.30": {
+                "gan": row(0.5, 0.1, 0.1),
+                "resnet_ff": row(0.6, -0.1, 0.1),
+                "compact": row(0.9, 0.1, 0.1),
+            }
+        },
         # Who was not asked is not above anyone, whoever else is.
         "shed": {"2.00": {"unet_ff": row(0.9, 0.1, 0.1)}},
-    }  # fmt: skip
-    cells = [[cell.strip() for cell in line.split("|")[1:-1]]
-             for line in tables._sites(sites, ["1.30", "2.00"]).splitlines()[2:]]  # fmt: skip
+    }
+    cells = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in tables._sites(sites, ["1.30", "2.00"]).splitlines()[2:]
+    ]
     # The best of the paper's is the U-Net in the attic, the ResNet in the cellar.
     assert cells == [
         ["the paper's best", "`copy` and `grey`", "1 / 1", "0 / 0"],
@@ -299,8 +349,9 @@ def test_a_plug_in_that_breaks_the_contract_is_refused_in_a_line(sets, tmp_path,
 
 
 def test_plug_ins_of_one_file_are_not_one():
-    one, other = (contestants([f"test_prediction_study:{name}"], [1.1])[-1]
-                  for name in ("Nan", "Beyond"))  # fmt: skip
+    one, other = (
+        contestants([f"test_prediction_study:{name}"], [1.1])[-1] for name in ("Nan", "Beyond")
+    )
     assert one.identity != other.identity
 
 
@@ -353,8 +404,18 @@ def test_a_training_as_printed_is_not_reduced():
 
 def test_every_figure_is_drawn(done):
     out, _, _ = done
-    for name in ("ssim", "distance", "reliability", "simulated", "physical", "random", "worst",
-                 "transients", "maps-simulated", "maps-physical"):  # fmt: skip
+    for name in (
+        "ssim",
+        "distance",
+        "reliability",
+        "simulated",
+        "physical",
+        "random",
+        "worst",
+        "transients",
+        "maps-simulated",
+        "maps-physical",
+    ):
         assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert len(list(out.glob("hallway.*"))) == 1
 
@@ -379,15 +440,30 @@ def test_a_network_that_copies_filters_nothing_and_one_that_whitens_all_keeps_no
         speaker = entrant(contestants([], (1.3,))[name == "grey"], (0.5, 0.1))
         counts[name].add(speaker, square, put_in=True, seed=0)
     assert counts["copy"].shares(True) | {"cells": 0, "wall_cells": 0} == {
-        "cells": 0, "filtered": 0.0, "free_without": 1.0, "wall_cells": 0, "walls_kept": 1.0
-    }  # fmt: skip
+        "cells": 0,
+        "filtered": 0.0,
+        "free_without": 1.0,
+        "wall_cells": 0,
+        "walls_kept": 1.0,
+    }
     assert counts["grey"].shares(True)["walls_kept"] == 0.0
 
 
 def test_logs_are_scored_without_a_simulated_set(sets, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    command = ["--out", "out", "--predictors", "none", "extend", "--expansions", "1.1", "--apart",
-               "0", "--jobs", "1"]  # fmt: skip
+    command = [
+        "--out",
+        "out",
+        "--predictors",
+        "none",
+        "extend",
+        "--expansions",
+        "1.1",
+        "--apart",
+        "0",
+        "--jobs",
+        "1",
+    ]
     assert main(command) == 2
     assert "data/simulated" in capsys.readouterr().err
     assert main([*command, "--logs", str(sets / "physical")]) == 0

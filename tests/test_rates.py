@@ -78,10 +78,12 @@ def test_rays_are_counted_on_ways_and_from_fresh_places(monkeypatch):
         monkeypatch.setattr(rates, name, few)
     found = rates.rays(0)
     assert list(found) == [
-        "rays, on ways, a, 1 thread", "rays, on ways, a, 2 threads",
-        "rays, fresh places, a, 1 thread", "rays, fresh places, a, 2 threads",
+        "rays, on ways, a, 1 thread",
+        "rays, on ways, a, 2 threads",
+        "rays, fresh places, a, 1 thread",
+        "rays, fresh places, a, 2 threads",
         "rays, a, largest error",
-    ]  # fmt: skip
+    ]
     assert found["rays, fresh places, a, 2 threads"]["samples"] == 2 * 30 * 1081 * 3
 
 

@@ -65,8 +65,13 @@ def motion(plan):
             turn = kappa * s
             chord = s * np.sinc(0.5 * turn / math.pi)
             ahead = state[2] + 0.5 * turn
-            poses.append([state[0] + chord * math.cos(ahead), state[1] + chord * math.sin(ahead),
-                          state[2] + turn])  # fmt: skip
+            poses.append(
+                [
+                    state[0] + chord * math.cos(ahead),
+                    state[1] + chord * math.sin(ahead),
+                    state[2] + turn,
+                ]
+            )
     return np.array(poses)
 
 
@@ -90,15 +95,28 @@ def driven(place, reverse=FASTEST_BACK, again=0, timeout=25.0):
         decision = decide(state, scan)
         if decision.plan.gear < 0:
             blocked, body = known.cells != FREE, CAR.body
-            unseen.append(first_contact(blocked, RESOLUTION, known.frame.origin,
-                                        motion(decision.plan), body.half_length,
-                                        body.half_width))  # fmt: skip
+            unseen.append(
+                first_contact(
+                    blocked,
+                    RESOLUTION,
+                    known.frame.origin,
+                    motion(decision.plan),
+                    body.half_length,
+                    body.half_width,
+                )
+            )
         return decision
 
     driver.step = step
     rng = np.random.default_rng(0)
-    episode = run_episode(task, driver, DubinsCar(CarLimits(reverse=reverse)), LIDAR,
-                          EpisodeConfig(timeout=timeout), rng)  # fmt: skip
+    episode = run_episode(
+        task,
+        driver,
+        DubinsCar(CarLimits(reverse=reverse)),
+        LIDAR,
+        EpisodeConfig(timeout=timeout),
+        rng,
+    )
     return episode, unseen
 
 
@@ -172,10 +190,17 @@ def test_the_same_seed_gives_the_same_drive():
 @st.composite
 def plans(draw):
     """Plans of a car forward, within its limits."""
-    state = np.array([draw(st.floats(-5, 5)), draw(st.floats(-5, 5)), draw(st.floats(-3, 3)),
-                      draw(st.floats(0, 3))])  # fmt: skip
-    controls = draw(st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.2, 1.2)), min_size=1,
-                             max_size=12))  # fmt: skip
+    state = np.array(
+        [
+            draw(st.floats(-5, 5)),
+            draw(st.floats(-5, 5)),
+            draw(st.floats(-3, 3)),
+            draw(st.floats(0, 3)),
+        ]
+    )
+    controls = draw(
+        st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.2, 1.2)), min_size=1, max_size=12)
+    )
     limits = CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration, CAR.max_curvature
     return Plan(*rollout(state, np.array(controls), DT, *limits))
 

@@ -58,8 +58,9 @@ def test_without_errors_the_map_is_of_the_building(task):
     world = task.world.grid
     cols = np.floor((xs - off[0] - world.frame.origin[0]) / 0.05).astype(int)
     rows = np.floor((ys - off[1] - world.frame.origin[1]) / 0.05).astype(int)
-    inside = np.ix_((rows >= 0) & (rows < world.frame.shape[0]),
-                    (cols >= 0) & (cols < world.frame.shape[1]))  # fmt: skip
+    inside = np.ix_(
+        (rows >= 0) & (rows < world.frame.shape[0]), (cols >= 0) & (cols < world.frame.shape[1])
+    )
     truth, near = truth[inside], np.ix_(rows[inside[0].ravel()], cols[inside[1].ravel()])
     assert (truth == 0).sum() > 10_000
     assert world.free[near][truth == 0].mean() > 0.98
@@ -101,8 +102,10 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
     config = DrivesConfig(tmp_path, train=1, validation=1, views=1, logs=True)
     make(config, 1)
     count = len(Samples.load(tmp_path / "train"))
-    task = [sample_task(generate("corridor", SPLITS["train"]), SPLITS["train"] + n * SPREAD, ROBOT)
-            for n in range(ways)]  # fmt: skip
+    task = [
+        sample_task(generate("corridor", SPLITS["train"]), SPLITS["train"] + n * SPREAD, ROBOT)
+        for n in range(ways)
+    ]
     way = sum(one.path_length for one in task)
     assert 0 < count <= way / APART + ways
 

@@ -53,10 +53,12 @@ def test_each_stage_is_told_with_its_tails_threads_and_samples():
 
 
 def test_measures_are_told_with_their_intervals_and_tails():
-    told = measures_table({
-        "a": {"value": 12.3456, "unit": "ms", "p99": 20.0, "samples": 5},
-        "b": {"value": 1.0, "low": -2.0, "high": 4.0, "unit": "MiB", "samples": 6},
-    })  # fmt: skip
+    told = measures_table(
+        {
+            "a": {"value": 12.3456, "unit": "ms", "p99": 20.0, "samples": 5},
+            "b": {"value": 1.0, "low": -2.0, "high": 4.0, "unit": "MiB", "samples": 6},
+        }
+    )
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in told.splitlines()]
     assert cells[2:] == [["a", "12.35", "20", "ms", "5"], ["b", "1 (-2 to 4)", "", "MiB", "6"]]
 
@@ -64,11 +66,22 @@ def test_measures_are_told_with_their_intervals_and_tails():
 @pytest.fixture
 def quick(monkeypatch):
     """Everything small, and no processes."""
-    for name, few in (("BEAMS", (90, 180)), ("MAP_SIDES", (100, 200)), ("WINDOWS", (5.0,)),
-                      ("EXPANSIONS", (1.0, 2.0)), ("HORIZONS", (20,)), ("REPEATS", 2)):  # fmt: skip
+    for name, few in (
+        ("BEAMS", (90, 180)),
+        ("MAP_SIDES", (100, 200)),
+        ("WINDOWS", (5.0,)),
+        ("EXPANSIONS", (1.0, 2.0)),
+        ("HORIZONS", (20,)),
+        ("REPEATS", 2),
+    ):
         monkeypatch.setattr(growth, name, few)
-    for name, few in (("SCANS", 3), ("ROUNDS", 1), ("CHECKED_POSES", 1), ("CHECKED_BEAMS", 5),
-                      ("REPEATS", 3)):  # fmt: skip
+    for name, few in (
+        ("SCANS", 3),
+        ("ROUNDS", 1),
+        ("CHECKED_POSES", 1),
+        ("CHECKED_BEAMS", 5),
+        ("REPEATS", 3),
+    ):
         monkeypatch.setattr(rates, name, few)
     plain = timing.closed_loop
 

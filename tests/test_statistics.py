@@ -27,8 +27,14 @@ OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
 def result(world="w", length=10.0, time=5.0, outcome="reached", broken=0, promises=0):
-    return a_result(world=world, path_length=length, time=time, outcome=outcome,
-                    promises_broken=broken, promises=promises)  # fmt: skip
+    return a_result(
+        world=world,
+        path_length=length,
+        time=time,
+        outcome=outcome,
+        promises_broken=broken,
+        promises=promises,
+    )
 
 
 def drives(lengths, time=10.0):
@@ -38,15 +44,22 @@ def drives(lengths, time=10.0):
 def scored(scts, times=None):
     """A drive in each of as many worlds."""
     times = times or [10.0] * len(scts)
-    return [replace(result(f"w{i}", time=time), sct=sct)
-            for i, (sct, time) in enumerate(zip(scts, times, strict=True))]  # fmt: skip
+    return [
+        replace(result(f"w{i}", time=time), sct=sct)
+        for i, (sct, time) in enumerate(zip(scts, times, strict=True))
+    ]
 
 
 @pytest.mark.parametrize(
     ("successes", "trials", "low", "high"),
-    [(0, 10, 0.0, 0.277533), (5, 10, 0.236593, 0.763407), (1, 20, 0.008881, 0.236131),
-     (0, 100, 0.0, 0.036994), (97, 100, 0.915480, 0.989746)],
-)  # fmt: skip
+    [
+        (0, 10, 0.0, 0.277533),
+        (5, 10, 0.236593, 0.763407),
+        (1, 20, 0.008881, 0.236131),
+        (0, 100, 0.0, 0.036994),
+        (97, 100, 0.915480, 0.989746),
+    ],
+)
 def test_wilson_intervals_are_those_of_the_formula(successes, trials, low, high):
     assert wilson(successes, trials) == pytest.approx((low, high), abs=2e-6)
 
@@ -117,9 +130,12 @@ def test_an_interval_takes_five_distinct_worlds(worlds):
         for name, sct, time in (("known", 0.3, 9), ("predicted", 0.4, 7), ("oracle", 0.5, 6))
     }
     given = [
-        paired_speed(arms, "known"), difference(arms, "oracle", "known"), success(arms, "oracle"),
-        time_ratio(arms, "predicted", "known"), realised_risk(arms["known"]),
-    ]  # fmt: skip
+        paired_speed(arms, "known"),
+        difference(arms, "oracle", "known"),
+        success(arms, "oracle"),
+        time_ratio(arms, "predicted", "known"),
+        realised_risk(arms["known"]),
+    ]
     enough = worlds >= MIN_WORLDS == 5
     for figure in given:
         assert (figure["low"] is not None, figure["high"] is not None) == (enough, enough)
@@ -157,8 +173,9 @@ def test_the_time_ratio_is_of_the_episodes_that_both_reached():
 
 @given(st.lists(st.tuples(st.floats(1, 100), st.floats(1, 100)), min_size=1, max_size=12))
 def test_time_ratios_one_way_and_the_other_are_reciprocal(times):
-    arms = {name: scored([0.5] * len(times), [pair[i] for pair in times])
-            for i, name in enumerate("ab")}  # fmt: skip
+    arms = {
+        name: scored([0.5] * len(times), [pair[i] for pair in times]) for i, name in enumerate("ab")
+    }
     there, back = time_ratio(arms, "a", "b"), time_ratio(arms, "b", "a")
     assert there["value"] * back["value"] == pytest.approx(1.0)
     assert time_ratio(arms, "a", "a")["value"] == 1.0
@@ -225,8 +242,11 @@ def test_mcnemars_test_counts_discordant_pairs_alone():
 
 
 def test_realised_risk_is_the_mean_over_worlds_not_over_ticks():
-    results = [result("a", broken=5, promises=10), *(result(w, promises=98) for w in "bcde"),
-               result("f", promises=0)]  # fmt: skip
+    results = [
+        result("a", broken=5, promises=10),
+        *(result(w, promises=98) for w in "bcde"),
+        result("f", promises=0),
+    ]
     found = realised_risk(results)
     assert found["value"] == pytest.approx(0.1)
     assert (found["low"], found["high"]) == pytest.approx((0.0, 0.3))

@@ -24,8 +24,10 @@ def driven(index, arm):
     result = a_result(
         arm=arm, index=index, world=f"w{index % 5}", seed=index, path_length=20.0 + index % 7
     )
-    return result, {f"e{index}/{arm}/states": np.array([index, len(arm)]),
-                    f"w{index}/cells": np.array([index])}  # fmt: skip
+    return result, {
+        f"e{index}/{arm}/states": np.array([index, len(arm)]),
+        f"w{index}/cells": np.array([index]),
+    }
 
 
 def keys(episodes):
@@ -132,8 +134,12 @@ sys.stdin.read()
 
 
 def test_a_run_that_was_killed_keeps_nobody_out(tmp_path):
-    with subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE, text=True) as holder:  # fmt: skip
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, tmp_path],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as holder:
         assert holder.stdout.readline() == "at work\n"
         with pytest.raises(UsageError, match="another run is at work"):
             Store(tmp_path, TWO, None)
@@ -207,8 +213,9 @@ def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path):
     assert (tmp_path / "traces.npz.damaged").read_bytes() == bytes(data)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"episodes": [{}], "unused": [], "skipped": {}}',
-                                  "[" * 100_000])  # fmt: skip
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"episodes": [{}], "unused": [], "skipped": {}}', "[" * 100_000]
+)
 def test_results_that_are_damaged_or_of_another_version_are_set_aside(tmp_path, text):
     before = run_of(tmp_path)
     (tmp_path / "results.json").write_text(text)

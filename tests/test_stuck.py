@@ -23,9 +23,10 @@ def a_run(folder, goal, vehicle="dubins"):
     states = np.column_stack([x, np.full_like(x, 2.0), np.zeros_like(x), np.full_like(x, 2.25)])
     states[-1, 3] = 0.0
     folder.mkdir()
-    np.savez_compressed(folder / "traces.npz", **{
-        "e0/known/states": states, "w0/cells": cells, "w0/frame": np.array([0.1, 0.0, 0.0])
-    })  # fmt: skip
+    np.savez_compressed(
+        folder / "traces.npz",
+        **{"e0/known/states": states, "w0/cells": cells, "w0/frame": np.array([0.1, 0.0, 0.0])},
+    )
     episode = asdict(a_result(start=states[0, :3].tolist(), goal=goal, outcome="stuck"))
     settings = {"dt": 0.1, "v_max": 4.0, "vehicle": vehicle}
     results = {"settings": settings, "summary": {}, "episodes": [episode]}

@@ -38,13 +38,26 @@ def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
 
 @pytest.mark.slow
 def test_one_command_trains_them_all_and_passes_over_them_the_next_time(data, tmp_path, capsys):
-    command = ["--data", str(data), "--out", str(tmp_path), "--jobs", "2", *TINY,
-               "--archs", "unet_ff", "gan", "--expansions", "1.3"]  # fmt: skip
+    command = [
+        "--data",
+        str(data),
+        "--out",
+        str(tmp_path),
+        "--jobs",
+        "2",
+        *TINY,
+        "--archs",
+        "unet_ff",
+        "gan",
+        "--expansions",
+        "1.3",
+    ]
     assert main(command) == 0
     table = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in table] == [
-        ["unet_ff-1.3", "finished"], ["gan-1.3", "finished"],
-    ]  # fmt: skip
+        ["unet_ff-1.3", "finished"],
+        ["gan-1.3", "finished"],
+    ]
     assert "epoch 0.2: l1 0." in table[0]
     assert "discriminator 0." in table[1]
     assert (tmp_path / "status.txt").read_text().splitlines() == table
@@ -59,8 +72,20 @@ def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
     bad = tmp_path / "mlp-1.1"
     bad.mkdir()
     (bad / "checkpoint.pt").write_bytes(b"nothing that torch could read")
-    command = ["--data", str(data), "--out", str(tmp_path), "--jobs", "1", *TINY,
-               "--archs", "mlp", "--expansions", "1.1", "1.3"]  # fmt: skip
+    command = [
+        "--data",
+        str(data),
+        "--out",
+        str(tmp_path),
+        "--jobs",
+        "1",
+        *TINY,
+        "--archs",
+        "mlp",
+        "--expansions",
+        "1.1",
+        "1.3",
+    ]
     assert main(command) == 1
     table = capsys.readouterr().out.splitlines()
     assert "failed: " in table[0]

@@ -57,8 +57,9 @@ def test_the_peak_of_a_process_is_not_that_of_the_one_that_started_it():
     command = "from benchmarks.timing.throughput import _peak, resident; print(_peak(), resident())"
     with mmap.mmap(-1, 400 * 2**20) as taken:
         taken.write(bytes(len(taken)))
-        told = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True,
-                              check=True).stdout  # fmt: skip
+        told = subprocess.run(
+            [sys.executable, "-c", command], capture_output=True, text=True, check=True
+        ).stdout
         peak, now = map(float, told.split())
         assert now <= peak + 1 < resident() - 200
 

@@ -211,8 +211,23 @@ def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, sma
 @pytest.mark.slow
 def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_warning(tmp_path):
     data = tmp_path / "data"
-    command = [sys.executable, "-m", "predictor.train", "--data", str(data), "--train", "1",
-               "--validation", "1", "--steps", "12", "--batch", "2", "--jobs", "1"]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "predictor.train",
+        "--data",
+        str(data),
+        "--train",
+        "1",
+        "--validation",
+        "1",
+        "--steps",
+        "12",
+        "--batch",
+        "2",
+        "--jobs",
+        "1",
+    ]
     subprocess.run([*command, "--out", tmp_path / "whole"], check=True, capture_output=True)
     assert len(Samples.load(data / "train")) > 20
     assert {"checkpoint.pt", "log.jsonl", "curve.png", "compact.safetensors"} <= {
@@ -227,8 +242,10 @@ def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_w
     subprocess.run([*command, "--out", out], check=True, capture_output=True)
     logs = [(tmp_path / name / "log.jsonl").read_text() for name in ("whole", "killed")]
     assert logs[0] == logs[1]
-    prints = [load_weights(tmp_path / name / "compact.safetensors", CompactNet)[1]["fingerprint"]
-              for name in ("whole", "killed")]  # fmt: skip
+    prints = [
+        load_weights(tmp_path / name / "compact.safetensors", CompactNet)[1]["fingerprint"]
+        for name in ("whole", "killed")
+    ]
     assert prints[0] == prints[1]
 
 

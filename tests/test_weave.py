@@ -21,9 +21,14 @@ def a_run(folder, curvature, route="fixed"):
     controls = np.zeros((len(x) - 1, 2))
     controls[: len(curvature), 1] = curvature
     folder.mkdir()
-    np.savez_compressed(folder / "traces.npz", **{
-        "e0/known/states": states, "e0/known/controls": controls, "w0/waypoints": WAY,
-    })  # fmt: skip
+    np.savez_compressed(
+        folder / "traces.npz",
+        **{
+            "e0/known/states": states,
+            "e0/known/controls": controls,
+            "w0/waypoints": WAY,
+        },
+    )
     episode = asdict(a_result(start=states[0, :3].tolist(), goal=[20.0, 12.0]))
     results = {"settings": {"route": route}, "summary": {}, "episodes": [episode]}
     (folder / "results.json").write_text(json.dumps(results))
@@ -44,10 +49,16 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
     assert weaving.table(results) in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("curvature", "count"), [
-    ([0.1, 0.1, 0.1], 0), ([0.1, -0.1, 0.1], 2), ([0.1, 0.001, -0.1], 1), ([0.1, -0.001, 0.1], 0),
-    ([], 0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("curvature", "count"),
+    [
+        ([0.1, 0.1, 0.1], 0),
+        ([0.1, -0.1, 0.1], 2),
+        ([0.1, 0.001, -0.1], 1),
+        ([0.1, -0.001, 0.1], 0),
+        ([], 0),
+    ],
+)
 def test_small_curvatures_do_not_count(curvature, count):
     assert weaving.sign_changes(np.array(curvature), 0.01) == count
 

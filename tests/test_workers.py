@@ -135,10 +135,11 @@ def test_a_scheduler_that_is_not_there_is_named(distributed):
 
 def test_workers_that_share_a_process_are_refused(distributed, tmp_path):
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None,
-                                 local_directory=tmp_path) as made,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, dashboard_address=None, local_directory=tmp_path
+        ) as made,
         pytest.raises(WorkersError, match="--nthreads 1"),
-    ):  # fmt: skip
+    ):
         list(finished(square, [1], 1, made.scheduler_address))
 
 
@@ -169,8 +170,9 @@ def test_no_worker_outlives_a_parent_that_is_killed(after):
     mark = f"FORESEE_TEST={uuid.uuid4()}"
     name, _, value = mark.partition("=")
     root = str(Path(workers.__file__).resolve().parents[2])
-    parent = subprocess.Popen([sys.executable, "-c", WORKS, root], stdout=subprocess.PIPE,
-                              env=os.environ | {name: value})  # fmt: skip
+    parent = subprocess.Popen(
+        [sys.executable, "-c", WORKS, root], stdout=subprocess.PIPE, env=os.environ | {name: value}
+    )
     if after is None:
         assert parent.stdout.readline() == b"done\n"
     else:

@@ -110,17 +110,22 @@ class Animation:
         self._canvas = FigureCanvasAgg(self._figure)
         self._title = self._figure.text(0.02, 0.965, "", fontsize=11, color=INK, va="center")
         about = "white: seen · orange: relied on unseen · line: plan to a stop"
-        self._figure.text(0.98, 0.965, about,
-                          fontsize=8, color=INK, va="center", ha="right")  # fmt: skip
+        self._figure.text(0.98, 0.965, about, fontsize=8, color=INK, va="center", ha="right")
         self._name = f"{self.arm} · episode {self.index} · {episode.world}"
         self._near = _Near(self._figure.add_axes((0.02, 0.31, 0.46, 0.623)), self)
         self._far = _Far(self._figure.add_axes((0.50, 0.31, 0.48, 0.623)), self)
         self._speed = _Speed(self._figure, self)
         self._crashes = [
-            ax.plot(*trace.states[-1, :2], "X", color="#C00000", markersize=12,
-                    markeredgecolor="white", zorder=7)[0]
+            ax.plot(
+                *trace.states[-1, :2],
+                "X",
+                color="#C00000",
+                markersize=12,
+                markeredgecolor="white",
+                zorder=7,
+            )[0]
             for ax in self._figure.axes[:2]
-        ]  # fmt: skip
+        ]
 
     def __len__(self) -> int:
         return len(self.ticks)
@@ -160,10 +165,12 @@ class _Near:
         ax.set_facecolor(UNKNOWN_COLOUR)
         self._image = ax.imshow(np.zeros((1, 1, 3)), origin="lower", interpolation="nearest")
         x, y = truth.frame.centres()
-        ax.contour(x, y, (truth.cells == FREE).astype(float), [0.5], colors=["#AAAAAA"],
-                   linewidths=0.8)  # fmt: skip
-        self._square = Rectangle((0, 0), 1, 1, fill=False, edgecolor=INK, linewidth=1.0,
-                                 linestyle=(0, (4, 2)))  # fmt: skip
+        ax.contour(
+            x, y, (truth.cells == FREE).astype(float), [0.5], colors=["#AAAAAA"], linewidths=0.8
+        )
+        self._square = Rectangle(
+            (0, 0), 1, 1, fill=False, edgecolor=INK, linewidth=1.0, linestyle=(0, (4, 2))
+        )
         ax.add_patch(self._square)
         self._driven = _coloured(ax, show._v_max, 2.0)
         self._rim = ax.plot([], [], color="white", linewidth=5.0, zorder=4)[0]
@@ -223,16 +230,25 @@ class _Far:
         factor = math.ceil(max(self._part.shape) / OVERVIEW)
         shown = [math.ceil(n / factor) * factor * frame.resolution for n in self._part.shape]
         self._image = ax.imshow(
-            np.zeros((1, 1, 3)), origin="lower", interpolation="nearest",
+            np.zeros((1, 1, 3)),
+            origin="lower",
+            interpolation="nearest",
             extent=(origin[0], origin[0] + shown[1], origin[1], origin[1] + shown[0]),
-        )  # fmt: skip
+        )
         x, y = frame.centres()
-        ax.contour(x, y, (show._truth.cells == FREE).astype(float), [0.5], colors=["#AAAAAA"],
-                   linewidths=0.6)  # fmt: skip
+        ax.contour(
+            x,
+            y,
+            (show._truth.cells == FREE).astype(float),
+            [0.5],
+            colors=["#AAAAAA"],
+            linewidths=0.6,
+        )
         self._driven = _coloured(ax, show._v_max, 2.5)
         colour = arm_colour(show.arm)
-        self._car = ax.plot([], [], "o", color=colour, markersize=8, markeredgecolor="white",
-                            zorder=6)[0]  # fmt: skip
+        self._car = ax.plot(
+            [], [], "o", color=colour, markersize=8, markeredgecolor="white", zorder=6
+        )[0]
         ax.plot(*show._goal, "*", color="#009E73", markersize=12, markeredgecolor="white", zorder=5)
         bare(ax)
         ax.set_xlim(low[0], high[0])
@@ -264,19 +280,33 @@ class _Speed:
         ax.set_ylabel("speed [m/s]", fontsize=8)
         ax.tick_params(labelsize=8, labelbottom=False, length=2)
         strip = figure.add_axes((0.075, 0.115, 0.905, 0.035))
-        self._strip = strip.imshow(np.ones_like(self._colours), aspect="auto",
-                                   interpolation="nearest", extent=(0, end, 0, 1))  # fmt: skip
+        self._strip = strip.imshow(
+            np.ones_like(self._colours),
+            aspect="auto",
+            interpolation="nearest",
+            extent=(0, end, 0, 1),
+        )
         strip.set_yticks([])
         strip.tick_params(labelsize=8, length=2)
         strip.set_xlabel("time [s]", fontsize=8, labelpad=1)
         for axes in (ax, strip):
             for side in ("top", "right"):
                 axes.spines[side].set_visible(False)
-        patches = [Patch(facecolor=limit_colour(name), label=name)
-                   for name in LIMIT_COLOURS if name in limits]  # fmt: skip
-        figure.legend(handles=patches, loc="lower right", ncols=len(patches), frameon=False,
-                      fontsize=8, handlelength=1.2, columnspacing=1.0,
-                      bbox_to_anchor=(0.99, -0.01))  # fmt: skip
+        patches = [
+            Patch(facecolor=limit_colour(name), label=name)
+            for name in LIMIT_COLOURS
+            if name in limits
+        ]
+        figure.legend(
+            handles=patches,
+            loc="lower right",
+            ncols=len(patches),
+            frameon=False,
+            fontsize=8,
+            handlelength=1.2,
+            columnspacing=1.0,
+            bbox_to_anchor=(0.99, -0.01),
+        )
 
     def update(self, tick: int) -> None:
         self._line.set_data(self._time[: tick + 1], self._speed[: tick + 1])
@@ -286,8 +316,14 @@ class _Speed:
 
 
 def _coloured(ax: Axes, v_max: float, width: float) -> LineCollection:
-    line = LineCollection([], cmap=SPEED_COLOURS, norm=Normalize(0, v_max), linewidths=width,
-                          capstyle="round", zorder=5)  # fmt: skip
+    line = LineCollection(
+        [],
+        cmap=SPEED_COLOURS,
+        norm=Normalize(0, v_max),
+        linewidths=width,
+        capstyle="round",
+        zorder=5,
+    )
     ax.add_collection(line)
     return line
 

@@ -74,9 +74,17 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     # Placed by hand: six squares of one size, with room for a legend below each.
     figure.set_layout_engine("none")
     axes = figure.subplots(
-        2, 3, gridspec_kw={"left": 0.015, "right": 0.985, "bottom": 0.085, "top": 0.905,
-                           "hspace": 0.2, "wspace": 0.14},
-    )  # fmt: skip
+        2,
+        3,
+        gridspec_kw={
+            "left": 0.015,
+            "right": 0.985,
+            "bottom": 0.085,
+            "top": 0.905,
+            "hspace": 0.2,
+            "wspace": 0.14,
+        },
+    )
     body, v_max = Body(), run.setting("v_max", 4.0)
     colour = arm_colour(arm)
     _seen(axes[0, 0], now, run.setting("window", 5.0))
@@ -97,8 +105,12 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     figure.suptitle(
         f"{arm} · episode {index} · {run.drives[index, arm].world} · {now.tick * dt:.1f} s into "
         f"the drive, at {now.plan[0, 3]:.2f} m/s",
-        fontsize=12, color=INK, x=0.015, y=0.98, ha="left",
-    )  # fmt: skip
+        fontsize=12,
+        color=INK,
+        x=0.015,
+        y=0.98,
+        ha="left",
+    )
     return figure
 
 
@@ -146,8 +158,16 @@ def _view(now: _Moment) -> tuple[float, float, float, float]:
 def _name(ax: Axes, title: str, handles: list[Patch | Line2D]) -> None:
     ax.set_title(title, loc="left", fontsize=11, color=INK)
     ax.set_facecolor(UNKNOWN_COLOUR)
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.005), frameon=False,
-              ncols=len(handles), fontsize=8, handlelength=1.2, columnspacing=1.0)  # fmt: skip
+    ax.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.005),
+        frameon=False,
+        ncols=len(handles),
+        fontsize=8,
+        handlelength=1.2,
+        columnspacing=1.0,
+    )
 
 
 def _patch(colour: str, label: str) -> Patch:
@@ -160,8 +180,9 @@ def _truth_line() -> Line2D:
 
 def _outline(ax: Axes, truth: Grid) -> None:
     x, y = truth.frame.centres()
-    ax.contour(x, y, truth.free.astype(float), [0.5], colors=[TRUTH_COLOUR], linewidths=0.7,
-               zorder=3)  # fmt: skip
+    ax.contour(
+        x, y, truth.free.astype(float), [0.5], colors=[TRUTH_COLOUR], linewidths=0.7, zorder=3
+    )
 
 
 def _seen(ax: Axes, now: _Moment, window: float) -> None:
@@ -176,25 +197,46 @@ def _seen(ax: Axes, now: _Moment, window: float) -> None:
         left, right, bottom, top = extent(square)
         style: dict[str, Any] = {"linewidth": 1.2, "linestyle": (0, (4, 2))}
         ax.add_patch(
-            Rectangle((left, bottom), right - left, top - bottom, fill=False, edgecolor=INK,
-                      zorder=4, **style)
-        )  # fmt: skip
+            Rectangle(
+                (left, bottom),
+                right - left,
+                top - bottom,
+                fill=False,
+                edgecolor=INK,
+                zorder=4,
+                **style,
+            )
+        )
         handles.append(Line2D([], [], color=INK, label="window", **style))
     _name(ax, "What has been seen", [*handles, _truth_line()])
 
 
 def _missing(ax: Axes, now: _Moment) -> None:
     draw_image(ax, map_image(now.known.cells), now.known.frame)
-    ax.annotate(f"{now.arm} drives without a prediction", (0.5, 0.5), xycoords="axes fraction",
-                ha="center", va="center", fontsize=10, color=INK, zorder=9,
-                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8})  # fmt: skip
+    ax.annotate(
+        f"{now.arm} drives without a prediction",
+        (0.5, 0.5),
+        xycoords="axes fraction",
+        ha="center",
+        va="center",
+        fontsize=10,
+        color=INK,
+        zorder=9,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    )
 
 
 def _believed(ax: Axes, now: _Moment) -> None:
-    _name(ax, "What is believed beyond it", [
-        _patch(BELIEVED_FREE, "likely free"), _patch(BELIEVED_OCCUPIED, "likely occupied"),
-        _patch(UNKNOWN_COLOUR, "no belief"), _truth_line(),
-    ])  # fmt: skip
+    _name(
+        ax,
+        "What is believed beyond it",
+        [
+            _patch(BELIEVED_FREE, "likely free"),
+            _patch(BELIEVED_OCCUPIED, "likely occupied"),
+            _patch(UNKNOWN_COLOUR, "no belief"),
+            _truth_line(),
+        ],
+    )
     if now.prediction is None:
         return _missing(ax, now)
     known = paste(now.known.frame, now.known.cells, now.frame, np.int8(-1))
@@ -217,11 +259,22 @@ def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
         return _missing(ax, now)
     ax.get_legend().set_bbox_to_anchor((0.12, -0.005))  # type: ignore[union-attr]
     trust = now.prediction["confidence"] * now.prediction["p_free"]
-    image = ax.imshow(trust, origin="lower", extent=extent(now.frame), interpolation="nearest",
-                      cmap="cividis", vmin=0, vmax=1)  # fmt: skip
+    image = ax.imshow(
+        trust,
+        origin="lower",
+        extent=extent(now.frame),
+        interpolation="nearest",
+        cmap="cividis",
+        vmin=0,
+        vmax=1,
+    )
     # Where the other panels have their legends, so that all panels stay of one size.
-    bar = figure.colorbar(image, cax=ax.inset_axes((0.28, -0.05, 0.42, 0.025)), ticks=[0, 0.5, 1],
-                          orientation="horizontal")  # fmt: skip
+    bar = figure.colorbar(
+        image,
+        cax=ax.inset_axes((0.28, -0.05, 0.42, 0.025)),
+        ticks=[0, 0.5, 1],
+        orientation="horizontal",
+    )
     bar.ax.tick_params(labelsize=8, length=2, pad=1)
     bar.ax.annotate(
         "confidence · p_free", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8
@@ -239,10 +292,16 @@ def _safe_image(now: _Moment) -> NDArray[np.float64]:
 
 def _safe(ax: Axes, now: _Moment) -> None:
     draw_image(ax, _safe_image(now), now.known.frame)
-    _name(ax, "What the plan may rely upon", [
-        _patch(SEEN_SAFE, "seen free"), _patch(RELIED_COLOUR, "only believed free"),
-        _patch(UNKNOWN_COLOUR, "neither"), _truth_line(),
-    ])  # fmt: skip
+    _name(
+        ax,
+        "What the plan may rely upon",
+        [
+            _patch(SEEN_SAFE, "seen free"),
+            _patch(RELIED_COLOUR, "only believed free"),
+            _patch(UNKNOWN_COLOUR, "neither"),
+            _truth_line(),
+        ],
+    )
 
 
 def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
@@ -252,15 +311,32 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
     if len(now.path):
         ax.plot(*now.path[:, :2].T, color=INK, linewidth=1.2, linestyle=(0, (4, 2)), zorder=3.5)
     speed_line(ax, now.plan[:, :2], now.plan[:, 3], v_max, width=3.0)
-    ax.plot(*now.plan[-1, :2], "o", color=SPEED_COLOURS(0.0), markersize=6, zorder=6,
-            markeredgecolor="white")  # fmt: skip
-    _name(ax, "The path, and the plan to a stop", [
-        Line2D([], [], color=INK, linestyle=(0, (4, 2)), linewidth=1.2, label="path"),
-        Line2D([], [], color=SPEED_COLOURS(0.5), linewidth=3, label="plan"),
-        Line2D([], [], color=SPEED_COLOURS(0.0), marker="o", markersize=6, linestyle="none",
-               label="stopped"),
-        _truth_line(),
-    ])  # fmt: skip
+    ax.plot(
+        *now.plan[-1, :2],
+        "o",
+        color=SPEED_COLOURS(0.0),
+        markersize=6,
+        zorder=6,
+        markeredgecolor="white",
+    )
+    _name(
+        ax,
+        "The path, and the plan to a stop",
+        [
+            Line2D([], [], color=INK, linestyle=(0, (4, 2)), linewidth=1.2, label="path"),
+            Line2D([], [], color=SPEED_COLOURS(0.5), linewidth=3, label="plan"),
+            Line2D(
+                [],
+                [],
+                color=SPEED_COLOURS(0.0),
+                marker="o",
+                markersize=6,
+                linestyle="none",
+                label="stopped",
+            ),
+            _truth_line(),
+        ],
+    )
     ax.set_facecolor("#EAEAEA")
 
 
@@ -277,8 +353,9 @@ def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
         row, col = now.known.frame.cell(float(x), float(y))
         rows, cols = now.known.frame.shape
         seen = 0 <= row < rows and 0 <= col < cols and bool(now.known.free[row, col])
-        ax.axvspan(distance[k], distance[k + 1], color=SEEN_SAFE if seen else RELIED_COLOUR,
-                   linewidth=0)  # fmt: skip
+        ax.axvspan(
+            distance[k], distance[k + 1], color=SEEN_SAFE if seen else RELIED_COLOUR, linewidth=0
+        )
     speed = np.abs(plan[:, 3])
     speed_line(ax, np.column_stack([distance, speed]), speed, v_max, width=3.0)
     ax.set_xlim(0, max(distance[-1] * 1.02, 0.1))
@@ -286,10 +363,14 @@ def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
     ax.set_xlabel("distance driven in reverse [m]" if reverse else "distance ahead [m]")
     ax.set_ylabel("planned speed [m/s]")
     ax.set_box_aspect(1)
-    _name(ax, "Where the plan comes to a stop", [
-        _patch(SEEN_SAFE, f"{'rear' if reverse else 'front'} on seen ground"),
-        _patch(RELIED_COLOUR, "on believed ground"),
-    ])  # fmt: skip
+    _name(
+        ax,
+        "Where the plan comes to a stop",
+        [
+            _patch(SEEN_SAFE, f"{'rear' if reverse else 'front'} on seen ground"),
+            _patch(RELIED_COLOUR, "on believed ground"),
+        ],
+    )
     ax.get_legend().set_bbox_to_anchor((0.5, -0.11))  # type: ignore[union-attr]
     ax.set_facecolor("white")
     for side in ("top", "right"):

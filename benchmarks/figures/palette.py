@@ -153,9 +153,13 @@ def speed_line(
     ax.plot(*points.T, color="white", linewidth=width + 1.5, solid_capstyle="round", zorder=4)
     segments = np.stack([points[:-1], points[1:]], axis=1)
     line = LineCollection(
-        list(segments), cmap=SPEED_COLOURS, norm=Normalize(0, v_max), linewidths=width, zorder=5,
+        list(segments),
+        cmap=SPEED_COLOURS,
+        norm=Normalize(0, v_max),
+        linewidths=width,
+        zorder=5,
         capstyle="round",
-    )  # fmt: skip
+    )
     line.set_array(np.abs(speed[:-1] + speed[1:]) / 2)
     ax.add_collection(line)
     return line
@@ -185,8 +189,17 @@ def scale_bar(ax: Axes, length: float) -> None:
     ax.plot([x, x + length], [y, y], color="white", linewidth=5, solid_capstyle="butt", zorder=8)
     ax.plot([x, x + length], [y, y], color=INK, linewidth=2.5, solid_capstyle="butt", zorder=9)
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
-    ax.annotate(f"{length:g} m", (x + length / 2, y), (0, 5), textcoords="offset points",
-                ha="center", fontsize=8, color=INK, zorder=9, bbox=box)  # fmt: skip
+    ax.annotate(
+        f"{length:g} m",
+        (x + length / 2, y),
+        (0, 5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8,
+        color=INK,
+        zorder=9,
+        bbox=box,
+    )
 
 
 def bare(ax: Axes) -> None:

@@ -68,16 +68,28 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
         # panel.
         for text, counts in ((" ", True), (f"episode {index} · {_name(run, index)}", False)):
             across[0].annotate(
-                text, (0, 1), (0, 34), xycoords="axes fraction", textcoords="offset points",
-                fontsize=9, color=INK,
-            ).set_in_layout(counts)  # fmt: skip
+                text,
+                (0, 1),
+                (0, 34),
+                xycoords="axes fraction",
+                textcoords="offset points",
+                fontsize=9,
+                color=INK,
+            ).set_in_layout(counts)
     if line is not None:
-        bar = figure.colorbar(line, ax=axes, shrink=min(1.0, 3.2 / sum(heights)), aspect=22,
-                              pad=0.012)  # fmt: skip
+        bar = figure.colorbar(
+            line, ax=axes, shrink=min(1.0, 3.2 / sum(heights)), aspect=22, pad=0.012
+        )
         bar.set_label("speed [m/s]")
         bar.outline.set_visible(False)
-    figure.legend(handles=_marks(run, indices), loc="outside lower center", ncols=4,
-                  frameon=False, fontsize=9, handletextpad=0.2)  # fmt: skip
+    figure.legend(
+        handles=_marks(run, indices),
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+        fontsize=9,
+        handletextpad=0.2,
+    )
     return figure
 
 
@@ -92,10 +104,18 @@ def _marks(run: Run, indices: Sequence[int]) -> list[Line2D]:
     if seen & {"stuck", "timed_out"}:
         marks.append(("s", INK, 7, "stuck or timed out"))
     return [
-        Line2D([], [], linestyle="none", marker=mark, color=colour, markersize=size,
-               markeredgecolor="white", label=label)
+        Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker=mark,
+            color=colour,
+            markersize=size,
+            markeredgecolor="white",
+            label=label,
+        )
         for mark, colour, size, label in marks
-    ]  # fmt: skip
+    ]
 
 
 def _name(run: Run, index: int) -> str:
@@ -144,5 +164,12 @@ def _title(ax: Axes, arm: str, episode: DriveResult) -> None:
     if episode.outcome == "collided" and impact is not None:
         word += f" at {impact:.1f} m/s"
     colour = INK if episode.outcome == "reached" else CRASH_COLOUR
-    ax.annotate(f"{word} · {episode.verdict}", (0, 1), (0, 4), xycoords="axes fraction",
-                textcoords="offset points", fontsize=9, color=colour)  # fmt: skip
+    ax.annotate(
+        f"{word} · {episode.verdict}",
+        (0, 1),
+        (0, 4),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=9,
+        color=colour,
+    )

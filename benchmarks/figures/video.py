@@ -82,17 +82,44 @@ def _write_gif(frames: Frames, count: int, rate: float, path: Path, bar: tqdm[An
         for frame in _counted(frames, count, bar)
     )
     durations = [round(1000 / rate)] * (count - 1) + [LAST]
-    next(pictures).save(path, format="GIF", save_all=True, append_images=pictures,
-                        duration=durations, loop=0, optimize=False)  # fmt: skip
+    next(pictures).save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=pictures,
+        duration=durations,
+        loop=0,
+        optimize=False,
+    )
 
 
 def _write_mp4(frames: Iterator[NDArray[np.uint8]], rate: float, path: Path) -> None:
     first = next(frames)
     # Its coding of colours wants even sides.
     height, width = (side - side % 2 for side in first.shape[:2])
-    command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
-               "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-", "-pix_fmt", "yuv420p",
-               "-movflags", "+faststart", "-f", "mp4", str(path)]  # fmt: skip
+    command = [
+        "ffmpeg",
+        "-y",
+        "-loglevel",
+        "error",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-s",
+        f"{width}x{height}",
+        "-r",
+        f"{rate:g}",
+        "-i",
+        "-",
+        "-pix_fmt",
+        "yuv420p",
+        "-movflags",
+        "+faststart",
+        "-f",
+        "mp4",
+        str(path),
+    ]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdin is not None
     assert process.stderr is not None

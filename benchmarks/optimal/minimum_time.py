@@ -130,8 +130,16 @@ class MinimumTime:
         driven = np.array(states)
         # The car's yaw is wrapped; between two states it would be anything.
         driven[:, 2] = np.unwrap(driven[:, 2])
-        return Drive(guess.name, guess.dt, driven, guess.controls, status, iterations, hit,
-                     missed <= self.goal_radius)  # fmt: skip
+        return Drive(
+            guess.name,
+            guess.dt,
+            driven,
+            guess.controls,
+            status,
+            iterations,
+            hit,
+            missed <= self.goal_radius,
+        )
 
     def _solve(self, guess: Guess, margin: float, iterations: int, barrier: float) -> Drive:
         car, ticks = self.car, len(guess.controls)
@@ -156,10 +164,17 @@ class MinimumTime:
         hardest = np.tile([car.acceleration, car.max_curvature], ticks)
         softest = np.tile([-car.braking, -car.max_curvature], ticks)
         options: Any = {
-            "print_time": False, "calc_lam_p": False,
-            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": iterations, "mu_init": barrier,
-                      "tol": 1e-6, "constr_viol_tol": 1e-7},
-        }  # fmt: skip
+            "print_time": False,
+            "calc_lam_p": False,
+            "ipopt": {
+                "print_level": 0,
+                "sb": "yes",
+                "max_iter": iterations,
+                "mu_init": barrier,
+                "tol": 1e-6,
+                "constr_viol_tol": 1e-7,
+            },
+        }
         problem: Any = {
             "x": ca.vertcat(dt, ca.vec(x), ca.vec(u)),
             "f": ticks * dt,
@@ -191,9 +206,12 @@ class MinimumTime:
             length = x[3] * t + 0.5 * u[0] * t**2
             half = 0.5 * u[1] * length
             chord = length * (1 - half**2 / 6 + half**4 / 120 - half**6 / 5040)
-            return ca.vertcat(x[0] + chord * ca.cos(x[2] + half),
-                              x[1] + chord * ca.sin(x[2] + half), x[2] + 2 * half,
-                              x[3] + u[0] * t)  # fmt: skip
+            return ca.vertcat(
+                x[0] + chord * ca.cos(x[2] + half),
+                x[1] + chord * ca.sin(x[2] + half),
+                x[2] + 2 * half,
+                x[3] + u[0] * t,
+            )
 
         offset = float(self.car.body.circles(CIRCLES)[0][-1])
         centres = []

@@ -74,8 +74,10 @@ def contestants(wanted: Sequence[str], expansions: Sequence[float]) -> list[Cont
         for expansion in filter(one.does, expansions):
             other = taken.setdefault((one.name, expansion), one.spec)
             if other != one.spec:
-                raise PredictorError(f"{other} and {one.spec} are both called {one.name}: give one "
-                                     "another name, NAME=PREDICTOR")  # fmt: skip
+                raise PredictorError(
+                    f"{other} and {one.spec} are both called {one.name}: give one "
+                    "another name, NAME=PREDICTOR"
+                )
     return list(dict.fromkeys(found))
 
 
@@ -87,12 +89,18 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
     """
     paper = PRESETS["paper"]
     printed = asdict(paper.training) | {
-        "width": paper.width, "side": paper.side, "given": "crop", "turned": False,
+        "width": paper.width,
+        "side": paper.side,
+        "given": "crop",
+        "turned": False,
         "frames": SimulatedConfig().train,
-    }  # fmt: skip
+    }
     theirs = facts.get("config", {}) | facts.get("network", {}) | {"frames": facts.get("frames")}
-    other = {name: theirs.get(name) for name, value in printed.items()
-             if name != "seed" and theirs.get(name) != value}  # fmt: skip
+    other = {
+        name: theirs.get(name)
+        for name, value in printed.items()
+        if name != "seed" and theirs.get(name) != value
+    }
     return other or None
 
 
@@ -100,8 +108,10 @@ def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Con
     """Return the trained networks of a study at these expansions."""
     files = sorted(folder.glob(f"*/*{SUFFIX}"))
     if not files:
-        raise PredictorError(f"{folder} holds no trained networks, NAME/ARCH{SUFFIX}: "
-                             "python -m predictor.study makes them")  # fmt: skip
+        raise PredictorError(
+            f"{folder} holds no trained networks, NAME/ARCH{SUFFIX}: "
+            "python -m predictor.study makes them"
+        )
     found = []
     for path in files:
         expansion = _expansion_of(load_predictor(str(path)))
@@ -109,8 +119,10 @@ def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Con
             name = f"{label}/{path.stem}" if label else path.stem
             found.append(_of_spec(str(path), name, expansions))
     if not found:
-        raise PredictorError(f"{folder} holds no network for any of these expansions: "
-                             + ", ".join(f"{one:g}" for one in expansions))  # fmt: skip
+        raise PredictorError(
+            f"{folder} holds no network for any of these expansions: "
+            + ", ".join(f"{one:g}" for one in expansions)
+        )
     return found
 
 
@@ -122,8 +134,9 @@ def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
     if name in BASELINES:
         raise PredictorError(f"{spec} cannot be called {name}, for a baseline is")
     if not any(map(one.does, expansions)):
-        raise PredictorError(f"{spec} holds weights for an expansion of {expansion:g}: add it to "
-                             "--expansions")  # fmt: skip
+        raise PredictorError(
+            f"{spec} holds weights for an expansion of {expansion:g}: add it to --expansions"
+        )
     return one
 
 

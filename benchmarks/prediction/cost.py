@@ -84,9 +84,14 @@ def printed_cost(arch: str) -> dict[str, Any]:
             begin = time.perf_counter()
             net(given)
             taken.append(1e3 * (time.perf_counter() - begin))
-    return {"ms_median": float(np.median(taken[1:])), "ms_most": max(taken[1:]),
-            "predictions": PRINTED, "threads": 1, "parameters": parameters,
-            "macs": macs}  # fmt: skip
+    return {
+        "ms_median": float(np.median(taken[1:])),
+        "ms_most": max(taken[1:]),
+        "predictions": PRINTED,
+        "threads": 1,
+        "parameters": parameters,
+        "macs": macs,
+    }
 
 
 def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | None]:

@@ -93,8 +93,9 @@ class Evaluation:
         folders = {"simulated": config.data, "physical": config.logs}
         self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
         """Kind → frames of its set, if there is one."""
-        self.drives = [drive for frames in self.sets.values()
-                       for drive in _drives(frames, config.apart)]  # fmt: skip
+        self.drives = [
+            drive for frames in self.sets.values() for drive in _drives(frames, config.apart)
+        ]
         self.store = Store(out / "parts")
         self.rates = dict.fromkeys(config.expansions, UNTOLD)
         """Expansion → shares of free and of occupied cells on the validation drives."""
@@ -114,10 +115,16 @@ class Evaluation:
     def stretches(self, drive: Drive, expansion: float) -> list[Stretch]:
         """Return the stretches of a drive."""
         return [
-            Stretch(drive.folder, drive.number, tuple(map(int, drive.chosen[i : i + TOGETHER])),
-                    expansion, self.rates[expansion], tuple(self.who(expansion)))
+            Stretch(
+                drive.folder,
+                drive.number,
+                tuple(map(int, drive.chosen[i : i + TOGETHER])),
+                expansion,
+                self.rates[expansion],
+                tuple(self.who(expansion)),
+            )
             for i in range(0, len(drive.chosen), TOGETHER)
-        ]  # fmt: skip
+        ]
 
     def run(self, jobs: int) -> None:
         """Score what is missing, with a progress bar over answers.
@@ -134,8 +141,12 @@ class Evaluation:
             return self.store.scores_name(stretch, sha256[stretch.folder, stretch.drive], one)
 
         # Ordered by expansion: the networks of one fit into memory, those of all do not.
-        every = [stretch for expansion in self.config.expansions for drive in self.drives
-                 for stretch in self.stretches(drive, expansion)]  # fmt: skip
+        every = [
+            stretch
+            for expansion in self.config.expansions
+            for drive in self.drives
+            for stretch in self.stretches(drive, expansion)
+        ]
         todo = []
         for stretch in every:
             left = [
@@ -161,8 +172,9 @@ class Evaluation:
             name = self.store.scores_name(stretch, drive.about["sha256"], one)
             part = self.store.read(name)
             if part is None:
-                raise FileNotFoundError(f"{self.store.folder / name} is missing: give the same "
-                                        "command again")  # fmt: skip
+                raise FileNotFoundError(
+                    f"{self.store.folder / name} is missing: give the same command again"
+                )
             yield part
 
     def examples(self, expansion: float, count: int = 20) -> list[ScoredSquare]:

@@ -29,11 +29,18 @@ TITLES = {
     "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
 """Titles of the sheets; median and worst are by SSIM."""
-SIMILAR = {"ssim": "SSIM, whole square", "ssim_kept": "SSIM, what was seen put back",
-           "ssim_unseen": "SSIM, unseen outside the crop"}  # fmt: skip
+SIMILAR = {
+    "ssim": "SSIM, whole square",
+    "ssim_kept": "SSIM, what was seen put back",
+    "ssim_unseen": "SSIM, unseen outside the crop",
+}
 """Measures drawn over the expansion, with their labels."""
-MEASURES = (("iou_free", "IoU of free"), ("iou_occupied", "IoU of occupied"), ("brier", "Brier"),
-            ("ece", "calibration error"))  # fmt: skip
+MEASURES = (
+    ("iou_free", "IoU of free"),
+    ("iou_occupied", "IoU of occupied"),
+    ("brier", "Brier"),
+    ("ece", "calibration error"),
+)
 """Measures drawn over the distance beyond the frontier, with their labels."""
 ENOUGH, SHARE = 1000, 5e-4
 """Least number of cells in a ring, and least share of cells in a bin, that are drawn."""
@@ -58,10 +65,12 @@ def draw(
     places = places_of(results)
     names = {*NOTHING, *shown(_names(next(iter(places.values()))))}
     places = {
-        place: {x: {name: row for name, row in rows.items() if name in names}
-                for x, rows in entry.items()}
+        place: {
+            x: {name: row for name, row in rows.items() if name in names}
+            for x, rows in entry.items()
+        }
         for place, entry in places.items()
-    }  # fmt: skip
+    }
     figures: list[tuple[str, Callable[[], Figure]]] = [
         ("ssim.png", partial(ssim, places, results["paper"])),
         ("distance.png", partial(by_distance, places)),
@@ -99,11 +108,23 @@ def show(axis: Axes, row: Row, column: str) -> None:
     """Draw one image with the outline of the 5 m crop, the car in the input, and SSIM below."""
     image = row.images[column]
     n = len(image)
-    axis.imshow(image, cmap="gray", vmin=0, vmax=255, origin="lower", interpolation="nearest",
-                extent=(0, n, 0, n))  # fmt: skip
+    axis.imshow(
+        image,
+        cmap="gray",
+        vmin=0,
+        vmax=255,
+        origin="lower",
+        interpolation="nearest",
+        extent=(0, n, 0, n),
+    )
     edge = (n - CROP) / 2
-    axis.plot([edge, n - edge, n - edge, edge, edge], [edge, edge, n - edge, n - edge, edge],
-              color="#0072B2", linewidth=0.7, linestyle=(0, (3, 2)))  # fmt: skip
+    axis.plot(
+        [edge, n - edge, n - edge, edge, edge],
+        [edge, edge, n - edge, n - edge, edge],
+        color="#0072B2",
+        linewidth=0.7,
+        linestyle=(0, (3, 2)),
+    )
     if column == GIVEN:
         draw_car(axis, row)
     axis.set_xticks([])
@@ -120,8 +141,16 @@ def draw_car(axis: Axes, row: Row) -> None:
     n = len(row.images[GIVEN])
     length = 0.08 * n
     x, y = n / 2 - 0.5 * length * np.cos(row.yaw), n / 2 - 0.5 * length * np.sin(row.yaw)
-    axis.arrow(x, y, length * np.cos(row.yaw), length * np.sin(row.yaw), color="#D55E00",
-               width=0.012 * n, head_width=0.06 * n, length_includes_head=True)  # fmt: skip
+    axis.arrow(
+        x,
+        y,
+        length * np.cos(row.yaw),
+        length * np.sin(row.yaw),
+        color="#D55E00",
+        width=0.012 * n,
+        head_width=0.06 * n,
+        length_includes_head=True,
+    )
 
 
 def write_ssim(axis: Axes, row: Row, column: str) -> None:
@@ -143,8 +172,13 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
                 for name in ("unet_ff", "resnet_ff", "gan"):
                     points = [(float(key), row[name]) for key, row in paper[kind].items()]
                     colour = predictor_colour(name)
-                    axis.plot(*zip(*points, strict=True), color=colour, linestyle=":",
-                              linewidth=1.0, label=f"the paper's {name}")  # fmt: skip
+                    axis.plot(
+                        *zip(*points, strict=True),
+                        color=colour,
+                        linestyle=":",
+                        linewidth=1.0,
+                        label=f"the paper's {name}",
+                    )
                 axis.set_title(place, fontsize=9)
             if column == 0:
                 axis.set_ylabel(SIMILAR[measure], fontsize=8)
@@ -165,8 +199,15 @@ def by_distance(places: dict[str, Any]) -> Figure:
                 ends = [ring["from"] for ring in rings[1:]] + [1.5 * rings[-1]["from"]]
                 middle = [0.5 * (ring["from"] + end) for ring, end in zip(rings, ends, strict=True)]
                 values = [ring[measure] if ring["cells"] >= ENOUGH else np.nan for ring in rings]
-                axis.plot(middle, values, color=predictor_colour(name), marker="o", markersize=2.5,
-                          linewidth=1.0, label=name)  # fmt: skip
+                axis.plot(
+                    middle,
+                    values,
+                    color=predictor_colour(name),
+                    marker="o",
+                    markersize=2.5,
+                    linewidth=1.0,
+                    label=name,
+                )
             axis.set_ylim(bottom=0.0)
             axis.grid(alpha=0.3)
             if column == 0:
@@ -188,15 +229,19 @@ def reliability(places: dict[str, Any]) -> Figure:
         for axis, (expansion, name) in zip(axes[:, column], shown, strict=True):
             axis.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
             for predictor, row in measured[expansion].items():
-                curve = {key: np.array(values, dtype=np.float64)
-                         for key, values in row["reliability"][name].items()}  # fmt: skip
-                given, came_true, share = (curve[key][curve["share"] >= SHARE]
-                                           for key in ("given", "came_true", "share"))  # fmt: skip
+                curve = {
+                    key: np.array(values, dtype=np.float64)
+                    for key, values in row["reliability"][name].items()
+                }
+                given, came_true, share = (
+                    curve[key][curve["share"] >= SHARE] for key in ("given", "came_true", "share")
+                )
                 colour = predictor_colour(predictor)
                 axis.plot(given, came_true, color=colour, linewidth=1.0, label=predictor)
                 # The area of a bin's dot grows with its share of the cells.
-                axis.scatter(given, came_true, 2 + 80 * share, color=colour, alpha=0.5,
-                             linewidths=0)  # fmt: skip
+                axis.scatter(
+                    given, came_true, 2 + 80 * share, color=colour, alpha=0.5, linewidths=0
+                )
             axis.set_aspect("equal")
             axis.set_xlim(0, 1)
             axis.set_ylim(0, 1)
@@ -257,8 +302,9 @@ def _line(axis: Axes, entry: dict[str, Any], name: str, measure: str) -> None:
     points = [(float(key), rows[name][measure]) for key, rows in entry.items() if name in rows]
     x = [at for at, _ in points]
     values = [np.nan if value is None else value for _, value in points]
-    axis.plot(x, values, color=predictor_colour(name), marker="o", markersize=3, linewidth=1.2,
-              label=name)  # fmt: skip
+    axis.plot(
+        x, values, color=predictor_colour(name), marker="o", markersize=3, linewidth=1.2, label=name
+    )
     axis.grid(alpha=0.3)
 
 
@@ -267,5 +313,6 @@ def _legend(figure: Figure, axes: Any) -> None:
     for axis in axes.flat:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
-    figure.legend(list(found.values()), list(found), loc="outside right center", frameon=False,
-                  fontsize=8)  # fmt: skip
+    figure.legend(
+        list(found.values()), list(found), loc="outside right center", frameon=False, fontsize=8
+    )

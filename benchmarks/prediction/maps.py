@@ -58,8 +58,9 @@ def drawn_maps(frames: Frames) -> Figure:
     splits = dict.fromkeys(about["split"] for about in frames.about if about["split"] in STYLES)
     if len(splits) > 1:
         lines = [Line2D([], [], linewidth=1.6, label=split, **STYLES[split]) for split in splits]
-        figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), frameon=False,
-                      fontsize=8)  # fmt: skip
+        figure.legend(
+            handles=lines, loc="outside lower center", ncols=len(lines), frameon=False, fontsize=8
+        )
     return figure
 
 
@@ -73,5 +74,12 @@ def _draw_map(axis: Axes, codes: NDArray[np.uint8], origin: NDArray[np.float64])
     part = shrink(cells_of(codes[low[0] : high[0], low[1] : high[1]]), factor)
     grey = TERNARY[codes_of(part)]
     (y, x), step = origin[::-1] + RESOLUTION * low, RESOLUTION * factor
-    axis.imshow(grey, cmap="gray", vmin=0, vmax=1, origin="lower", interpolation="nearest",
-                extent=(x, x + step * part.shape[1], y, y + step * part.shape[0]))  # fmt: skip
+    axis.imshow(
+        grey,
+        cmap="gray",
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        interpolation="nearest",
+        extent=(x, x + step * part.shape[1], y, y + step * part.shape[0]),
+    )

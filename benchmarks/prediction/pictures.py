@@ -62,9 +62,13 @@ Asked = tuple[Drive, int, float]
 def pictures(evaluation: Evaluation) -> Sheets:
     """Return all squares shown of an evaluation, and keep them."""
     chosen = _chosen(evaluation)
-    plain = {name: [(drive.about["sha256"], index, expansion, title)
-                    for (drive, index, expansion), title in rows]
-             for name, rows in chosen.items()}  # fmt: skip
+    plain = {
+        name: [
+            (drive.about["sha256"], index, expansion, title)
+            for (drive, index, expansion), title in rows
+        ]
+        for name, rows in chosen.items()
+    }
     who = [(one.name, one.identity, one.expansion) for one in _shown(evaluation)]
     part_name = evaluation.store.name("pictures", plain, who)
     part = evaluation.store.read(part_name)
@@ -126,8 +130,10 @@ def _made(evaluation: Evaluation, chosen: dict[str, list[tuple[Asked, str]]]) ->
             bar.update()
             return _row(evaluation, asked, title, transient)
 
-        return {name: [row(*each, name == "transients") for each in rows]
-                for name, rows in chosen.items()}  # fmt: skip
+        return {
+            name: [row(*each, name == "transients") for each in rows]
+            for name, rows in chosen.items()
+        }
 
 
 def _row(evaluation: Evaluation, asked: Asked, title: str, transient: bool) -> Row:

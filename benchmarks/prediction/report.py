@@ -65,9 +65,13 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
     config = evaluation.config
     results = {
         "settings": {
-            "expansions": list(config.expansions), "apart": config.apart, "block": BLOCK,
-            "ssim": images.SETTINGS, "ssim_coarse": images.LEVELS,
-            "rings": EDGES, "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
+            "expansions": list(config.expansions),
+            "apart": config.apart,
+            "block": BLOCK,
+            "ssim": images.SETTINGS,
+            "ssim_coarse": images.LEVELS,
+            "rings": EDGES,
+            "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
         },
         "sets": sets_of(evaluation),
         "version": version("foresee"),
@@ -79,7 +83,7 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "transients": transients(evaluation),
         "simulated": places.pop("simulated", {}),
         "physical": places,
-    }  # fmt: skip
+    }
     results = without_nan(results, digits=6)
     write_results(evaluation.out / "results.json", "prediction", results)
     return results

@@ -65,8 +65,9 @@ class Tally:
         """Add the scores of an answer."""
         alike = similarity(answer.image, answer.kept, square.image, square.unseen)
         before = self._sums()
-        self.scores.add(answer.p_free, answer.p_occupied, square.truth == 0, square.truth == 1,
-                        square.ring)  # fmt: skip
+        self.scores.add(
+            answer.p_free, answer.p_occupied, square.truth == 0, square.truth == 1, square.ring
+        )
         brier, nll = self._sums() - before
         cells = int((square.ring >= 0).sum())
         self.frames.append((*vars(alike).values(), brier, nll, cells, answer.nan_cells))

@@ -43,8 +43,9 @@ class Store(ResumableFolder):
             contestant: the contestant.
         """
         own = stretch.rates if contestant.name in BASELINES else contestant.expansion
-        return self.name("scores", sha256, stretch.frames, stretch.expansion, contestant.identity,
-                         own)  # fmt: skip
+        return self.name(
+            "scores", sha256, stretch.frames, stretch.expansion, contestant.identity, own
+        )
 
     def once(self, measure: Callable[[], Any], kind: str, *decided_by: Any) -> Any:
         """Return a kept measurement, or measure and keep it; see `name` for the arguments."""

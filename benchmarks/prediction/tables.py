@@ -17,11 +17,24 @@ IMAGES = {
     "ssim_coarse": "SSIM, coarser the farther",
     "ssim_coarse_unseen": "SSIM, coarser the farther, on cells not seen outside the crop",
 }
-CELLS = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier", "nll", "ece_free",
-         "ece_occupied", "ece")  # fmt: skip
+CELLS = (
+    "iou_free",
+    "iou_occupied",
+    "auc_free",
+    "auc_occupied",
+    "brier",
+    "nll",
+    "ece_free",
+    "ece_occupied",
+    "ece",
+)
 
-SHORT = {"ssim": "SSIM", "ssim_unseen": "of cells not seen", "brier": "Brier",
-         "ece_free": "calibration error of free"}  # fmt: skip
+SHORT = {
+    "ssim": "SSIM",
+    "ssim_unseen": "of cells not seen",
+    "brier": "Brier",
+    "ece_free": "calibration error of free",
+}
 """Measures of the short table, and their column heads."""
 
 ABOVE = """\
@@ -87,8 +100,13 @@ def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str
     for name in _names(entry):
         here = [measured.get(name, {}) for measured in entry.values()]
         taken = [row["cost"]["ms_median"] for row in here if row.get("cost")]
-        rows.append([f"`{name}`", *(side_by_side([row.get(of) for row in here]) for of in SHORT),
-                     _number(max(taken), ".1f") if taken else ""])  # fmt: skip
+        rows.append(
+            [
+                f"`{name}`",
+                *(side_by_side([row.get(of) for row in here]) for of in SHORT),
+                _number(max(taken), ".1f") if taken else "",
+            ]
+        )
     for name in dict.fromkeys(name for printed in paper.values() for name in printed):
         found = [paper.get(expansion, {}).get(name) for expansion in entry]
         rows.append([f"{name} as printed", side_by_side(found), *[""] * len(SHORT)])
@@ -142,8 +160,13 @@ def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
                     for e in expansions
                 ]
                 counts.append(" / ".join(map(str, found)))
-            rows.append([name if name == BEST else f"`{name}`",
-                         " and ".join(f"`{other}`" for other in others), *counts])  # fmt: skip
+            rows.append(
+                [
+                    name if name == BEST else f"`{name}`",
+                    " and ".join(f"`{other}`" for other in others),
+                    *counts,
+                ]
+            )
     return markdown(rows)
 
 
@@ -168,8 +191,15 @@ def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
             for name in (best, *_compacts(measured)):
                 above = measured[name]["above"]
                 found = [above[other][measure] for measure in measures for other in BASELINES]
-                rows.append([place, expansion, f"`{name}`", _number(measured[name]["ssim"]),
-                             *map(_interval, found)])  # fmt: skip
+                rows.append(
+                    [
+                        place,
+                        expansion,
+                        f"`{name}`",
+                        _number(measured[name]["ssim"]),
+                        *map(_interval, found),
+                    ]
+                )
     return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
 
 
@@ -180,17 +210,24 @@ def _trainings(predictors: dict[str, Any]) -> str:
             if isinstance(facts, dict) and "reduced" in facts:
                 other = facts["reduced"] or {}
                 told = ", ".join(f"{what} {value}" for what, value in other.items())
-                rows.append([f"`{name}`", expansion, told or "as printed",
-                             facts["fingerprint"][:12]])  # fmt: skip
+                rows.append(
+                    [f"`{name}`", expansion, told or "as printed", facts["fingerprint"][:12]]
+                )
     return markdown(rows) if len(rows) > 1 else "None."
 
 
 def _printed(costs: dict[str, Any]) -> str:
     rows = [["network", "parameters", "multiply-adds [M]", "median [ms]", "most [ms]"]]
     for name, cost in costs.items():
-        rows.append([f"`{name}`", _number(cost["parameters"], ",d"),
-                     _number(cost["macs"] / 1e6, ",.0f"), _number(cost["ms_median"], ".1f"),
-                     _number(cost["ms_most"], ".1f")])  # fmt: skip
+        rows.append(
+            [
+                f"`{name}`",
+                _number(cost["parameters"], ",d"),
+                _number(cost["macs"] / 1e6, ",.0f"),
+                _number(cost["ms_median"], ".1f"),
+                _number(cost["ms_most"], ".1f"),
+            ]
+        )
     return markdown(rows)
 
 
@@ -200,8 +237,10 @@ def _transients(places: dict[str, Any]) -> str:
     for place, entry in places.items():
         for expansion, measured in entry.items():
             for name, shares in measured.items():
-                found = [_number(shares[column], ",d" if "cells" in column else ".3f")
-                         for column in columns]  # fmt: skip
+                found = [
+                    _number(shares[column], ",d" if "cells" in column else ".3f")
+                    for column in columns
+                ]
                 rows.append([place, expansion, f"`{name}`", *found])
     return markdown(rows) if len(rows) > 1 else "No network was asked."
 
@@ -209,11 +248,16 @@ def _transients(places: dict[str, Any]) -> str:
 def _by_expansion(entry: dict[str, Rows], measure: str, paper: dict[str, dict[str, float]]) -> str:
     rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
     for name in _names(entry):
-        rows.append([f"`{name}`", *(_number(measured.get(name, {}).get(measure))
-                                    for measured in entry.values())])  # fmt: skip
+        rows.append(
+            [
+                f"`{name}`",
+                *(_number(measured.get(name, {}).get(measure)) for measured in entry.values()),
+            ]
+        )
         if any("test" in measured.get(name, {}) for measured in entry.values()):
-            of_test = [measured.get(name, {}).get("test", {}).get(measure)
-                       for measured in entry.values()]  # fmt: skip
+            of_test = [
+                measured.get(name, {}).get("test", {}).get(measure) for measured in entry.values()
+            ]
             rows.append([f"`{name}`, the paper's two test drives alone", *map(_number, of_test)])
     for name in dict.fromkeys(name for printed in paper.values() for name in printed):
         found = [paper.get(expansion, {}).get(name) for expansion in entry]
@@ -225,8 +269,10 @@ def _differences(entry: dict[str, Rows], measure: str, other: str) -> str:
     rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
     for name in _names(entry):
         if name != other:
-            found = [measured.get(name, {}).get("above", {}).get(other, {}).get(measure)
-                     for measured in entry.values()]  # fmt: skip
+            found = [
+                measured.get(name, {}).get("above", {}).get(other, {}).get(measure)
+                for measured in entry.values()
+            ]
             rows.append([f"`{name}`", *map(_interval, found)])
     return markdown(rows)
 
@@ -237,18 +283,22 @@ def _cells(measured: Rows) -> str:
     for name, row in measured.items():
         of = row["cost"] or {}
         macs = of.get("macs")
-        rows.append([
-            f"`{name}`",
-            *(_number(row[column]) for column in CELLS),
-            _number(of.get("parameters"), ",d"),
-            _number(None if macs is None else macs / 1e6, ",.0f"),
-            _number(of.get("ms_median"), ".1f"),
-            _number(of.get("ms_p99"), ".1f"),
-        ])  # fmt: skip
+        rows.append(
+            [
+                f"`{name}`",
+                *(_number(row[column]) for column in CELLS),
+                _number(of.get("parameters"), ",d"),
+                _number(None if macs is None else macs / 1e6, ",.0f"),
+                _number(of.get("ms_median"), ".1f"),
+                _number(of.get("ms_p99"), ".1f"),
+            ]
+        )
     lines = markdown(rows)
     nan = {name: row["nan_cells"] for name, row in measured.items() if row["nan_cells"]}
-    told = "".join(f"\n\nmind: {count:,d} cells that `{name}` said were NaN, and count as not known"
-                   for name, count in nan.items())  # fmt: skip
+    told = "".join(
+        f"\n\nmind: {count:,d} cells that `{name}` said were NaN, and count as not known"
+        for name, count in nan.items()
+    )
     return lines + told
 
 

@@ -101,8 +101,10 @@ def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDAr
         row, col = places[rng.integers(len(places))]
         row, col = row + 0.5 - n / 2, col + 0.5 - n / 2
         put |= np.hypot(rows - row, cols - col) * RESOLUTION <= RADIUS
-    crop, window = (Grid(grid.frame, np.where(put, np.int8(OCCUPIED), grid.cells))
-                    for grid in (square.crop, square.window))  # fmt: skip
+    crop, window = (
+        Grid(grid.frame, np.where(put, np.int8(OCCUPIED), grid.cells))
+        for grid in (square.crop, square.window)
+    )
     return replace(square, crop=crop, window=window), put
 
 
@@ -117,16 +119,24 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
     from tqdm import tqdm
 
     # Ordered by expansion: the networks of one fit into memory, those of all do not.
-    asked = [(x, place, one) for x in evaluation.config.expansions for place in evaluation.places
-             for one in evaluation.who(x) if prints(one)]  # fmt: skip
+    asked = [
+        (x, place, one)
+        for x in evaluation.config.expansions
+        for place in evaluation.places
+        for one in evaluation.who(x)
+        if prints(one)
+    ]
     out: dict[str, Any] = {place: {} for place in evaluation.places}
     for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
         chosen = _chosen([drive for drive in evaluation.drives if drive.place == place])
         frames = [(drive.about["sha256"], index) for drive, index in chosen]
         shares = evaluation.store.once(
             partial(_shares, one, evaluation.rates[expansion], expansion, chosen),
-            "transients", frames, expansion, one.identity,
-        )  # fmt: skip
+            "transients",
+            frames,
+            expansion,
+            one.identity,
+        )
         out[place].setdefault(key_of(expansion), {})[one.name] = shares
     return out
 

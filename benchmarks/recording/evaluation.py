@@ -182,8 +182,19 @@ def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
 
 def table(results: dict[str, Any]) -> str:
     """Return the scores of each group in Markdown: of all cells, and by distance."""
-    columns = ("iou_free", "iou_occupied", "auc_free", "auc_occupied", "brier_free",
-               "brier_occupied", "nll", "ece_free", "ece_occupied", "ssim", "ms")  # fmt: skip
+    columns = (
+        "iou_free",
+        "iou_occupied",
+        "auc_free",
+        "auc_occupied",
+        "brier_free",
+        "brier_occupied",
+        "nll",
+        "ece_free",
+        "ece_occupied",
+        "ssim",
+        "ms",
+    )
     parts = []
     for group, entry in results["groups"].items():
         skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
@@ -210,8 +221,10 @@ def _by_distance(predictors: dict[str, Any]) -> str:
             edges = [ring["from"] for ring in row["rings"]]
             spans = [f"{low:g}–{high:g} m" for low, high in pairwise(edges)]
             rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
-            found = [[ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
-                     for ring in row["rings"]]  # fmt: skip
+            found = [
+                [ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
+                for ring in row["rings"]
+            ]
             rows.append([name, *(" / ".join(map(_cell, values)) for values in found)])
     return markdown(rows) if rows else ""
 

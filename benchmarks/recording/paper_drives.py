@@ -75,8 +75,13 @@ class Drive:
 
 def settings_of(config: SimulatedConfig) -> dict[str, Any]:
     """Return all settings that decide the frames of a set."""
-    return asdict(config) | {"family": FAMILY, "speed": SPEED, "tick": TICK,
-                             "first_map": FIRST_MAP, "first_drive": FIRST_DRIVE}  # fmt: skip
+    return asdict(config) | {
+        "family": FAMILY,
+        "speed": SPEED,
+        "tick": TICK,
+        "first_map": FIRST_MAP,
+        "first_drive": FIRST_DRIVE,
+    }
 
 
 def check_apart(about: list[dict[str, Any]]) -> None:
@@ -96,9 +101,12 @@ def check_apart(about: list[dict[str, Any]]) -> None:
 
 def drives_of(config: SimulatedConfig) -> list[Drive]:
     """Return all trajectories of a set."""
-    shares = {"train": _shared(config.train, 4), "test": _shared(config.test, 2),
-              "more": [config.length] * config.more,
-              "validation": [config.length] * config.validation}  # fmt: skip
+    shares = {
+        "train": _shared(config.train, 4),
+        "test": _shared(config.test, 2),
+        "more": [config.length] * config.more,
+        "validation": [config.length] * config.validation,
+    }
     drives = []
     for place, (split, counts) in enumerate(shares.items()):
         for number, count in enumerate(counts):
@@ -129,8 +137,13 @@ def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str,
             ends.append(str(error))
             continue
         if end is None:
-            about = {"split": drive.split, "map": world.name, "map_seed": drive.map_seed,
-                     "seed": seed, "world": world_hash(world.grid.cells)}  # fmt: skip
+            about = {
+                "split": drive.split,
+                "map": world.name,
+                "map_seed": drive.map_seed,
+                "seed": seed,
+                "world": world_hash(world.grid.cells),
+            }
             return write_trajectory(folder, drive.name, recording.arrays(), about)
         ends.append(f"seed {seed}: {end} after {len(recording)} frames")
     raise DriveError(f"{drive.name}: no seed gave {drive.count} frames; the last: {ends[-1]}")
@@ -164,10 +177,15 @@ def driven(
     task = prolonged(first, length, car.limits)
     start = np.array(task.start)
     margin = 3 * config.noise + world.grid.frame.resolution if config.noise else 0.0
-    settings = NavigatorConfig(window=2 * lidar.config.range_max, car=car.limits,
-                               guide=GuideConfig(every=PATH_EVERY), margin=margin)  # fmt: skip
-    navigator = Navigator(settings, None, start, task.goal, task.blank(settings.window),
-                          task.waypoints, seed)  # fmt: skip
+    settings = NavigatorConfig(
+        window=2 * lidar.config.range_max,
+        car=car.limits,
+        guide=GuideConfig(every=PATH_EVERY),
+        margin=margin,
+    )
+    navigator = Navigator(
+        settings, None, start, task.goal, task.blank(settings.window), task.waypoints, seed
+    )
     crowd = People(world, config.people, start[:2], crowds)
     near = task.blank(WINDOW)
     near.mark_free(start, settings.car.body, settings.start_margin)

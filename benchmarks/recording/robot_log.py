@@ -61,9 +61,15 @@ def simulated_log(
         config: settings that values are drawn from.
     """
     config = config or LogConfig()
-    lidar = Lidar(LidarConfig(fov=math.pi, beams=int(rng.choice(config.beams)), mount=(0, 0, 0),
-                              range_noise=float(rng.choice(config.noise)),
-                              dropout=float(rng.choice(config.dropout))))  # fmt: skip
+    lidar = Lidar(
+        LidarConfig(
+            fov=math.pi,
+            beams=int(rng.choice(config.beams)),
+            mount=(0, 0, 0),
+            range_noise=float(rng.choice(config.noise)),
+            dropout=float(rng.choice(config.dropout)),
+        )
+    )
     apart = float(rng.uniform(*config.apart))
     ways = [np.vstack([task.start[:2], task.waypoints]) for task in tasks]
     poses = np.concatenate([poses_along(way, apart) for way in ways])

@@ -94,12 +94,14 @@ def score_drive(
     arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}
     building = world.grid.cells
     facts = {
-        "world": world.name, "hash": world_hash(building),
+        "world": world.name,
+        "hash": world_hash(building),
         "learned_by": [name for name, p in predictors.items() if has_learned(p, building)],
-        "moments": len(similar[BLANK]), "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
+        "moments": len(similar[BLANK]),
+        "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
         "ms": {k: float(np.median(v)) for k, v in taken.items()},
         "errors": [off for off, _ in shown],
-    }  # fmt: skip
+    }
     return facts, arrays
 
 

@@ -74,8 +74,12 @@ def record(config: DrivesConfig, item: tuple[str, int]) -> int:
     except NoTaskError:
         samples = []
     path = path_of(config, item)
-    about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells),
-             "original": world_hash(drawn.grid.cells)}  # fmt: skip
+    about = {
+        "family": family,
+        "seed": seed,
+        "world": world_hash(world.grid.cells),
+        "original": world_hash(drawn.grid.cells),
+    }
     write_samples(path, samples, about)
     return len(samples)
 
@@ -216,8 +220,16 @@ def _claim(config: DrivesConfig) -> None:
         raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
     for split in SPLITS:
         (config.out / split).mkdir(parents=True, exist_ok=True)
-    how = ({"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART} if config.logs else
-           {"longest": config.longest, "every": config.every})  # fmt: skip
-    recipe = {"format": FORMAT, "seeds": SPLITS, "views": config.views,
-              "families": config.families, "windows": WINDOWS}  # fmt: skip
+    how = (
+        {"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART}
+        if config.logs
+        else {"longest": config.longest, "every": config.every}
+    )
+    recipe = {
+        "format": FORMAT,
+        "seeds": SPLITS,
+        "views": config.views,
+        "families": config.families,
+        "windows": WINDOWS,
+    }
     ResumableFolder(config.out, recipe | how, marker=RECIPE)

@@ -55,10 +55,16 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
 
     kind, settings = scenario(index, seed)
     found: dict[str, Any] = {
-        "index": index, "kind": kind, "world": settings.world[0], "seed": settings.seed,
-        "route": settings.route, "vehicle": settings.vehicle, "risk": settings.risk,
-        "v_max": settings.v_max, "commit": commit(),
-    }  # fmt: skip
+        "index": index,
+        "kind": kind,
+        "world": settings.world[0],
+        "seed": settings.seed,
+        "route": settings.route,
+        "vehicle": settings.vehicle,
+        "risk": settings.risk,
+        "v_max": settings.v_max,
+        "commit": commit(),
+    }
     try:
         task = task_of(settings, 0)
     except NoTaskError as error:
@@ -104,11 +110,16 @@ def table(found: dict[str, Any]) -> str:
         counted = sum(
             n for d in whole for fault, n in d["faults"].items() if fault.startswith("predictor")
         )
-        rows.append([
-            name, str(len(mine)),
-            *(str(sum(d["outcome"] == outcome for d in mine)) for outcome in
-              ("collided", "crashed")),
-            f"{metres / seconds:.2f}" if seconds else "–",
-            f"{counted / max(1, len(whole)):.0f}",
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                str(len(mine)),
+                *(
+                    str(sum(d["outcome"] == outcome for d in mine))
+                    for outcome in ("collided", "crashed")
+                ),
+                f"{metres / seconds:.2f}" if seconds else "–",
+                f"{counted / max(1, len(whole)):.0f}",
+            ]
+        )
     return markdown(rows)

@@ -46,9 +46,11 @@ def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float
     """Return a prediction that cells are free with a probability, and else occupied."""
     p_free = np.broadcast_to(np.asarray(free, dtype), known.frame.shape).copy()
     return Prediction(
-        known.frame, p_free, (1 - p_free).astype(dtype),
+        known.frame,
+        p_free,
+        (1 - p_free).astype(dtype),
         np.full(known.frame.shape, confidence, dtype),
-    )  # fmt: skip
+    )
 
 
 def free(confidence: float, dtype: Any = np.float32) -> Answer:
@@ -222,8 +224,17 @@ FAULTY: dict[str, Answer] = {
     "never": never,
     **{
         f"raises {error.__name__}": raising(error, 3)
-        for error in (RuntimeError, MemoryError, RecursionError, StopIteration, GeneratorExit,
-                      KeyboardInterrupt, SystemExit, BaseException, TimeoutError)
+        for error in (
+            RuntimeError,
+            MemoryError,
+            RecursionError,
+            StopIteration,
+            GeneratorExit,
+            KeyboardInterrupt,
+            SystemExit,
+            BaseException,
+            TimeoutError,
+        )
     },
     "raises what cannot be shown": raising(_UnprintableError),
     "None": _returning(None),
@@ -243,7 +254,7 @@ FAULTY: dict[str, Answer] = {
         frame=lambda frame: dataclasses.replace(frame, origin=(frame.origin[0] + 0.02, 0.0))
     ),
     "no frame": broken(frame=None),
-}  # fmt: skip
+}
 """Predictors that break the contract: each answer must be counted as a fault."""
 KINDS = LIARS | WRITERS | FAULTY
 """All of them by name."""

@@ -28,19 +28,59 @@ SMALL = ("--train", "2", "--validation", "1")
 CASES: dict[str, tuple[str, ...]] = {
     "benchmarks.corridor": ("--episodes", "1", "--arms", "known,full", "--seed", "1000"),
     "predictor.drives": SMALL,
-    "predictor.dataset": ("--train", "80", "--test", "40", "--more", "1", "--validation", "1",
-                          "--length", "40"),
+    "predictor.dataset": (
+        "--train",
+        "80",
+        "--test",
+        "40",
+        "--more",
+        "1",
+        "--validation",
+        "1",
+        "--length",
+        "40",
+    ),
     "predictor.train": ("--data", "{drives}", *SMALL, "--steps", "20", "--batch", "4"),
-    "predictor.evaluate": ("--drives", "1", "--world", "corridor", "--predictors", "none",
-                           "extend"),
-    "predictor.study": ("--data", "{frames}", "--archs", "unet_ff", "mlp", "--expansions", "1.1",
-                        "--preset", "short", "--width", "0.0625", "--side", "64",
-                        "--epochs", "1"),
-}  # fmt: skip
+    "predictor.evaluate": (
+        "--drives",
+        "1",
+        "--world",
+        "corridor",
+        "--predictors",
+        "none",
+        "extend",
+    ),
+    "predictor.study": (
+        "--data",
+        "{frames}",
+        "--archs",
+        "unet_ff",
+        "mlp",
+        "--expansions",
+        "1.1",
+        "--preset",
+        "short",
+        "--width",
+        "0.0625",
+        "--side",
+        "64",
+        "--epochs",
+        "1",
+    ),
+}
 """The commands with arguments that keep them short. {drives} and {frames} are data made before."""
 INPUTS = {"drives": "predictor.drives", "frames": "predictor.dataset"}
-VOLATILE = {"machine", "commit", "commits", "seconds", "ms", "cycle_ms", "cycle_ms_p50",
-            "cycle_ms_p99", "times"}  # fmt: skip
+VOLATILE = {
+    "machine",
+    "commit",
+    "commits",
+    "seconds",
+    "ms",
+    "cycle_ms",
+    "cycle_ms_p50",
+    "cycle_ms_p99",
+    "times",
+}
 """Times and origins, which no two runs have in common."""
 GONE = 15.0
 """Seconds within which all processes of an interrupted command must have ended."""
@@ -75,8 +115,9 @@ def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> list[str]:
     return sorted(k for k in ours.keys() | theirs.keys() if ours.get(k) != theirs.get(k))
 
 
-def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
-                trial: tuple[int, str, str, float]) -> dict[str, Any]:  # fmt: skip
+def interrupted(
+    work: Path, disk: Path | None, seconds: dict[str, float], trial: tuple[int, str, str, float]
+) -> dict[str, Any]:
     """Interrupt a command once, run it again to its end, and compare its results.
 
     Args:
@@ -94,8 +135,9 @@ def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
         words = _words(command, work, ours, folder / "out")
         moment = share * seconds[command]
         with (ours / "first.txt").open("w") as file:
-            process = subprocess.Popen(words, stdout=file, stderr=file, start_new_session=True,
-                                       preexec_fn=_heed_ctrl_c)  # fmt: skip
+            process = subprocess.Popen(
+                words, stdout=file, stderr=file, start_new_session=True, preexec_fn=_heed_ctrl_c
+            )
             try:
                 process.wait(moment)
                 in_time = False
@@ -116,12 +158,18 @@ def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
             again = subprocess.run(words, stdout=file, stderr=file).returncode
         differ = differences(contents(work / command), contents(folder / "out"))
     found = {
-        "index": index, "command": command, "kind": kind, "seconds": round(moment, 2),
-        "interrupted": in_time, "status": status,
+        "index": index,
+        "command": command,
+        "kind": kind,
+        "seconds": round(moment, 2),
+        "interrupted": in_time,
+        "status": status,
         "last line": (said.strip().splitlines() or [""])[-1][-200:],
         "traceback": "Traceback" in said,
-        "processes left": left, "status again": again, "differences": differ[:20],
-    }  # fmt: skip
+        "processes left": left,
+        "status again": again,
+        "differences": differ[:20],
+    }
     if good(found):
         shutil.rmtree(ours)
     return found
@@ -130,32 +178,50 @@ def interrupted(work: Path, disk: Path | None, seconds: dict[str, float],
 def table(results: dict[str, Any]) -> str:
     """Return the trials of each command and kind of interruption as Markdown."""
     trials = results["drives"]
-    rows = [["command", "interrupted by", "trials", "while it ran", "same results after",
-             "tracebacks", "processes left"]]  # fmt: skip
+    rows = [
+        [
+            "command",
+            "interrupted by",
+            "trials",
+            "while it ran",
+            "same results after",
+            "tracebacks",
+            "processes left",
+        ]
+    ]
     for command in CASES:
         for kind in KINDS:
             mine = [t for t in trials if (t["command"], t["kind"]) == (command, kind)]
             if mine:
                 same = sum(t["status again"] == 0 and not t["differences"] for t in mine)
-                counts = (len(mine), sum(t["interrupted"] for t in mine), same,
-                          sum(t["traceback"] for t in mine),
-                          sum(t["processes left"] for t in mine))  # fmt: skip
+                counts = (
+                    len(mine),
+                    sum(t["interrupted"] for t in mine),
+                    same,
+                    sum(t["traceback"] for t in mine),
+                    sum(t["processes left"] for t in mine),
+                )
                 rows.append([f"`{command}`", kind, *map(str, counts)])
     return markdown(rows)
 
 
 def good(trial: dict[str, Any]) -> bool:
     """Return whether a trial ended as it should."""
-    return not (trial["traceback"] or trial["processes left"] or trial["status again"]
-                or trial["differences"])  # fmt: skip
+    return not (
+        trial["traceback"]
+        or trial["processes left"]
+        or trial["status again"]
+        or trial["differences"]
+    )
 
 
 def references(work: Path) -> dict[str, float]:
     """Run each command uninterrupted, the makers of data first; return their times [s]."""
     seconds = {}
     makers = list(INPUTS.values())
-    for command in tqdm([*makers, *(c for c in CASES if c not in makers)], unit="command",
-                        desc="uninterrupted"):  # fmt: skip
+    for command in tqdm(
+        [*makers, *(c for c in CASES if c not in makers)], unit="command", desc="uninterrupted"
+    ):
         done = work / f"{command}.json"
         if not done.exists():
             ours = work / f"data-{command}"

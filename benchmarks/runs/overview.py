@@ -26,9 +26,22 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
         runs: name → contents of a results.json of `benchmarks.corridor`.
     """
     arms = ("known", "predicted", "oracle", "full")
-    rows = [[" / ".join(f"`{arm}`" for arm in arms), "car", "episodes", "SCT",
-             "time ratio `predicted` to `known`", "gap closed in SCT", "gap closed in time",
-             "detour", "speed [m/s]", "reached", "stuck", "collided"]]  # fmt: skip
+    rows = [
+        [
+            " / ".join(f"`{arm}`" for arm in arms),
+            "car",
+            "episodes",
+            "SCT",
+            "time ratio `predicted` to `known`",
+            "gap closed in SCT",
+            "gap closed in time",
+            "detour",
+            "speed [m/s]",
+            "reached",
+            "stuck",
+            "collided",
+        ]
+    ]
     for name, run in runs.items():
         summary = run["summary"]
 
@@ -37,21 +50,25 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
             return " / ".join(DASH if value is None else format(value, form) for value in values)
 
         known, ratio, shares = summary["known"], summary["predicted"]["time_ratio"], run["gap"]
-        closed = ["" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
-                  for key in ("sct", "time")]  # fmt: skip
+        closed = [
+            "" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
+            for key in ("sct", "time")
+        ]
         if "oracle" in summary and shares["sct"] is None and known["sct_interval"] is not None:
             closed[0] = "no gap"
-        rows.append([
-            name,
-            known["vehicle"],
-            str(known["episodes"]),
-            each("sct", ".3f"),
-            "" if ratio is None else interval(ratio, ".2f"),
-            *closed,
-            each("detour", ".2f"),
-            each("mean_speed", ".2f"),
-            *(each(key, "d") for key in ("reached", "stuck", "collided")),
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                known["vehicle"],
+                str(known["episodes"]),
+                each("sct", ".3f"),
+                "" if ratio is None else interval(ratio, ".2f"),
+                *closed,
+                each("detour", ".2f"),
+                each("mean_speed", ".2f"),
+                *(each(key, "d") for key in ("reached", "stuck", "collided")),
+            ]
+        )
     return markdown(rows)
 
 
@@ -61,20 +78,34 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
     """
-    rows = [["run", "predictor", "expansion", "ε", "promises broken (95 % over worlds)", "episodes",
-             "reached", "collided", "SCT", "speed [m/s]"]]  # fmt: skip
+    rows = [
+        [
+            "run",
+            "predictor",
+            "expansion",
+            "ε",
+            "promises broken (95 % over worlds)",
+            "episodes",
+            "reached",
+            "collided",
+            "SCT",
+            "speed [m/s]",
+        ]
+    ]
     for name, run in runs.items():
         settings, entry = run["settings"], run["summary"]["predicted"]
-        rows.append([
-            name,
-            f"`{Path(settings['predictor']).stem}`",
-            f"{settings['expansion']:g}",
-            f"{settings['risk']:g}",
-            broken(entry),
-            *(str(entry[key]) for key in ("episodes", "reached", "collided")),
-            figure(entry["sct"], entry["sct_interval"], ".3f"),
-            figure(entry["mean_speed"], entry["mean_speed_interval"], ".2f"),
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                f"`{Path(settings['predictor']).stem}`",
+                f"{settings['expansion']:g}",
+                f"{settings['risk']:g}",
+                broken(entry),
+                *(str(entry[key]) for key in ("episodes", "reached", "collided")),
+                figure(entry["sct"], entry["sct_interval"], ".3f"),
+                figure(entry["mean_speed"], entry["mean_speed_interval"], ".2f"),
+            ]
+        )
     return markdown(rows)
 
 

@@ -59,9 +59,12 @@ class Settings(Options):
     )
     v_max: float = option(4.0, "top speed [m/s]", "V", low=0.5, high=10)
     window: float = option(
-        5.0, "side of the square around the car in which the LIDAR is used [m]", "M",
-        low=1, high=100,
-    )  # fmt: skip
+        5.0,
+        "side of the square around the car in which the LIDAR is used [m]",
+        "M",
+        low=1,
+        high=100,
+    )
     expansion: float = option(
         2.0,
         "width of the predicted square over that of the window; no wider than a car can make use "

@@ -137,8 +137,9 @@ class Store:
         other = self._other(run)
         arms = [arm for arm in self.settings.arms if ARMS[arm].predictor != "chosen"]
         if not arms:
-            raise UsageError("--baselines: all arms ask the chosen predictor, whose drives are "
-                             "never taken over")  # fmt: skip
+            raise UsageError(
+                "--baselines: all arms ask the chosen predictor, whose drives are never taken over"
+            )
         if not any(ARMS[arm].drives_alike(other) for arm in arms):
             what = ", ".join(f"{k} {run.settings.get(k)}" for k in self._marked if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")
@@ -157,8 +158,11 @@ class Store:
                 arrays.setdefault(name.rpartition("/")[0], []).append(name)
             for episode in run.episodes:
                 index, arm = episode.index, episode.arm
-                if (self._wanted(episode) and (index, arm) not in done
-                        and ARMS[arm].drives_alike(other)):  # fmt: skip
+                if (
+                    self._wanted(episode)
+                    and (index, arm) not in done
+                    and ARMS[arm].drives_alike(other)
+                ):
                     names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
                     self.add(episode, {name: run.archive.array(name) for name in names})
         except RunError as error:
@@ -207,8 +211,10 @@ class Store:
         good = self._good_traces()
         kept = [drive for drive in drives if f"e{drive.index}/{drive.arm}/states" in good]
         if len(kept) < len(drives):
-            self.notes.append(f"{len(drives) - len(kept)} of {len(drives)} drives have lost their "
-                              "traces and are driven again")  # fmt: skip
+            self.notes.append(
+                f"{len(drives) - len(kept)} of {len(drives)} drives have lost their "
+                "traces and are driven again"
+            )
         return kept
 
     def _good_traces(self) -> set[str]:
@@ -231,10 +237,11 @@ class Store:
                     return set(names)
                 worlds = {group.removeprefix("w") for group in bad if group.startswith("w")}
                 good = {
-                    name: packed.read(stored) for name, stored in names.items()
+                    name: packed.read(stored)
+                    for name, stored in names.items()
                     if name.rpartition("/")[0] not in bad
                     and name[1:].partition("/")[0] not in worlds
-                }  # fmt: skip
+                }
         except (OSError, zipfile.BadZipFile) as error:
             self._folder.set_aside(traces, one_line(error))
             return set()

@@ -33,8 +33,10 @@ def causes(run: Run) -> dict[str, Any]:
         RunError: if the run is damaged, or its car has a reverse gear, which the search lacks.
     """
     if run.settings["vehicle"] != "dubins":
-        raise RunError(f"{run.directory}: drives of {run.settings['vehicle']}; the search knows "
-                       "the dubins car alone")  # fmt: skip
+        raise RunError(
+            f"{run.directory}: drives of {run.settings['vehicle']}; the search knows "
+            "the dubins car alone"
+        )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
     found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
@@ -61,22 +63,42 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
         if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
             before, speed = (end - tick) * run.setting("dt", TICK), v
             break
-    return {"index": index, "arm": arm, "world": episode.world, "seconds": before,
-            "speed": speed}  # fmt: skip
+    return {"index": index, "arm": arm, "world": episode.world, "seconds": before, "speed": speed}
 
 
 def table(results: dict[str, Any]) -> str:
     """Return the causes as Markdown, a line for each arm of each run."""
-    rows = [["run", "arm", "drives", "stuck", "way on from the end", f"missed within {LATE:g} s",
-             "speed there [m/s]", "in a pocket for longer", "none found"]]  # fmt: skip
+    rows = [
+        [
+            "run",
+            "arm",
+            "drives",
+            "stuck",
+            "way on from the end",
+            f"missed within {LATE:g} s",
+            "speed there [m/s]",
+            "in a pocket for longer",
+            "none found",
+        ]
+    ]
     for run in results["runs"]:
         for arm, drives in run["drives"].items():
             stuck = [one for one in run["stuck"] if one["arm"] == arm]
             times = [one["seconds"] for one in stuck if one["seconds"] is not None]
-            late = [one["speed"] for one in stuck
-                    if one["seconds"] is not None and 0 < one["seconds"] <= LATE]  # fmt: skip
+            late = [
+                one["speed"]
+                for one in stuck
+                if one["seconds"] is not None and 0 < one["seconds"] <= LATE
+            ]
             speeds = f"{min(late):.1f}–{max(late):.1f}" if late else ""
-            counts = (drives, len(stuck), times.count(0.0), len(late), speeds,
-                      sum(time > LATE for time in times), len(stuck) - len(times))  # fmt: skip
+            counts = (
+                drives,
+                len(stuck),
+                times.count(0.0),
+                len(late),
+                speeds,
+                sum(time > LATE for time in times),
+                len(stuck) - len(times),
+            )
             rows.append([run["label"], f"`{arm}`", *map(str, counts)])
     return markdown(rows)

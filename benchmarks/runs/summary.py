@@ -223,8 +223,10 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     # Without an interval there is too little to speak of a gap at all.
     known = {"known", "predicted", "oracle"} <= summary.keys() and first["sct_interval"] is not None
     if known and share["sct"] is None:
-        lines.append("Share of the gap in SCT: not given, `oracle` is not better than `known` with "
-                     "certainty.")  # fmt: skip
+        lines.append(
+            "Share of the gap in SCT: not given, `oracle` is not better than `known` with "
+            "certainty."
+        )
     return "\n".join(lines).rstrip()
 
 

@@ -20,14 +20,31 @@ from predictor.mapping.grid import GridFrame
 LARGEST = 2**30
 """Of an array; a larger one is refused before it is read [bytes]."""
 SHAPES: dict[str, tuple[int | str, ...] | str] = {
-    "states": ("any", 4), "controls": ("T", 2), "gears": ("T",), "plans": ("T", "any", 2),
-    "limits": ("T",), "limit_names": ("any",), "emergency": ("T",), "unsolved": ("T",),
-    "relied_count": ("T",), "relied_cells": ("any", 2), "relied_trust": ("any",), "kept": ("T",),
-    "times": ("T", "any"), "time_names": ("any",), "moment_tick": (), "moment_frame": (3,),
-    "moment_known": ("any", "any"), "moment_safe": "moment_known", "moment_plan": ("any", 4),
-    "moment_path": ("any", 2), "moment_prediction_frame": (3,), "moment_p_free": ("any", "any"),
-    "moment_p_occupied": "moment_p_free", "moment_confidence": "moment_p_free",
-}  # fmt: skip
+    "states": ("any", 4),
+    "controls": ("T", 2),
+    "gears": ("T",),
+    "plans": ("T", "any", 2),
+    "limits": ("T",),
+    "limit_names": ("any",),
+    "emergency": ("T",),
+    "unsolved": ("T",),
+    "relied_count": ("T",),
+    "relied_cells": ("any", 2),
+    "relied_trust": ("any",),
+    "kept": ("T",),
+    "times": ("T", "any"),
+    "time_names": ("any",),
+    "moment_tick": (),
+    "moment_frame": (3,),
+    "moment_known": ("any", "any"),
+    "moment_safe": "moment_known",
+    "moment_plan": ("any", 4),
+    "moment_path": ("any", 2),
+    "moment_prediction_frame": (3,),
+    "moment_p_free": ("any", "any"),
+    "moment_p_occupied": "moment_p_free",
+    "moment_confidence": "moment_p_free",
+}
 """The shape of each array of a drive of T ticks, or the name of the array that has the same shape.
 `first_seen` has the shape of the map."""
 
@@ -150,8 +167,15 @@ class Archive:
             if self._file.zip.getinfo(f"{name}.npy").file_size > LARGEST:
                 raise ValueError(f"it is larger than {LARGEST} bytes")
             return np.asarray(self._file[name])
-        except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile,
-                zlib.error) as error:  # fmt: skip
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            EOFError,
+            MemoryError,
+            zipfile.BadZipFile,
+            zlib.error,
+        ) as error:
             raise RunError(f"{self.path} is broken at {name!r}: {one_line(error)}") from error
 
     def map(self, index: int) -> NDArray[np.int8]:
@@ -189,8 +213,13 @@ def frame_of(path: Path, numbers: NDArray[Any], cells: NDArray[Any]) -> GridFram
     Raises:
         RunError: if they are no frame.
     """
-    if (numbers.shape != (3,) or numbers.dtype.kind != "f" or not np.isfinite(numbers).all()
-            or not 1e-3 <= numbers[0] <= 1e3 or np.abs(numbers).max() > FARTHEST):  # fmt: skip
+    if (
+        numbers.shape != (3,)
+        or numbers.dtype.kind != "f"
+        or not np.isfinite(numbers).all()
+        or not 1e-3 <= numbers[0] <= 1e3
+        or np.abs(numbers).max() > FARTHEST
+    ):
         raise RunError(f"{path} is broken: {numbers.tolist()} is not resolution, x and y of a map")
     resolution, x, y = map(float, numbers)
     return GridFrame(resolution, (x, y), (cells.shape[0], cells.shape[1]))

@@ -42,8 +42,13 @@ def counts(run: Run) -> dict[str, Any]:
                     changes[i] += sign_changes(curvature[first:end], threshold)
         arms[arm] = {"metres": metres, "changes": changes}
     commits = sorted({str(episode.commit) for episode in run.episodes})
-    return {"label": run.label, "settings": run.settings, "commits": commits,
-            "thresholds": THRESHOLDS, "arms": arms}  # fmt: skip
+    return {
+        "label": run.label,
+        "settings": run.settings,
+        "commits": commits,
+        "thresholds": THRESHOLDS,
+        "arms": arms,
+    }
 
 
 def sign_changes(curvature: NDArray[Any], threshold: float) -> int:
@@ -64,8 +69,9 @@ def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
     at = np.arange(0.0, along[-1], STEP)
     path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
     heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))
-    straight = np.array([np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN
-                         for i in range(len(at))])  # fmt: skip
+    straight = np.array(
+        [np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN for i in range(len(at))]
+    )
     nearest = [int(np.argmin(np.hypot(*(path - point).T))) for point in points]
     return straight[nearest]
 
@@ -77,7 +83,14 @@ def table(results: dict[str, Any]) -> str:
     for run in results["runs"]:
         for i, threshold in enumerate(run["thresholds"]):
             rates = [run["arms"].get(arm) for arm in arms]
-            rows.append([run["label"], f"{threshold:g}",
-                         *("" if a is None else f"{100 * a['changes'][i] / a['metres']:.2f}"
-                           for a in rates)])  # fmt: skip
+            rows.append(
+                [
+                    run["label"],
+                    f"{threshold:g}",
+                    *(
+                        "" if a is None else f"{100 * a['changes'][i] / a['metres']:.2f}"
+                        for a in rates
+                    ),
+                ]
+            )
     return markdown(rows)

@@ -82,9 +82,20 @@ def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.floa
     """Return controls (N, 2) of a car that pursues a path and ignores the posts."""
     car = mpc.limits
     return np.asarray(
-        pursue(path.points, segment_at(state[0]), state, mpc.stages, mpc.config.dt, car.v_max,
-               car.acceleration, car.braking, car.lateral_acceleration, car.max_curvature, 1e6)
-    )  # fmt: skip
+        pursue(
+            path.points,
+            segment_at(state[0]),
+            state,
+            mpc.stages,
+            mpc.config.dt,
+            car.v_max,
+            car.acceleration,
+            car.braking,
+            car.lateral_acceleration,
+            car.max_curvature,
+            1e6,
+        )
+    )
 
 
 def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:

@@ -48,8 +48,12 @@ class Problem:
         s = X[3] * dt + U[0] * dt**2 / 2
         half = U[1] * s / 2
         chord = s * (1 - half**2 / 6 + half**4 / 120 - half**6 / 5040)
-        after = ca.vertcat(X[0] + chord * ca.cos(X[2] + half), X[1] + chord * ca.sin(X[2] + half),
-                           X[2] + U[1] * s, X[3] + U[0] * dt)  # fmt: skip
+        after = ca.vertcat(
+            X[0] + chord * ca.cos(X[2] + half),
+            X[1] + chord * ca.sin(X[2] + half),
+            X[2] + U[1] * s,
+            X[3] + U[0] * dt,
+        )
         return ca.Function("successor", [X, U], [after])
 
     @cached_property
@@ -111,9 +115,11 @@ class Problem:
                 (first[1] - 1 + i) * SIDE + first[0] - 1 + j for i in range(4) for j in range(4)
             ]
         return ca.Function(
-            "place", [X, origin], [ca.vertcat(*cells), ca.vertcat(*fractions)],
+            "place",
+            [X, origin],
+            [ca.vertcat(*cells), ca.vertcat(*fractions)],
             {"is_diff_in": [True, False], "is_diff_out": [False, True]},
-        )  # fmt: skip
+        )
 
     @cached_property
     def _cubic(self) -> ca.Function:
@@ -127,5 +133,9 @@ class Problem:
 
 
 def _keys(t: Any) -> Any:
-    return ca.vertcat(((-0.5 * t + 1) * t - 0.5) * t, (1.5 * t - 2.5) * t * t + 1,
-                      ((-1.5 * t + 2) * t + 0.5) * t, (0.5 * t - 0.5) * t * t)  # fmt: skip
+    return ca.vertcat(
+        ((-0.5 * t + 1) * t - 0.5) * t,
+        (1.5 * t - 2.5) * t * t + 1,
+        ((-1.5 * t + 2) * t + 0.5) * t,
+        (0.5 * t - 0.5) * t * t,
+    )

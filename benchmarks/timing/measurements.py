@@ -66,8 +66,13 @@ def _file(one: Measurement) -> str:
 
 def _of(one: Measurement) -> dict[str, Any]:
     """Return what a measurement is of, as JSON gives it back."""
-    of = {"name": one.name, "code": code(), "machine": machine(), "runtime": installed([RUNTIME]),
-          "settings": one.settings}  # fmt: skip
+    of = {
+        "name": one.name,
+        "code": code(),
+        "machine": machine(),
+        "runtime": installed([RUNTIME]),
+        "settings": one.settings,
+    }
     plain: dict[str, Any] = json.loads(json.dumps(of))
     return plain
 

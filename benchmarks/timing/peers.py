@@ -57,11 +57,13 @@ def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]
     ours = float(np.median(taken[OURS]))
     return {
         name: {
-            "median_ms": float(np.median(times)), "mean_ms": float(np.mean(times)),
-            "p99_ms": float(np.percentile(times, 99)), "ratio": float(np.median(times)) / ours,
+            "median_ms": float(np.median(times)),
+            "mean_ms": float(np.mean(times)),
+            "p99_ms": float(np.percentile(times, 99)),
+            "ratio": float(np.median(times)) / ours,
         }
         for name, times in taken.items()
-    }  # fmt: skip
+    }
 
 
 STAGES = ("rays", "mapping", "distance transform", "prediction")

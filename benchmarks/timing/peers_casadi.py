@@ -12,8 +12,13 @@ from benchmarks.timing.hall import SIDE, Solve, Solver, Tick
 from benchmarks.timing.hall_problem import Problem
 from planner.mpc.mpc import MPC
 
-IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-4, "ipopt.mu_init": 1e-3,
-         "ipopt.warm_start_init_point": "yes"}  # fmt: skip
+IPOPT = {
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": 1e-4,
+    "ipopt.mu_init": 1e-3,
+    "ipopt.warm_start_init_point": "yes",
+}
 """The settings that IPOPT is quickest with here."""
 COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
 """casadi writes the problem's functions as C, and has gcc compile them."""
@@ -54,10 +59,16 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
         if k == 0:
             constrain(k, "start", xs[0] - start[:5], [0.0] * 5, [0.0] * 5)
         if k < n:
-            constrain(k, "lateral", problem.laterals(x, u), [-problem.lateral] * 2,
-                      [problem.lateral] * 2)  # fmt: skip
-            constrain(k, "control", u, [-car.braking, -car.max_curvature],
-                      [car.acceleration, car.max_curvature])  # fmt: skip
+            constrain(
+                k, "lateral", problem.laterals(x, u), [-problem.lateral] * 2, [problem.lateral] * 2
+            )
+            constrain(
+                k,
+                "control",
+                u,
+                [-car.braking, -car.max_curvature],
+                [car.acceleration, car.max_curvature],
+            )
             cost += problem.effort(u) + mpc.config.smoothness * (u[1] - xs[k][4]) ** 2
         constrain(k, "speed", x[3], [0.0], [car.v_max if k < n else 0.0])
         if k > 0:
@@ -72,12 +83,21 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
         options |= IPOPT
     else:
         equal = [a == b for a, b in zip(low, high, strict=True)]
-        options |= {"fatrop.print_level": 0, "structure_detection": "auto", "equality": equal,
-                    "fatrop.tol": 1e-4, "fatrop.mu_init": 1e-3}  # fmt: skip
+        options |= {
+            "fatrop.print_level": 0,
+            "structure_detection": "auto",
+            "equality": equal,
+            "fatrop.tol": 1e-4,
+            "fatrop.mu_init": 1e-3,
+        }
     if compiled:
         options |= COMPILED
-    nlp = {"x": ca.vertcat(*variables), "p": ca.vertcat(start, field), "f": cost,
-           "g": ca.vertcat(*g)}  # fmt: skip
+    nlp = {
+        "x": ca.vertcat(*variables),
+        "p": ca.vertcat(start, field),
+        "f": cost,
+        "g": ca.vertcat(*g),
+    }
     solver = ca.nlpsol("solver", plugin, nlp, options)
     duals: dict[str, Any] = {}
     lower, upper = ca.DM(low), ca.DM(high)

@@ -68,8 +68,17 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
         s = 0.5 * dt * (v + after)
         half = 0.5 * kappa * s
         chord = s * (1 - half.square() / 6)
-        return torch.stack([x + chord * torch.cos(yaw + half), y + chord * torch.sin(yaw + half),
-                            yaw + 2 * half, after, a, kappa], 1)  # fmt: skip
+        return torch.stack(
+            [
+                x + chord * torch.cos(yaw + half),
+                y + chord * torch.sin(yaw + half),
+                yaw + 2 * half,
+                after,
+                a,
+                kappa,
+            ],
+            1,
+        )
 
     def cost(states: Any, _: Any) -> Any:
         x, y, yaw, _, a, kappa = states[0].unbind(-1)
@@ -80,9 +89,12 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
             torch.stack([centre + ahead, centre - ahead], -2) - now["origin"]
         ) / RESOLUTION - 0.5
         value = grid_sample(
-            now["field"], (2.0 / (SIDE - 1) * places - 1.0).reshape(1, config.samples, -1, 2),
-            mode="bilinear", padding_mode="border", align_corners=True,
-        )[0, 0]  # fmt: skip
+            now["field"],
+            (2.0 / (SIDE - 1) * places - 1.0).reshape(1, config.samples, -1, 2),
+            mode="bilinear",
+            padding_mode="border",
+            align_corners=True,
+        )[0, 0]
         total = -c.progress * (x + BEHIND) + 0.5 * c.contour * y.square()
         total += c.effort[0] * a.square() + c.effort[1] * kappa.square()
         total += c.smoothness * change.square()
@@ -91,15 +103,23 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
         end = 0.5 * (c.final[0] - c.contour) * y[:, -1].square()
         end += c.final[1] * (1 - torch.cos(yaw[:, -1]))
         return (
-            total.sum(1) + end + 0.5 * c.closeness * near.square().sum(1)
+            total.sum(1)
+            + end
+            + 0.5 * c.closeness * near.square().sum(1)
             + c.violation * broken.sum(1)
-        )  # fmt: skip
+        )
 
     controller = MPPI(
-        step, lambda z, u, k: nothing, 6, torch.diag(torch.tensor(config.spread).square()),
-        num_samples=config.samples, horizon=n, terminal_state_cost=cost,
-        lambda_=config.temperature, step_dependent_dynamics=True,
-    )  # fmt: skip
+        step,
+        lambda z, u, k: nothing,
+        6,
+        torch.diag(torch.tensor(config.spread).square()),
+        num_samples=config.samples,
+        horizon=n,
+        terminal_state_cost=cost,
+        lambda_=config.temperature,
+        step_dependent_dynamics=True,
+    )
 
     def prepare(tick: Tick) -> Solve:
         if tick.is_first:

@@ -92,10 +92,13 @@ def _rates(
                     times.append(time.perf_counter() - started)
     once = len(starts) * config.beams
     return {
-        count: {"value": 1e-6 * count * once / float(np.median(times)), "unit": "million/s",
-                "samples": count * once * ROUNDS}
+        count: {
+            "value": 1e-6 * count * once / float(np.median(times)),
+            "unit": "million/s",
+            "samples": count * once * ROUNDS,
+        }
         for count, times in taken.items()
-    }  # fmt: skip
+    }
 
 
 @njit(cache=True, nogil=True)
@@ -211,5 +214,9 @@ def risk(seed: int) -> dict[str, Measure]:
 
 
 def _time(spread: dict[str, float]) -> Measure:
-    return {"value": spread["median_ms"], "p99": spread["p99_ms"], "unit": "ms",
-            "samples": spread["samples"]}  # fmt: skip
+    return {
+        "value": spread["median_ms"],
+        "p99": spread["p99_ms"],
+        "unit": "ms",
+        "samples": spread["samples"],
+    }

@@ -21,10 +21,30 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     """Return the times of other programs beside each stage; "" if none was measured."""
     if not found:
         return ""
-    rows = [["stage", "program", "median [ms]", "mean [ms]", "p99 [ms]", "times ours",
-             "cost of the posts", "cost above ours", "hits", "failures"]]  # fmt: skip
-    form = {"median_ms": ".3f", "mean_ms": ".3f", "p99_ms": ".3f", "ratio": ".2f", "excess": ".2f",
-            "dearer_percent": "+.3f", "hits": ".0f", "failures": ".0f"}  # fmt: skip
+    rows = [
+        [
+            "stage",
+            "program",
+            "median [ms]",
+            "mean [ms]",
+            "p99 [ms]",
+            "times ours",
+            "cost of the posts",
+            "cost above ours",
+            "hits",
+            "failures",
+        ]
+    ]
+    form = {
+        "median_ms": ".3f",
+        "mean_ms": ".3f",
+        "p99_ms": ".3f",
+        "ratio": ".2f",
+        "excess": ".2f",
+        "dearer_percent": "+.3f",
+        "hits": ".0f",
+        "failures": ".0f",
+    }
     dearer = list(form).index("dearer_percent")
     for stage, of_stage in found.items():
         for name, s in of_stage.items():
@@ -45,13 +65,18 @@ def measures_table(found: dict[str, dict[str, Any]]) -> str:
         value = f"{m['value']:.4g}"
         if "low" in m:
             value += f" ({m['low']:.4g} to {m['high']:.4g})"
-        rows.append([name, value, f"{m['p99']:.4g}" if "p99" in m else "", m["unit"],
-                     str(m["samples"])])  # fmt: skip
+        rows.append(
+            [name, value, f"{m['p99']:.4g}" if "p99" in m else "", m["unit"], str(m["samples"])]
+        )
     return markdown(rows)
 
 
 def tables(results: dict[str, Any]) -> str:
     """Return all tables of a results.json."""
-    each = [table(results["arms"]), f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
-            measures_table(results.get("measures", {})), peers_table(results["peers"])]  # fmt: skip
+    each = [
+        table(results["arms"]),
+        f"Peak memory {results['peak_memory_mib']:.0f} MiB.",
+        measures_table(results.get("measures", {})),
+        peers_table(results["peers"]),
+    ]
     return "\n\n".join(part for part in each if part)

@@ -60,13 +60,16 @@ def throughput(
     by = f"{jobs} process{'es' if jobs > 1 else ''}"
     return {
         f"throughput, {by}": {
-            "value": sum(d.simulated for d in drives) / wall, "unit": "simulated s/s a core",
+            "value": sum(d.simulated for d in drives) / wall,
+            "unit": "simulated s/s a core",
             "samples": len(drives),
         },
         f"1,000 episodes of {len(settings.arms)} arms, {by}": {
-            "value": minutes, "unit": "min", "samples": len(drives),
+            "value": minutes,
+            "unit": "min",
+            "samples": len(drives),
         },
-    }  # fmt: skip
+    }
 
 
 def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, Measure]:
@@ -91,15 +94,19 @@ def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, M
     half = float(t.ppf(0.975, len(late) - 2) * line.stderr)
     return {
         "worker, peak memory": {
-            "value": max(d.peak for d in done), "unit": "MiB", "samples": len(done),
+            "value": max(d.peak for d in done),
+            "unit": "MiB",
+            "samples": len(done),
             "after_each_drive": [round(float(m), 1) for m in series],
         },
         "worker, growth of memory": {
-            "value": 1000 * float(line.slope), "low": 1000 * (float(line.slope) - half),
-            "high": 1000 * (float(line.slope) + half), "unit": "MiB/1,000 drives",
+            "value": 1000 * float(line.slope),
+            "low": 1000 * (float(line.slope) - half),
+            "high": 1000 * (float(line.slope) + half),
+            "unit": "MiB/1,000 drives",
             "samples": len(late),
         },
-    }  # fmt: skip
+    }
 
 
 def driven(

@@ -19,8 +19,12 @@ WARM_UP = 10
 def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
     """Median, tails and number of some times [ms]."""
     p50, p95, p99 = np.percentile(times, [50, 95, 99])
-    return {"median_ms": float(p50), "p95_ms": float(p95), "p99_ms": float(p99),
-            "samples": len(times)}  # fmt: skip
+    return {
+        "median_ms": float(p50),
+        "p95_ms": float(p95),
+        "p99_ms": float(p99),
+        "samples": len(times),
+    }
 
 
 def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:

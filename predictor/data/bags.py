@@ -26,8 +26,11 @@ from predictor.mapping.scan import Scan
 
 SCAN = "sensor_msgs/msg/LaserScan"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped",
-         "nav_msgs/msg/Odometry")  # fmt: skip
+POSES = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry",
+)
 STATIC = "/tf_static"
 POSED = "(pose topic)"
 """Name given here to the frame that a pose topic's poses are in."""
@@ -105,8 +108,9 @@ class _Bag:
         try:
             positions, turns, known = transforms.look_up(root, frame, times)
         except KeyError:
-            raise LogError(f"{self.path}: nothing leads from {root!r} to the laser's frame "
-                           f"{frame!r}") from None  # fmt: skip
+            raise LogError(
+                f"{self.path}: nothing leads from {root!r} to the laser's frame {frame!r}"
+            ) from None
         if not known.any():
             raise LogError(f"{self.path}: no scan was taken within a second of two poses")
         matrices = turns.as_matrix()
@@ -132,8 +136,9 @@ class _Bag:
                 raise LogError(f"{self.path}: {topic} gives a range_max of {message.range_max} m")
             beams = float(message.angle_min), float(message.angle_increment)
             if not np.isfinite(beams).all() or beams[1] == 0.0:
-                raise LogError(f"{self.path}: {topic} has beams from {beams[0]} rad on, "
-                               f"{beams[1]} rad apart")  # fmt: skip
+                raise LogError(
+                    f"{self.path}: {topic} has beams from {beams[0]} rad on, {beams[1]} rad apart"
+                )
             ranges, wrong = cleaned(ranges, float(message.range_min))
             bad += wrong
             scans.append(Scan(ranges, *beams, float(message.range_max)))
@@ -150,10 +155,13 @@ class _Bag:
                 for entry in message.transforms:
                     where, turn = entry.transform.translation, entry.transform.rotation
                     transforms.add(
-                        entry.header.frame_id.lstrip("/"), entry.child_frame_id.lstrip("/"),
-                        _seconds(entry.header.stamp), (where.x, where.y, where.z),
-                        (turn.x, turn.y, turn.z, turn.w), fixed=topic == STATIC,
-                    )  # fmt: skip
+                        entry.header.frame_id.lstrip("/"),
+                        entry.child_frame_id.lstrip("/"),
+                        _seconds(entry.header.stamp),
+                        (where.x, where.y, where.z),
+                        (turn.x, turn.y, turn.z, turn.w),
+                        fixed=topic == STATIC,
+                    )
         return transforms
 
     def _source(self, transforms: Transforms, laser: str) -> str:
@@ -165,8 +173,10 @@ class _Bag:
         if wanted is not None and self.kinds.get(wanted) in TRANSFORMS:
             if not by_transforms:
                 there = ", ".join(transforms.chain(laser))
-                raise LogError(f"{self.path}: {wanted} leads from the laser to {there}, not to "
-                               f"{root!r}; --map-frame says where to")  # fmt: skip
+                raise LogError(
+                    f"{self.path}: {wanted} leads from the laser to {there}, not to "
+                    f"{root!r}; --map-frame says where to"
+                )
             return root
         topic = self._chosen(wanted, POSES, "poses", "--poses")
         robot = transforms.carrier(laser)
@@ -175,8 +185,13 @@ class _Bag:
         for message in self._messages(topic):
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
             at, turn = pose.position, pose.orientation
-            transforms.add(POSED, robot, _seconds(message.header.stamp), (at.x, at.y, at.z),
-                           (turn.x, turn.y, turn.z, turn.w))  # fmt: skip
+            transforms.add(
+                POSED,
+                robot,
+                _seconds(message.header.stamp),
+                (at.x, at.y, at.z),
+                (turn.x, turn.y, turn.z, turn.w),
+            )
         return POSED
 
     def _chosen(self, wanted: str | None, kinds: tuple[str, ...], what: str, flag: str) -> str:
@@ -194,8 +209,10 @@ class _Bag:
         if not fitting:
             raise LogError(f"{self.path} has no {what}; topics: {have}")
         if len(fitting) > 1:
-            raise LogError(f"{self.path} has several topics of {what}: {', '.join(fitting)}; "
-                           f"choose one by {flag} of predictor.dataset")  # fmt: skip
+            raise LogError(
+                f"{self.path} has several topics of {what}: {', '.join(fitting)}; "
+                f"choose one by {flag} of predictor.dataset"
+            )
         return fitting[0]
 
     def _messages(self, topic: str) -> Iterator[Any]:

@@ -134,8 +134,10 @@ def read_carmen(path: Path) -> LaserLog:
         # A host and another time may follow. Cut off before them, a number may be cut too.
         after = len(words) - count
         if after < most:
-            raise LogError(f"{path}, line {number} is cut off: {after - 9} words after its time, "
-                           f"lines before it have {most - 9}")  # fmt: skip
+            raise LogError(
+                f"{path}, line {number} is cut off: {after - 9} words after its time, "
+                f"lines before it have {most - 9}"
+            )
         most = after
         ranges, wrong = cleaned(values[:count], 0.0)
         bad += wrong
@@ -148,8 +150,9 @@ def read_carmen(path: Path) -> LaserLog:
     if not scans:
         found = ", ".join(kind[:20] for kind, _ in kinds.most_common(8)) or "none"
         raise LogError(f"{path} has no FLASER line; its lines are: {found}")
-    return LaserLog(name_of(path), tuple(scans), np.array(poses), _clock(times, sidecar),
-                    {"bad ranges": bad})  # fmt: skip
+    return LaserLog(
+        name_of(path), tuple(scans), np.array(poses), _clock(times, sidecar), {"bad ranges": bad}
+    )
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -185,11 +188,15 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
     if count < 2:
         raise LogError(f"{where}: a scan of {count} beams, at least 2 are needed")
     if len(words) > count + 11:
-        raise LogError(f"{where} has {len(words) - count - 11} words too many after {count} ranges:"
-                       " is that the number of its beams?")  # fmt: skip
+        raise LogError(
+            f"{where} has {len(words) - count - 11} words too many after {count} ranges:"
+            " is that the number of its beams?"
+        )
     if len(words) < count + 9:
-        raise LogError(f"{where} is cut off: {count} ranges, two poses and a time are "
-                       f"{count + 7} numbers, it has {len(words) - 2}")  # fmt: skip
+        raise LogError(
+            f"{where} is cut off: {count} ranges, two poses and a time are "
+            f"{count + 7} numbers, it has {len(words) - 2}"
+        )
     try:
         values = np.array(words[2 : count + 9], dtype=np.float64)
     except ValueError as error:

@@ -61,16 +61,22 @@ class FrameSet:
         if (folder / RECIPE).exists():
             raise FramesError(f"{folder} holds samples of predictor.drives: choose another folder")
         folder.mkdir(parents=True, exist_ok=True)
-        self._facts = {"format": FORMAT, "kind": kind, "version": version("foresee"),
-                       "settings": json.loads(json.dumps(settings)),
-                       "planned": len(names)}  # fmt: skip
+        self._facts = {
+            "format": FORMAT,
+            "kind": kind,
+            "version": version("foresee"),
+            "settings": json.loads(json.dumps(settings)),
+            "planned": len(names),
+        }
         self.done: dict[str, dict[str, Any]] = {}
         if (folder / MANIFEST).exists():
             theirs = read_manifest(folder)
             other = [k for k in ("kind", "settings") if theirs.get(k) != self._facts[k]]
             if other and theirs["trajectories"]:
-                raise FramesError(f"{folder} holds a set with another {' and '.join(other)}: "
-                                  "choose another folder")  # fmt: skip
+                raise FramesError(
+                    f"{folder} holds a set with another {' and '.join(other)}: "
+                    "choose another folder"
+                )
             kept = {Path(facts["file"]).stem: facts for facts in theirs["trajectories"]}
             self.done = {name: kept[name] for name in names if self._is_whole(name, kept)}
             self._write()
@@ -167,5 +173,8 @@ def write_trajectory(
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
     path = folder / f"{name}.npz"
     write_whole(path, buffer.getvalue())
-    return {"file": path.name} | about | {"count": len(arrays["states"]), "commit": commit(),
-                                          "sha256": checksum(path)}  # fmt: skip
+    return (
+        {"file": path.name}
+        | about
+        | {"count": len(arrays["states"]), "commit": commit(), "sha256": checksum(path)}
+    )

@@ -54,8 +54,14 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
     "corners": ("<i4", (2,)),
 }
 """Arrays of a trajectory's file with one entry for each frame: type and shape of an entry."""
-NEEDED: dict[str, type] = {"file": str, "split": str, "map": str, "world": str, "count": int,
-                           "sha256": str}  # fmt: skip
+NEEDED: dict[str, type] = {
+    "file": str,
+    "split": str,
+    "map": str,
+    "world": str,
+    "count": int,
+    "sha256": str,
+}
 """Facts that the manifest must give of a trajectory, with their types."""
 DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
 """Exceptions that reading a damaged archive raises."""
@@ -173,11 +179,17 @@ class Frames:
     def alone(self, number: int) -> Frames:
         """Return the frames of one trajectory; only its images are read on access."""
         of_it = self.trajectory == number
-        rows = {name: getattr(self, name)[of_it]
-                for name in ("states", "actions", "times", "corners")}  # fmt: skip
-        return Frames(folder=self.folder, about=[self.about[number]], maps=[self.maps[number]],
-                      trajectory=np.zeros(of_it.sum(), dtype=np.intp),
-                      origins=self.origins[number : number + 1], **rows)  # fmt: skip
+        rows = {
+            name: getattr(self, name)[of_it] for name in ("states", "actions", "times", "corners")
+        }
+        return Frames(
+            folder=self.folder,
+            about=[self.about[number]],
+            maps=[self.maps[number]],
+            trajectory=np.zeros(of_it.sum(), dtype=np.intp),
+            origins=self.origins[number : number + 1],
+            **rows,
+        )
 
     @property
     def worlds(self) -> frozenset[str]:
@@ -226,8 +238,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     if not path.is_file():
-        raise FramesError(f"{folder} holds no data set, for there is no {MANIFEST}: "
-                          "python -m predictor.dataset makes one")  # fmt: skip
+        raise FramesError(
+            f"{folder} holds no data set, for there is no {MANIFEST}: "
+            "python -m predictor.dataset makes one"
+        )
     try:
         manifest = loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
@@ -235,8 +249,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not isinstance(manifest, dict) or "format" not in manifest:
         raise FramesError(f"{path} is no manifest of a data set: it has no format")
     if manifest["format"] != FORMAT:
-        raise FramesError(f"{folder} is of format {manifest['format']}, this version reads "
-                          f"{FORMAT}: make it again in another folder")  # fmt: skip
+        raise FramesError(
+            f"{folder} is of format {manifest['format']}, this version reads "
+            f"{FORMAT}: make it again in another folder"
+        )
     entries = manifest.get("trajectories")
     if not isinstance(entries, list) or not isinstance(manifest.get("planned"), int):
         raise FramesError(f"{path} is broken: 'planned' or 'trajectories' is missing")
@@ -255,8 +271,10 @@ def _about(folder: Path) -> list[dict[str, Any]]:
     manifest = read_manifest(folder)
     about: list[dict[str, Any]] = manifest["trajectories"]
     if not about or len(about) < manifest["planned"]:
-        raise FramesError(f"{folder} is unfinished, it has {len(about)} of {manifest['planned']} "
-                          "trajectories: give the command that began it again")  # fmt: skip
+        raise FramesError(
+            f"{folder} is unfinished, it has {len(about)} of {manifest['planned']} "
+            "trajectories: give the command that began it again"
+        )
     return about
 
 
@@ -268,8 +286,11 @@ def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray[Any]]:
         raise _damaged(path, "its checksum is another than the manifest's")
     try:
         with np.load(path, allow_pickle=False) as file:
-            part = {name: file[name] for name in (*ARRAYS, "map", "origin")
-                    if name not in ("estimated", "remembered")}  # fmt: skip
+            part = {
+                name: file[name]
+                for name in (*ARRAYS, "map", "origin")
+                if name not in ("estimated", "remembered")
+            }
         heads = {name: _head(path, name) for name in ARRAYS}
     except DAMAGE as error:
         raise _damaged(path, str(error)) from error
@@ -298,5 +319,6 @@ def _head(path: Path, name: str) -> tuple[str, tuple[int, ...]]:
 
 def _damaged(path: Path, why: str) -> FramesError:
     line = why.splitlines()[0] if why else "it cannot be read"
-    return FramesError(f"{path} is damaged ({line}): delete it and give the command that made the "
-                       "set again")  # fmt: skip
+    return FramesError(
+        f"{path} is damaged ({line}): delete it and give the command that made the set again"
+    )

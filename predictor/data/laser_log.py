@@ -43,8 +43,10 @@ class LaserLog:
         if self.poses.shape != (len(self.scans), 3) or not np.isfinite(self.poses).all():
             raise LogError(f"{self.name}: each scan needs a pose of three finite numbers")
         if np.abs(self.poses[:, :2]).max() > FARTHEST:
-            raise LogError(f"{self.name}: a pose lies {np.abs(self.poses[:, :2]).max():.3g} m from "
-                           f"the origin, more than {FARTHEST:g} m")  # fmt: skip
+            raise LogError(
+                f"{self.name}: a pose lies {np.abs(self.poses[:, :2]).max():.3g} m from "
+                f"the origin, more than {FARTHEST:g} m"
+            )
 
     def __len__(self) -> int:
         return len(self.scans)

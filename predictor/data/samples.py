@@ -109,16 +109,25 @@ class Samples:
         numbers = [int(path.stem) for path in paths if path.stem.isdecimal()]
         lost = max(numbers) - min(numbers) + 1 - len(numbers) if numbers else 0
         if lost:
-            raise SamplesError(f"{folder} misses {lost} of its drives: give the command that makes "
-                               "them again")  # fmt: skip
+            raise SamplesError(
+                f"{folder} misses {lost} of its drives: give the command that makes them again"
+            )
         codes, starts, about = [], [], []
         for drive, path in enumerate(paths):
             try:
                 block, ends, facts = _drive(path)
             except SamplesError:
                 raise
-            except (OSError, ValueError, KeyError, TypeError, EOFError, zlib.error,
-                    NotImplementedError, zipfile.BadZipFile) as error:  # fmt: skip
+            except (
+                OSError,
+                ValueError,
+                KeyError,
+                TypeError,
+                EOFError,
+                zlib.error,
+                NotImplementedError,
+                zipfile.BadZipFile,
+            ) as error:
                 raise SamplesError(
                     f"{path} is damaged ({one_line(error)}); delete it and make it again"
                 ) from error

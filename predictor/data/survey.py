@@ -59,8 +59,11 @@ def logs_in(paths: list[Path]) -> list[Path]:
         if not path.is_dir() or is_bag(path):
             found.append(path)
             continue
-        logs = [one for one in sorted(path.iterdir())
-                if is_bag(one) or one.name.removesuffix(".gz").endswith(ENDINGS)]  # fmt: skip
+        logs = [
+            one
+            for one in sorted(path.iterdir())
+            if is_bag(one) or one.name.removesuffix(".gz").endswith(ENDINGS)
+        ]
         if not logs:
             raise LogError(f"{path} holds no log: no bag, and no file {', '.join(ENDINGS)}")
         found += logs
@@ -103,8 +106,13 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
         recording = record(log)
     except LogError as error:
         raise LogError(f"{path}: {error}") from None
-    about = {"split": "physical", "map": log.name, "world": world_hash(cells_of(recording.truth)),
-             "clock": log.times is not None, "skipped": log.skipped}  # fmt: skip
+    about = {
+        "split": "physical",
+        "map": log.name,
+        "world": world_hash(cells_of(recording.truth)),
+        "clock": log.times is not None,
+        "skipped": log.skipped,
+    }
     return write_trajectory(folder, site_of(path), recording.arrays(), about)
 
 
@@ -175,8 +183,9 @@ def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
     low = np.floor((poses[:, :2].min(axis=0) - reach) / RESOLUTION) - 4
     high = np.ceil((poses[:, :2].max(axis=0) + reach) / RESOLUTION) + 4
     cols, rows = (high - low).astype(int)
-    return GridFrame(RESOLUTION, (float(low[0] * RESOLUTION), float(low[1] * RESOLUTION)),
-                     (int(rows), int(cols)))  # fmt: skip
+    return GridFrame(
+        RESOLUTION, (float(low[0] * RESOLUTION), float(low[1] * RESOLUTION)), (int(rows), int(cols))
+    )
 
 
 def clipped(scan: Scan, reach: float) -> Scan:

@@ -22,8 +22,17 @@ from predictor.infra.plain_json import loads
 
 SETTINGS = "settings.json"
 """The file of a folder that says what its results were made with."""
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, RecursionError,
-              NotImplementedError, zlib.error, zipfile.BadZipFile)  # fmt: skip
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    RecursionError,
+    NotImplementedError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
 """What reading a damaged file may raise."""
 
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]

@@ -109,8 +109,13 @@ def _in_pool(
             yield delayed(_numbered)(work, number, item)
 
     # Two at least: joblib would do a single thing in this process, and die of it.
-    pool = Parallel(max(2, min(jobs, len(left))), "loky", return_as="generator_unordered",
-                    batch_size=1, initializer=partial(follow_parent, os.getpid()))  # fmt: skip
+    pool = Parallel(
+        max(2, min(jobs, len(left))),
+        "loky",
+        return_as="generator_unordered",
+        batch_size=1,
+        initializer=partial(follow_parent, os.getpid()),
+    )
     try:
         for number, result in pool(calls()):
             yield left.pop(number), result

@@ -65,8 +65,10 @@ class ImageConfig:
                 )
 
         if abs(50 * self.expansion - round(50 * self.expansion)) > 1e-6:
-            raise ValueError(f"expansion is {self.expansion:g}, it must be one of 1, 1.02, … 2: "
-                             "squares are an even number of cells wide")  # fmt: skip
+            raise ValueError(
+                f"expansion is {self.expansion:g}, it must be one of 1, 1.02, … 2: "
+                "squares are an even number of cells wide"
+            )
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> ImageConfig:
@@ -143,5 +145,4 @@ def described(
         training: settings of the training.
         digests: digests of the training frames and of the validation frames.
     """
-    return {"config": asdict(training), "network": asdict(config),
-            "data": list(digests)}  # fmt: skip
+    return {"config": asdict(training), "network": asdict(config), "data": list(digests)}

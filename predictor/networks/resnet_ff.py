@@ -61,10 +61,15 @@ class Block(nn.Module):
     def __init__(self, width: int, over: str, dropout: float) -> None:
         super().__init__()
         self.layers = nn.Sequential(
-            nn.ReflectionPad2d(1), nn.Conv2d(width, width, 3, bias=False), norm_of(over, width),
-            nn.ReLU(), nn.Dropout(dropout),
-            nn.ReflectionPad2d(1), nn.Conv2d(width, width, 3, bias=False), norm_of(over, width),
-        )  # fmt: skip
+            nn.ReflectionPad2d(1),
+            nn.Conv2d(width, width, 3, bias=False),
+            norm_of(over, width),
+            nn.ReLU(),
+            nn.Dropout(dropout),
+            nn.ReflectionPad2d(1),
+            nn.Conv2d(width, width, 3, bias=False),
+            norm_of(over, width),
+        )
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, C, H, W) to the same."""

@@ -65,8 +65,9 @@ def _reliability(groups: dict[str, dict[str, Scores]], predictors: tuple[str, ..
                 p, rate, weight = scores[predictor].reliability(name)
                 axis.plot(p, rate, color=colour, linewidth=1.0, label=predictor)
                 # The area of a bin's dot grows with its share of the cells.
-                axis.scatter(p, rate, 4 + 300 * np.nan_to_num(weight), color=colour, alpha=0.5,
-                             linewidths=0)  # fmt: skip
+                axis.scatter(
+                    p, rate, 4 + 300 * np.nan_to_num(weight), color=colour, alpha=0.5, linewidths=0
+                )
             axis.set_aspect("equal")
             axis.set_xlim(0, 1)
             axis.set_ylim(0, 1)
@@ -85,8 +86,11 @@ def _rings(groups: dict[str, dict[str, Scores]], predictors: tuple[str, ...]) ->
     figure, axes = _panels(groups, 3)
     ends = [*EDGES[1:-1], 1.5 * EDGES[-2]]
     middle = [0.5 * (low + high) for low, high in zip(EDGES, ends, strict=False)]
-    rows = (("iou_free", "IoU of free"), ("brier_free", "Brier score of free"),
-            ("iou_occupied", "IoU of occupied"))  # fmt: skip
+    rows = (
+        ("iou_free", "IoU of free"),
+        ("brier_free", "Brier score of free"),
+        ("iou_occupied", "IoU of occupied"),
+    )
     for column, (group, scores) in enumerate(groups.items()):
         for row, (measure, label) in enumerate(rows):
             axis = axes[row, column]
@@ -126,7 +130,12 @@ def _sheet(pictures: list[tuple[float, NDArray[np.uint8]]]) -> Figure:
                 if row == 0:
                     axis.set_title(f"{label}: {title}" if column == 0 else title, fontsize=9)
             axes[row, 3 * block + 1].text(
-                0.5, -0.02, f"Brier {error:.3f}", transform=axes[row, 3 * block + 1].transAxes,
-                ha="center", va="top", fontsize=7,
-            )  # fmt: skip
+                0.5,
+                -0.02,
+                f"Brier {error:.3f}",
+                transform=axes[row, 3 * block + 1].transAxes,
+                ha="center",
+                va="top",
+                fontsize=7,
+            )
     return figure
