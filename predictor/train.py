@@ -2,7 +2,8 @@
 
     python -m predictor.train                      compact; two hours on 2 cores with its drives
     python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
-    python -m predictor.train --start predictor/compact.safetensors --rate 5e-4      fine-tuning
+    python -m predictor.train --start predictor/compact.safetensors --world my_maps/
+                                                   fine-tuning on buildings of one's own
     python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
     torchrun --nproc-per-node 4 -m predictor.train --arch unet_ff --batch 16      on 4 GPUs
 
@@ -11,24 +12,23 @@ The same command resumes a training that was interrupted.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchmarks.recording.settings import DrivesConfig
 from predictor.infra.command_line import OneLineParser, between, run_command
-from predictor.mapping.families import FAMILIES
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import TrainConfig
+from predictor.training.compact_config import TUNING, TUNING_DRIVES, TrainConfig
 from predictor.training.image_arguments import NAMES, add_arguments, configured
 
-if TYPE_CHECKING:
-    import argparse
-
-COMPACT = ("train", "validation", "steps", "start", "logs", "families")
+RECORDED = ("logs", "families", "world", "share")
+"""Options of `DrivesConfig` that are options of this command too."""
+COMPACT = ("train", "validation", "steps", "start", *RECORDED)
 """Arguments of compact alone."""
 IMAGES = ("expansion", *NAMES)
 """Arguments of the paper's networks alone."""
@@ -36,11 +36,13 @@ IMAGES = ("expansion", *NAMES)
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    return run_command("predictor.train", lambda: _run(_parser().parse_args(argv)))
+    return run_command("predictor.train", lambda: _run(argv))
 
 
-def _run(args: argparse.Namespace) -> None:
-    _check(args)
+def _run(argv: list[str] | None) -> None:
+    parser = _parser()
+    args = parser.parse_args(argv)
+    _check(args, parser)
     path = _compact(args) if args.arch == "compact" else _images(args)
     # Only the first process of torchrun prints.
     if os.environ.get("RANK", "0") == "0":
@@ -60,11 +62,11 @@ def _compact(args: argparse.Namespace) -> Path:
     from benchmarks.recording.training_drives import make
     from predictor.training.compact_training import CompactTrainer
 
-    default, drives = TrainConfig(), DrivesConfig()
-    data, out = args.data or drives.out, args.out or Path("results/train")
-    count, tuned_on = args.train or drives.train, args.validation or drives.validation
-    start = None
+    default, drives, start = TrainConfig(), DrivesConfig.of(args, *RECORDED), None
+    counts, data, out = (drives.train, drives.validation), drives.out, Path("results/train")
     if args.start is not None:
+        default, counts = TUNING, TUNING_DRIVES
+        data, out = Path("data/fine-tuning"), Path("results/fine-tuning")
         from predictor.networks.compact_net import CompactNet
         from predictor.weights import WeightsError, load_weights
 
@@ -72,18 +74,21 @@ def _compact(args: argparse.Namespace) -> Path:
             start = load_weights(args.start, CompactNet)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
-    families = tuple(args.families or drives.families)
+    data, out = args.data or data, args.out or out
+    drives = replace(
+        drives, out=data, train=args.train or counts[0], validation=args.validation or counts[1]
+    )
     # Now, so that an unusable folder is an error before hours of drives.
     out.mkdir(parents=True, exist_ok=True)
-    make(DrivesConfig(data, count, tuned_on, logs=args.logs, families=families), args.jobs)
+    make(drives, args.jobs)
     # Imported after the drives, since their processes do not need it.
     import torch
 
     from predictor.data.samples import Samples, check_apart
 
     torch.set_num_threads(args.jobs)
-    train = Samples.load(data / "train", count)
-    validation = Samples.load(data / "validation", tuned_on)
+    train = Samples.load(data / "train", drives.train)
+    validation = Samples.load(data / "validation", drives.validation)
     check_apart({"train": train, "validation": validation})
     config = TrainConfig(
         args.steps or default.steps,
@@ -92,10 +97,15 @@ def _compact(args: argparse.Namespace) -> Path:
         seed=args.seed or default.seed,
         start=start and start[1]["fingerprint"],
     )
-    return CompactTrainer(config, train, validation, out, start).run()
+    path = CompactTrainer(config, train, validation, out, start).run()
+    if start is not None:
+        from predictor.training.before_and_after import table
+
+        print(table(args.start, path, validation))
+    return path
 
 
-def _check(args: argparse.Namespace) -> None:
+def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
     """Refuse arguments of other networks.
 
     Raises:
@@ -103,7 +113,7 @@ def _check(args: argparse.Namespace) -> None:
     """
     compact = args.arch == "compact"
     for name in IMAGES if compact else COMPACT:
-        if getattr(args, name) not in (None, False):
+        if getattr(args, name) != parser.get_default(name):
             whose = "the paper's networks'" if compact else "compact's"
             raise TrainError(f"--{name} is {whose}, not {args.arch}'s")
 
@@ -163,43 +173,32 @@ def _parser() -> argparse.ArgumentParser:
     add = group.add_argument
     add(
         "--train",
-        type=between(1, 10**9),
+        type=between(1, 10**6),
         metavar="N",
-        help=f"number of drives to train on (default: {drives.train})",
+        help="number of drives to train on, with about 50 samples each "
+        f"(default: {drives.train}; with --start: {TUNING_DRIVES[0]})",
     )
     add(
         "--validation",
-        type=between(1, 10**9),
+        type=between(1, 10**6),
         metavar="N",
-        help=f"number of drives held out for validation (default: {drives.validation})",
+        help="number of drives held out for validation "
+        f"(default: {drives.validation}; with --start: {TUNING_DRIVES[1]})",
     )
     add(
         "--steps",
         type=between(1, 10**9),
         metavar="N",
-        help=f"number of optimiser steps (default: {default.steps})",
+        help=f"number of optimiser steps (default: {default.steps}; with --start: {TUNING.steps})",
     )
     add(
         "--start",
         type=Path,
         metavar="FILE",
-        help="weights to start from, such as "
-        "predictor/compact.safetensors (default: random weights)",
+        help="weights to fine-tune, such as predictor/compact.safetensors (default: random "
+        "weights). The scores before and after are printed at the end",
     )
-    add(
-        "--logs",
-        action="store_true",
-        help="make the drives as logs of simulated robots, "
-        "with the map of each log as truth, see predictor.drives",
-    )
-    add(
-        "--families",
-        nargs="+",
-        choices=FAMILIES,
-        metavar="F",
-        help="families of the drives' "
-        f"buildings, one drive each in turn (default: {' '.join(drives.families)})",
-    )
+    DrivesConfig.add_to(group, *RECORDED)
     group = parser.add_argument_group("the paper's networks alone")
     group.add_argument(
         "--expansion",

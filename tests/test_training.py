@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.recording.own_buildings import OwnBuildings
 from benchmarks.recording.settings import DrivesConfig
 from benchmarks.recording.training_drives import _claim, seen_again
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
@@ -157,22 +158,22 @@ def test_other_validation_drives_are_another_training(data, tmp_path, small):
 
 
 def test_samples_of_another_recipe_are_not_mixed_in(tmp_path):
-    _claim(DrivesConfig(tmp_path))
-    _claim(DrivesConfig(tmp_path, train=7))
+    _claim(DrivesConfig(tmp_path), OwnBuildings())
+    _claim(DrivesConfig(tmp_path, train=7), OwnBuildings())
     with pytest.raises(UsageError, match="holds a run with longest"):
-        _claim(DrivesConfig(tmp_path, longest=99.0))
+        _claim(DrivesConfig(tmp_path, longest=99.0), OwnBuildings())
     with pytest.raises(UsageError, match="holds a run with families"):
-        _claim(DrivesConfig(tmp_path, families=("paper",)))
+        _claim(DrivesConfig(tmp_path, families=("paper",)), OwnBuildings())
 
 
 def test_a_recipe_in_another_order_is_the_same_and_a_damaged_one_is_named(tmp_path):
-    _claim(DrivesConfig(tmp_path))
+    _claim(DrivesConfig(tmp_path), OwnBuildings())
     recipe = tmp_path / "recipe.json"
     recipe.write_text(json.dumps(dict(reversed(json.loads(recipe.read_text()).items()))))
-    _claim(DrivesConfig(tmp_path))
+    _claim(DrivesConfig(tmp_path), OwnBuildings())
     recipe.write_text("{")
     with pytest.raises(UsageError, match="cannot be read"):
-        _claim(DrivesConfig(tmp_path))
+        _claim(DrivesConfig(tmp_path), OwnBuildings())
 
 
 def test_a_damaged_checkpoint_is_named(data, tmp_path, small):

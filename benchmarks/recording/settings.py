@@ -42,7 +42,23 @@ class DrivesConfig(Options):
         "apart, people, and the map of all scans of the log as truth",
     )
     families: tuple[str, ...] = option(
-        LEARNED, "families of the buildings, one drive each in turn", "F", choices=FAMILIES
+        LEARNED,
+        "families of the generated buildings, one drive each in turn",
+        "F",
+        choices=FAMILIES,
+    )
+    world: tuple[str, ...] = option(
+        (),
+        "buildings of your own: map_server .yaml files, robots' logs (CARMEN, ROS bags), or "
+        "folders of such files. A quarter of them is held out for validation",
+        "W",
+    )
+    share: float = option(
+        0.5,
+        "share of the drives in the buildings of --world; the rest are in generated buildings",
+        "S",
+        low=0,
+        high=1,
     )
 
 

@@ -8,23 +8,27 @@ from __future__ import annotations
 
 import contextlib
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.recording.own_buildings import OwnBuildings, building, is_log
 from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from benchmarks.recording.settings import DrivesConfig
+from benchmarks.runs.drive import task_in_world
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
-from predictor.data.survey import REACH, clipped, frame_around, surveyed
+from predictor.data.survey import REACH, clipped, fingerprint, frame_around, read_log, surveyed
 from predictor.infra.command_line import UsageError
 from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
 from predictor.mapping.body import Body
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
@@ -36,6 +40,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from predictor.data.laser_log import LaserLog
     from sim.lidar import LidarConfig
     from sim.task import Task
     from sim.world import World
@@ -52,36 +57,59 @@ SPREAD = 10_000_000
 """Difference of seeds from one way to the next, larger than any split."""
 
 
-def record(config: DrivesConfig, item: tuple[str, int]) -> int:
-    """Make and write the samples of one drive, and return their number.
+def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tuple[int, str]:
+    """Make and write the samples of one drive.
 
     Args:
         config: settings of the set.
+        own: the buildings of `config.world`.
         item: split, and number of the drive in it.
+
+    Returns:
+        The number of samples; and why there is none, or an empty string.
     """
     import numpy as np
 
     split, number = item
-    seed = SPLITS[split] + number
+    seed, place = SPLITS[split] + number, place_of(config, own, split, number)
     rng = np.random.default_rng(seed)
-    family = config.families[number % len(config.families)]
-    drawn = generate(family, seed)
-    # Half of the buildings are varied, since the network is calibrated only on what it has learned.
-    world = varied(drawn, rng) if rng.random() < 0.5 else drawn
-    make = _logged if config.logs else _driven
+    if place not in config.families and is_log(Path(place)):
+        kind, drawn = "log", fingerprint(Path(place))
+        driven_through, made = drawn, _replayed(config, read_log(Path(place)), rng)
+    else:
+        if place in config.families:
+            kind, world = place, generate(place, seed)
+        else:
+            kind, world = "map", building(Path(place))
+        drawn = world_hash(world.grid.cells)
+        # Half of the generated buildings are varied, since the network is calibrated only on what
+        # it has learned.
+        if kind == place and rng.random() < 0.5:
+            world = varied(world, rng)
+        driven_through = world_hash(world.grid.cells)
+        made = (_logged if config.logs else _driven)(config, world, seed, rng)
+    samples, why = [], ""
     try:
-        samples = list(make(config, world, seed, rng))
-    except NoTaskError:
-        samples = []
-    path = path_of(config, item)
-    about = {
-        "family": family,
-        "seed": seed,
-        "world": world_hash(world.grid.cells),
-        "original": world_hash(drawn.grid.cells),
-    }
-    write_samples(path, samples, about)
-    return len(samples)
+        samples = list(made)
+    except NoTaskError as error:
+        why = str(error)
+    about = {"family": kind, "seed": seed, "world": driven_through, "original": drawn}
+    write_samples(path_of(config, item), samples, about)
+    return len(samples), why
+
+
+def place_of(config: DrivesConfig, own: OwnBuildings, split: str, number: int) -> str:
+    """Return the family, or the path of the building of one's own, of a drive.
+
+    Drives in own buildings are spread evenly among the others. Where no building is held out, all
+    drives for validation are in generated buildings.
+    """
+    mine = own.of(split)
+    share = config.share if mine else 0.0
+    before, after = math.floor(number * share), math.floor((number + 1) * share)
+    if after > before:
+        return mine[before % len(mine)]
+    return config.families[(number - before) % len(config.families)]
 
 
 def _driven(
@@ -92,7 +120,7 @@ def _driven(
     Raises:
         NoTaskError: if there is nowhere to drive.
     """
-    task = sample_task(world, seed)
+    task = task_in_world(world, seed, CarLimits())
     # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
     window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
     states = driven(task, window, risk, rng, config.longest)
@@ -121,7 +149,11 @@ def _logged(
     for number in range(1, int(rng.choice(JOURNEYS))):
         with contextlib.suppress(NoTaskError):
             tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
-    log = simulated_log(tasks, rng)
+    yield from _replayed(config, simulated_log(tasks, rng), rng)
+
+
+def _replayed(config: DrivesConfig, log: LaserLog, rng: np.random.Generator) -> Iterator[bytes]:
+    """Yield the samples of a log, with the map of the whole log as truth."""
     scans = [clipped(scan, REACH) for scan in log.scans]
     frame = frame_around(log.poses, REACH)
     truth = Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
@@ -199,22 +231,41 @@ def make(config: DrivesConfig, jobs: int) -> None:
     """Make all missing samples of a set, with a progress bar.
 
     Raises:
-        UsageError: if the folder holds samples that were made in another way.
+        UsageError: if the folder holds samples that were made in another way, or `config.world`
+            names a building that cannot be used.
+        LogError: if a log of `config.world` cannot be read.
     """
     from tqdm import tqdm
 
-    _claim(config)
+    own = OwnBuildings.found(config.world)
+    for line in own.skipped:
+        print(f"predictor.drives: skipped: {line}", file=sys.stderr)
+    if config.world and not own.validation:
+        if config.share == 1:
+            raise UsageError(
+                "--world: one building cannot be both trained on and held out: give two, or a "
+                "--share below 1"
+            )
+        print(
+            "predictor.drives: --world has one building, which is trained on; those held out for "
+            "validation are generated",
+            file=sys.stderr,
+        )
+    _claim(config, own)
     items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
     todo = [item for item in items if not path_of(config, item).exists()]
-    count = 0
+    count, undriven = 0, set[str]()
     with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
-        for _, samples in finished(partial(record, config), todo, jobs):
+        for _, (samples, why) in finished(partial(record, config, own), todo, jobs):
             count += samples
+            if why and why not in undriven:
+                undriven.add(why)
+                bar.write(f"predictor.drives: {why}", file=sys.stderr)
             bar.set_postfix_str(f"{count} samples")
             bar.update()
 
 
-def _claim(config: DrivesConfig) -> None:
+def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
     """Make the folders, and refuse a folder with samples made with other settings."""
     if (config.out / MANIFEST).exists():
         raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
@@ -230,6 +281,8 @@ def _claim(config: DrivesConfig) -> None:
         "seeds": SPLITS,
         "views": config.views,
         "families": config.families,
+        "own": own.hashes,
+        "share": config.share if config.world else 0,
         "windows": WINDOWS,
     }
     ResumableFolder(config.out, recipe | how, marker=RECIPE)

@@ -118,10 +118,18 @@ def task_in(place: str, seed: int, car: CarLimits) -> Task:
         NoTaskError: if the world has no drive of the length wanted.
     """
     world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
+    return task_in_world(world, seed, car)
+
+
+def task_in_world(world: World, seed: int, car: CarLimits) -> Task:
+    """Return a task in a building: one of at least 20 m, or of 10 m if there is none.
+
+    Raises:
+        NoTaskError: if there is neither.
+    """
     try:
         return sample_task(world, seed, car)
     except NoTaskError:
-        # Small buildings: half of the usual shortest way, rather than leaving them out.
         return sample_task(world, seed, car, min_length=10.0)
 
 

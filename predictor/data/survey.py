@@ -84,7 +84,7 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
     for path in paths:
         if not path.exists():
             raise LogError(f"{path}: no such file")
-    logs = {site_of(path): _fingerprint(path) for path in paths}
+    logs = {site_of(path): fingerprint(path) for path in paths}
     if len(logs) < len(paths):
         raise LogError("--log wants each site once, and a name of its own for each")
     return logs
@@ -101,7 +101,7 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
     Raises:
         LogError: if it cannot be read.
     """
-    log = read_bag(path, bag) if is_bag(path) else read_carmen(path)
+    log = read_log(path, bag)
     try:
         recording = record(log)
     except LogError as error:
@@ -114,6 +114,15 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
         "skipped": log.skipped,
     }
     return write_trajectory(folder, site_of(path), recording.arrays(), about)
+
+
+def read_log(path: Path, bag: BagConfig | None = None) -> LaserLog:
+    """Read a log: a ROS bag or a CARMEN log.
+
+    Raises:
+        LogError: if it cannot be read.
+    """
+    return read_bag(path, bag) if is_bag(path) else read_carmen(path)
 
 
 def record(log: LaserLog) -> Recording:
@@ -193,7 +202,7 @@ def clipped(scan: Scan, reach: float) -> Scan:
     return replace(scan, range_max=min(reach, scan.range_max))
 
 
-def _fingerprint(path: Path) -> str:
+def fingerprint(path: Path) -> str:
     """Return the SHA-256 of a log: of its file or folder, and of the file beside it."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     beside = sidecar_of(path)

@@ -65,9 +65,15 @@ class Options:
                 _add(parser, one)
 
     @classmethod
-    def of(cls, args: argparse.Namespace) -> Self:
-        """Return the settings that the arguments of a command line give."""
-        given = {f.name: getattr(args, f.name) for f in fields(cls) if hasattr(args, f.name)}
+    def of(cls, args: argparse.Namespace, *names: str) -> Self:
+        """Return the settings that the arguments of a command line give.
+
+        Args:
+            args: the arguments.
+            names: of the fields to take from them; all if there are none.
+        """
+        wanted = [f.name for f in fields(cls) if not names or f.name in names]
+        given = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
         return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
 
 
@@ -85,7 +91,7 @@ def _add(parser: argparse._ActionsContainer, one: Field[Any]) -> None:
         nargs="+" if many else None,
         metavar=told["metavar"],
         choices=told["choices"],
-        help=told["help"] if default is None else f"{told['help']} (default: {words})",
+        help=told["help"] if default in (None, ()) else f"{told['help']} (default: {words})",
     )
 
 

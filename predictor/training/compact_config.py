@@ -28,3 +28,9 @@ class TrainConfig:
     average: float = 0.998
     seed: int = 0
     start: str | None = None
+
+
+TUNING = TrainConfig(steps=600, rate=5e-4, warmup=50, average=0.99)
+"""Settings of a fine-tuning, by default: minutes on 2 cores."""
+TUNING_DRIVES = (240, 60)
+"""Number of drives to fine-tune on, and number held out for validation, by default."""

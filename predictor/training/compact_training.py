@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from predictor.data.samples import Samples
@@ -156,17 +157,21 @@ class CompactTrainer(Trainer):
         save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
 
 
-def validate(net: CompactNet, samples: Samples, side: int) -> Scores:
-    """Score a network on `VALIDATED` samples, spread evenly over a set.
+def validate(
+    net: CompactNet, samples: Samples, side: int, chosen: NDArray[np.intp] | None = None
+) -> Scores:
+    """Score a network on samples of a set.
 
     Args:
         net: network, ready for inference.
         samples: set of samples.
         side: side of the square in their middle that is scored [cells].
+        chosen: numbers of the samples; None: `VALIDATED` of them, spread evenly over the set.
     """
     scores = Scores()
     device = next(net.parameters()).device
-    chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
+    if chosen is None:
+        chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
     for start in range(0, len(chosen), 32):
         part = [samples[int(i)] for i in chosen[start : start + 32]]
         codes = batch_of(part, side, np.zeros(len(part), dtype=bool))
