@@ -313,11 +313,13 @@ class Navigator:
         side, patience = self.config.predicted_side, self.config.deadline
         if self._tick == 0:
             patience = max(FIRST_DEADLINE, patience)
-        crop = self.known.crop(self.known.frame.square(float(state[0]), float(state[1]), side))
+        frame, x, y = self.known.frame, float(state[0]), float(state[1])
+        crop, beyond = self.known.crop(frame.square(x, y, side)), self._asker.context_side
+        around = self.known.crop(frame.square(x, y, beyond)) if beyond else None
         clock.lap("crop")
         prediction = None
         try:
-            prediction = self._asker.ask(crop, state[:3].copy(), patience)
+            prediction = self._asker.ask(crop, state[:3].copy(), patience, around)
             if prediction.nan_cells:
                 faults.append("predictor_nan")
         except LateError:

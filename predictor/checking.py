@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import time
-from copy import deepcopy
 
 import numpy as np
 from numpy.typing import NDArray
 
 from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.prediction import BadPredictionError, Prediction, Predictor, asked
+from predictor.prediction import (
+    BadPredictionError,
+    Prediction,
+    Predictor,
+    asked,
+    context_side,
+    copied,
+)
 
 CERTAIN = 1.0 - 1e-6
 """Confidence times probability from which on a cell counts as certain."""
@@ -67,8 +73,9 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
     slowest = max(times[1:])
     if slowest > TICK:
         warnings["late"] = (
-            f"an answer took {slowest:.2f} s, a tick is {TICK:g} s: the car decides without one "
-            "that is late; make it faster, or the square smaller (expansion)"
+            f"an answer took {slowest:.2f} s, a tick is {TICK:g} s: it delays every "
+            "control, and one that takes too long is not used; make it faster, or the square "
+            "smaller (expansion)"
         )
     for (known, pose), answer in reversed(list(zip(questions, answers, strict=True))):
         if not _same(answer, _ask(predictor, known, pose)[0]):
@@ -100,10 +107,13 @@ def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]
 
 def _ask(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> tuple[Prediction, float]:
     """Return a checked answer, and the time that it took [s]."""
-    given, there = copies = deepcopy(known), pose.copy()
+    side = context_side(predictor)
+    around = known.crop(known.frame.square(float(pose[0]), float(pose[1]), side)) if side else None
+    copies = copied(known, pose, around)
     started = time.perf_counter()
-    answer = asked(predictor, known, pose, copies)
+    answer = asked(predictor, known, pose, around, copies)
     seconds = time.perf_counter() - started
+    given, there = copies[:2]
     if not np.array_equal(given.cells, known.cells) or given.frame != known.frame:
         raise BadPredictionError("predict() changed the map that it was given: copy it first")
     if not np.array_equal(there, pose):

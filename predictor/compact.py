@@ -14,8 +14,9 @@ from scipy.ndimage import maximum_filter
 from torch import Tensor, nn
 
 from predictor.data.samples import quarters
+from predictor.mapping.context import CELLS, SIDE, context_of
 from predictor.mapping.grid import Grid
-from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactNet
+from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
 from predictor.networks.room import question, widened
 from predictor.prediction import Prediction
 from predictor.runtime import Run, runner
@@ -49,19 +50,27 @@ class Compact:
     Raises:
         WeightsError: if the file does not hold weights of this network.
         ValueError: if the runtime is not installed.
+
+    Attributes:
+        context_side: side of the map that `predict` takes as `around` [m]; 0: it takes none.
     """
 
     def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
         changed = weights.stat().st_mtime_ns if weights.is_file() else 0
-        self._run, self._multiple, self.facts = _loaded(weights, changed, runtime)
+        self._run, self._config, self.facts = _loaded(weights, changed, runtime)
         self.weights = weights
+        self.context_side = SIDE if self._config.context else 0.0
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    def predict(
+        self, known: Grid, pose: NDArray[np.float64], around: Grid | None = None
+    ) -> Prediction:
         """Predict the unobserved part of a window.
 
         Args:
             known: map of all that was observed in the window, of any size.
             pose: x, y, yaw of the robot, (3,) [m, m, rad].
+            around: map of all that was observed in a square of `context_side` around the window;
+                None: `known` is all that there is.
 
         Raises:
             ValueError: if the window is empty or the pose not finite.
@@ -72,7 +81,12 @@ class Compact:
             raise ValueError(f"pose is {pose}, it must be finite")
         turns = quarters(float(pose[2]))
         codes, rows, cols = _resampled(known)
-        outputs = self._outputs(np.rot90(codes, turns))
+        inputs: list[NDArray[Any]] = [np.rot90(codes, turns)]
+        if self.context_side:
+            if around is None:
+                around = known.crop(known.frame.square(*_middle(known), SIDE))
+            inputs.append(np.rot90(context_of(around), turns, axes=(1, 2)))
+        outputs = self._outputs(*inputs)
         outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
         p_free, p_occupied, confidence = outputs
         if known.unknown.all():
@@ -87,13 +101,17 @@ class Compact:
             np.copyto(values, observed, where=seen)
         return Prediction(known.frame, p_free, p_occupied, confidence)
 
-    def _outputs(self, codes: NDArray[np.int8]) -> NDArray[np.float32]:
+    def _outputs(
+        self, codes: NDArray[Any], context: NDArray[Any] | None = None
+    ) -> NDArray[np.float32]:
         """Return p_free, p_occupied and confidence (3, rows, columns) of a map facing +x."""
         rows, cols = codes.shape
-        over = [-n % self._multiple for n in codes.shape]
+        over = [-n % self._config.multiple for n in codes.shape]
         padded = np.pad(codes, [(n // 2, n - n // 2) for n in over], constant_values=2)
         top, left = over[0] // 2, over[1] // 2
-        answers = self._run(np.ascontiguousarray(padded)[None])
+        # A percentage fits into either kind of byte.
+        inputs = [padded] if context is None else [padded, context.astype(np.int8)]
+        answers = self._run(*(np.ascontiguousarray(one)[None] for one in inputs))
         return answers[0, :, top : top + rows, left : left + cols]
 
 
@@ -120,10 +138,16 @@ class _Answers(nn.Module):
         super().__init__()
         self.net = net
 
-    def forward(self, codes: Tensor) -> Tensor:
-        """Return p_free, p_occupied and confidence (B, 3, H, W) for codes (B, H, W)."""
+    def forward(self, codes: Tensor, context: Tensor | None = None) -> Tensor:
+        """Return p_free, p_occupied and confidence (B, 3, H, W).
+
+        Args:
+            codes: codes of what was observed, (B, H, W).
+            context: percentages of `context_of`, (B, 2, CELLS, CELLS).
+        """
         known = torch.stack([codes == 0, codes == 1], dim=1).float()
-        logits = self.net(known.contiguous(memory_format=torch.channels_last))
+        shares = None if context is None else 0.01 * context.float()
+        logits = self.net(known.contiguous(memory_format=torch.channels_last), shares)
         classes = torch.softmax(logits[:, :ROOM], dim=1)
         room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)
         confidence = (1.0 - classes[:, FREE] + room).clamp(max=SUREST)
@@ -131,14 +155,17 @@ class _Answers(nn.Module):
 
 
 @lru_cache(maxsize=4)
-def _loaded(weights: Path, changed: int, runtime: str | None) -> tuple[Run, int, dict[str, Any]]:
-    """Return a function that runs the network, the multiple of its input's sides, and its facts.
+def _loaded(
+    weights: Path, changed: int, runtime: str | None
+) -> tuple[Run, CompactConfig, dict[str, Any]]:
+    """Return a function that runs the network, the network's shape, and its facts.
 
     It is cached, since each drive makes a predictor of its own.
     """
     net, facts = load_weights(weights, CompactNet)
-    run, runs_on = runner(_Answers(net.folded()), runtime)
-    return run, net.config.multiple, facts | {"runtime": runs_on}
+    shapes = [(80, 120), (2, CELLS, CELLS)][: 1 + bool(net.config.context)]
+    run, runs_on = runner(_Answers(net.folded()), runtime, *shapes)
+    return run, net.config, facts | {"runtime": runs_on}
 
 
 def _likeliest(room: Tensor, codes: Tensor) -> Tensor:
@@ -150,6 +177,12 @@ def _likeliest(room: Tensor, codes: Tensor) -> Tensor:
     """
     _, asked = question(codes)
     return widened(torch.where(asked, room, 0.0))
+
+
+def _middle(known: Grid) -> tuple[float, float]:
+    """Return the middle of a map [m]."""
+    rows, cols = known.frame.shape
+    return known.frame.centre(0.5 * (rows - 1), 0.5 * (cols - 1))
 
 
 def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:

@@ -24,7 +24,8 @@ class Prediction:
         frame: where the cells lie.
         p_free: probability that a cell is free, (rows, columns).
         p_occupied: probability that a cell is a surface that a ray can hit, (rows, columns).
-        confidence: trust in the two probabilities, in [0, 1], (rows, columns); 0 means unknown.
+        confidence: how far the two probabilities may be relied upon, in [0, 1], (rows, columns);
+            0 means unknown.
         nan_cells: number of unobserved cells that were NaN and were made unknown by `checked`.
     """
 
@@ -37,20 +38,35 @@ class Prediction:
 
 @runtime_checkable
 class Predictor(Protocol):
-    """Anything that predicts the unobserved part of a map: the interface of a plug-in."""
+    """Anything that predicts the unobserved part of a map: the interface of a plug-in.
+
+    A predictor that wants to see more of the map than the square that it predicts has an attribute
+    `context_side`, the side of a larger square around the robot [m], at most `LARGEST_CONTEXT`.
+    Its method is then called as `predict(known, pose, around)`, where `around` is the map of all
+    that was observed in that square.
+    """
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict a map.
 
+        The same question must give the same answer, so a predictor keeps no state. It must not
+        write into its arguments. The car waits for the answer, at most for
+        `NavigatorConfig.deadline`; a control period is 0.1 s.
+
         Args:
-            known: map of all that was observed inside the predicted square, which is `expansion`
-                times as wide as the LIDAR's window and centred on the robot.
+            known: map of all that was observed inside the predicted square, which is at most
+                `expansion` times as wide as the LIDAR's window and centred on the robot.
             pose: x, y, yaw of the robot, (3,) [m, m, rad].
 
         Returns:
-            A prediction on the frame of `known`.
+            A prediction on the frame of `known`. Its values lie in [0, 1], and p_free + p_occupied
+            is at most 1. NaN means unknown.
         """
         ...
+
+
+LARGEST_CONTEXT = 100.0
+"""Largest side of the square that a predictor may ask for beyond its own [m]."""
 
 
 class BadPredictionError(LineError):
@@ -104,11 +120,26 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     return Prediction(known.frame, **fields, nan_cells=nan_cells)
 
 
+def context_side(predictor: Predictor) -> float:
+    """Return the side of the square that a predictor is told of besides its own [m]; 0: none.
+
+    Raises:
+        BadPredictionError: if its `context_side` is no such length.
+    """
+    side = getattr(predictor, "context_side", 0.0)
+    if not isinstance(side, int | float) or not 0.0 <= side <= LARGEST_CONTEXT:
+        raise BadPredictionError(
+            f"context_side is {side!r}, it must be a length from 0 to {LARGEST_CONTEXT:g} m"
+        )
+    return float(side)
+
+
 def asked(
     predictor: Predictor,
     known: Grid,
     pose: NDArray[np.float64],
-    copies: tuple[Grid, NDArray[np.float64]] | None = None,
+    around: Grid | None = None,
+    copies: tuple[Any, ...] | None = None,
 ) -> Prediction:
     """Ask a predictor, and check its answer; turn whatever it raises into a `BadPredictionError`.
 
@@ -116,12 +147,14 @@ def asked(
         predictor: predictor to ask.
         known: map of all that was observed.
         pose: x, y, yaw of the robot, (3,) [m, m, rad].
-        copies: copies of `known` and `pose` that the predictor may write into; made if None.
+        around: map of all that was observed in the square of the predictor's `context_side`; None:
+            it has none, or can do without.
+        copies: copies of all these that the predictor may write into; made if None.
 
     Raises:
         BadPredictionError: if it raises, or breaks the contract.
     """
-    given = (deepcopy(known), pose.copy()) if copies is None else copies
+    given = copied(known, pose, around) if copies is None else copies
     try:
         return checked(predictor.predict(*given), known)
     except BadPredictionError:
@@ -131,6 +164,11 @@ def asked(
         raise BadPredictionError(
             f"predict() of {type(predictor).__name__} raised {one_line(error)}"
         ) from error
+
+
+def copied(known: Grid, pose: NDArray[np.float64], around: Grid | None) -> tuple[Any, ...]:
+    """Return copies of what a predictor is asked, as the arguments of `predict`."""
+    return tuple(deepcopy(one) for one in (known, pose, around) if one is not None)
 
 
 def _lies_within(values: NDArray[Any], low: float, high: float) -> bool:

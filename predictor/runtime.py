@@ -14,24 +14,22 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-Run = Callable[[NDArray[np.int8]], NDArray[np.float32]]
+Run = Callable[..., NDArray[np.float32]]
 RUNTIMES = ("openvino", "torch")
 """Names of the runtimes, the fastest first."""
 MOST_SIZES = 8
 """Number of window sizes for which compiled networks are kept."""
 
 
-def runner(
-    module: nn.Module, runtime: str | None = None, example: tuple[int, int] = (80, 120)
-) -> tuple[Run, str]:
+def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> tuple[Run, str]:
     """Return a function that runs a network, and the name and version of the runtime.
 
     OpenVINO uses one core, PyTorch as many as `torch.set_num_threads` allows.
 
     Args:
-        module: network from one int8 array (1, rows, columns) to one float array.
+        module: network from int8 arrays (1, ...) to one float array.
         runtime: one of `RUNTIMES`; None: the first that is installed.
-        example: rows and columns that the network accepts.
+        shapes: for each array a shape that the network accepts, without the first axis.
 
     Raises:
         ValueError: if the runtime is unknown or not installed.
@@ -42,57 +40,56 @@ def runner(
         raise ValueError(f"runtime is {runtime!r}, it must be one of {', '.join(RUNTIMES)}")
     if not find_spec(runtime):
         raise ValueError(f"{runtime} is not installed: pip install 'foresee[openvino]'")
-    run = _openvino(module, example) if runtime == "openvino" else _torch(module)
+    run = _openvino(module, shapes) if runtime == "openvino" else _torch(module)
     return run, f"{runtime} {version(runtime)}"
 
 
 def _torch(module: nn.Module) -> Run:
     module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    def run(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+    def run(*arrays: NDArray[np.int8]) -> NDArray[np.float32]:
         with torch.inference_mode():
-            return np.asarray(module(torch.from_numpy(codes)).numpy())
+            return np.asarray(module(*map(torch.from_numpy, arrays)).numpy())
 
     return run
 
 
-def _openvino(module: nn.Module, shape: tuple[int, int]) -> Run:
+def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Run:
     import openvino as ov
 
     # The frontend itself, because `convert_model` takes seconds and sends telemetry.
     from openvino.frontend import FrontEndManager
     from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
 
-    example = torch.zeros(1, *shape, dtype=torch.int8)
+    examples = tuple(torch.zeros(1, *shape, dtype=torch.int8) for shape in shapes)
     with warnings.catch_warnings():
         # Deprecated, but the only form that OpenVINO reads for maps of any size.
         warnings.simplefilter("ignore", DeprecationWarning)
         # Checks of shapes are traced with the result that they had for the example.
         warnings.simplefilter("ignore", torch.jit.TracerWarning)  # type: ignore[attr-defined]
-        traced = torch.jit.trace(module.eval(), example, check_trace=False)
+        traced = torch.jit.trace(module.eval(), examples, check_trace=False)
     frontend = FrontEndManager().load_by_framework("pytorch")
-    decoder = TorchScriptPythonDecoder(traced, example_input=(example,))
+    decoder = TorchScriptPythonDecoder(traced, example_input=examples)
     model = frontend.convert(frontend.load(decoder))
     core = ov.Core()
-    requests: dict[tuple[int, ...], Any] = {}
+    requests: dict[tuple[tuple[int, ...], ...], Any] = {}
     lock = Lock()
 
-    def run(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+    def run(*arrays: NDArray[np.int8]) -> NDArray[np.float32]:
         # A request serves one caller at a time.
         with lock:
-            return answer(codes)
+            return answer(*arrays)
 
-    def answer(codes: NDArray[np.int8]) -> NDArray[np.float32]:
+    def answer(*arrays: NDArray[np.int8]) -> NDArray[np.float32]:
         # Compiled for this size of window: 10 % faster than for any size.
-        if codes.shape not in requests:
+        sizes = tuple(array.shape for array in arrays)
+        if sizes not in requests:
             if len(requests) == MOST_SIZES:
                 requests.clear()
             sized = model.clone()
-            sized.reshape(codes.shape)
+            sized.reshape({number: list(size) for number, size in enumerate(sizes)})
             settings = {"INFERENCE_NUM_THREADS": 1, "INFERENCE_PRECISION_HINT": "f32"}
-            requests[codes.shape] = core.compile_model(
-                sized, "CPU", settings
-            ).create_infer_request()
-        return np.asarray(requests[codes.shape].infer({0: codes})[0])
+            requests[sizes] = core.compile_model(sized, "CPU", settings).create_infer_request()
+        return np.asarray(requests[sizes].infer(dict(enumerate(arrays)))[0])
 
     return run

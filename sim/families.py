@@ -9,6 +9,7 @@ import numpy as np
 from predictor.mapping.families import FAMILIES
 from sim.blocks import block_size, draw_blocks
 from sim.canvas import Canvas
+from sim.floor_plan import draw_floor_plan
 from sim.network import NetworkConfig, Segment, carve, grow
 from sim.office import draw_office
 from sim.world import World
@@ -28,6 +29,7 @@ def generate(family: str, seed: int) -> World:
     - `narrow`: corridors of 1.5–3 m, door frames across them, small rooms behind doors.
     - `office`: rooms off corridors, doors, furniture.
     - `trap`: an obstacle just behind a blind corner; dead ends that look like a corridor going on.
+    - `floor_plan`: rooms wall to wall, corridors and halls, as in real buildings.
     - `paper`: paths of 3.5–10 m around blocks, with loops: the data set of Katyal et al. 2018.
 
     Raises:
@@ -39,6 +41,7 @@ def generate(family: str, seed: int) -> World:
         "office": _office,
         "trap": _trap,
         "paper": _paper,
+        "floor_plan": draw_floor_plan,
     }
     if family not in draw:
         raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")

@@ -104,10 +104,11 @@ def _room_row(
         wall = y[1] if side > 0 else y[0]
         canvas.box((at, wall), (width, 3 * WALL), free=True)
         room = Room(low, high, (at, wall), (0.0, side))
-        _furnish(canvas, room, rng)
+        furnish(canvas, room, rng)
 
 
-def _furnish(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
+def furnish(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
+    """Put furniture into a room, none of it in front of its door."""
     kind = rng.random()
     if kind < 0.15:
         return

@@ -13,16 +13,22 @@ from predictor.data.samples import (
     quarters,
     write_samples,
 )
+from predictor.mapping.context import CELLS, context_of
+from predictor.mapping.context import SIDE as CONTEXT
 from predictor.mapping.grid import world_hash
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
+
+
+def around_of(known):
+    return known.crop(known.frame.square(*known.frame.centre(SIDE / 2, SIDE / 2), CONTEXT))
 
 
 def some_sample(seed=0, yaw=0.0):
     rng = np.random.default_rng(seed)
     known = Grid(FRAME, rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.int8), FRAME.shape))
     truth = rng.integers(0, 3, FRAME.shape, dtype=np.uint8)
-    return known, truth, encoded(known, truth, yaw)
+    return known, truth, encoded(known, truth, around_of(known), yaw)
 
 
 def write(folder, name="000000", world="a", samples=None):
@@ -49,10 +55,43 @@ def test_what_lies_ahead_of_the_robot_lies_along_x(tmp_path, yaw):
     ahead = round(100 * np.cos(yaw)), round(100 * np.sin(yaw))
     truth[middle + ahead[1] - 3 : middle + ahead[1] + 3, middle + ahead[0] - 3 :][:, :6] = 0
     known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
-    write(tmp_path, samples=[encoded(known, truth, yaw)])
+    write(tmp_path, samples=[encoded(known, truth, around_of(known), yaw)])
     rows, cols = np.nonzero(Samples.load(tmp_path)[0] // 3 == 0)
     x, y = cols.mean() - middle, rows.mean() - middle
     assert x > abs(y) - 2
+
+
+def test_the_context_is_turned_as_the_sample_is(tmp_path):
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    cells[: SIDE // 4, : SIDE // 2] = FREE
+    cells[SIDE // 4 : SIDE // 2, : SIDE // 2] = OCCUPIED
+    known, truth = Grid(FRAME, cells), np.zeros(FRAME.shape, np.uint8)
+    for yaw in (0.0, 1.5, 3.0, -1.5):
+        write(tmp_path, samples=[encoded(known, truth, around_of(known), yaw)])
+        codes, context = Samples.load(tmp_path).with_context(0)
+        edge = (CELLS - SIDE // 10) // 2
+        inside = context[:, edge : CELLS - edge, edge : CELLS - edge]
+        blocks = (codes % 3).reshape(SIDE // 10, 10, SIDE // 10, 10)
+        assert np.array_equal(inside[0], (blocks == 0).sum(axis=(1, 3)))
+        assert np.array_equal(inside[1], (blocks == 1).sum(axis=(1, 3)))
+        assert context.sum() == inside.sum()
+
+
+@pytest.mark.parametrize("resolution", [0.03, 0.05, 0.1, 0.17])
+def test_a_context_is_in_percent_at_any_resolution(resolution):
+    n = round(CONTEXT / resolution)
+    cells = np.full((n, n), UNKNOWN, np.int8)
+    cells[: n // 2] = FREE
+    context = context_of(Grid(GridFrame(resolution, (0.0, 0.0), (n, n)), cells))
+    assert context.shape == (2, CELLS, CELLS)
+    assert (context[0, : CELLS // 2 - 1] == 100).all()
+    assert not context[0, CELLS // 2 + 1 :].any()
+    assert not context[1].any()
+
+
+def test_a_context_of_another_size_is_refused():
+    with pytest.raises(ValueError, match="it must be of 40"):
+        context_of(Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8)))
 
 
 def test_quarter_turns_cover_every_heading():

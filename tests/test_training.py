@@ -17,6 +17,7 @@ from benchmarks.recording.training_drives import _claim, seen_again
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
 from predictor.infra.command_line import UsageError
+from predictor.mapping.context import SIDE as CONTEXT
 from predictor.mapping.grid import world_hash
 from predictor.networks.compact_net import CompactNet
 from predictor.train import main
@@ -42,7 +43,8 @@ def some_drive(folder, seed):
     samples = []
     for known, state in seen_again(task, states, 5.0, LidarConfig(), rng, 1):
         crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
-        samples.append(encoded(crop, truth_codes(*world.truth(crop.frame)), state[2]))
+        around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
+        samples.append(encoded(crop, truth_codes(*world.truth(crop.frame)), around, state[2]))
     building = world_hash(world.grid.cells)
     about = {"seed": seed, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
@@ -82,10 +84,10 @@ def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, mon
     killed = trainer(data, tmp_path / "killed")
     learn, save = killed._learn, killed.save
 
-    def die(codes):
+    def die(*batch):
         if killed.step == 6:
             raise KeyboardInterrupt
-        return learn(codes)
+        return learn(*batch)
 
     # Its last checkpoint is older than its log.
     monkeypatch.setattr(killed, "save", lambda: save() if killed.step == 3 else None)

@@ -17,7 +17,7 @@ from predictor.data.squares import TERNARY, truth_codes
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import world_hash
 from predictor.networks.room import REACH
-from predictor.prediction import asked
+from predictor.prediction import asked, context_side
 from predictor.provenance import has_learned
 from predictor.registry import load_predictor
 from predictor.scoring.images import ssim, ternary
@@ -77,7 +77,9 @@ def score_drive(
         similar[BLANK].append(ssim(blank, true_image))
         for name, predictor in predictors.items():
             begin = time.perf_counter()
-            belief = asked(predictor, crop, state[:3])
+            beyond = context_side(predictor)
+            around = known.frame.square(state[0], state[1], beyond)
+            belief = asked(predictor, crop, state[:3], known.crop(around) if beyond else None)
             taken[name].append(1e3 * (time.perf_counter() - begin))
             image = ternary(crop, belief)
             similar[name].append(ssim(image, true_image))

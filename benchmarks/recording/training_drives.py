@@ -29,6 +29,7 @@ from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
 from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.context import SIDE as CONTEXT
 from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
@@ -133,7 +134,8 @@ def _driven(
             side = SIDE * known.frame.resolution
             crop = known.crop(known.frame.square(state[0], state[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
-            yield encoded(crop, truth, float(state[2]))
+            around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
+            yield encoded(crop, truth, around, float(state[2]))
 
 
 def _logged(
@@ -170,7 +172,8 @@ def _replayed(config: DrivesConfig, log: LaserLog, rng: np.random.Generator) -> 
                 gone %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = codes_of(truth.crop(square).cells)
-                yield encoded(known.crop(square), true, float(pose[2]))
+                around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT))
+                yield encoded(known.crop(square), true, around, float(pose[2]))
 
 
 def driven(

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import queue
 import threading
-from copy import deepcopy
 
 import numpy as np
 from numpy.typing import NDArray
 
 from predictor.mapping.grid import Grid
-from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
+from predictor.prediction import (
+    BadPredictionError,
+    Prediction,
+    Predictor,
+    checked,
+    context_side,
+    copied,
+)
 
 
 class LateError(Exception):
@@ -29,19 +35,33 @@ class Asker:
 
     Args:
         predictor: asked.
+
+    Attributes:
+        context_side: side of the square that the predictor is told of besides its own [m]; 0: none.
+
+    Raises:
+        BadPredictionError: if the predictor's `context_side` is no length.
     """
 
     def __init__(self, predictor: Predictor) -> None:
         self.predictor = predictor
+        self.context_side = context_side(predictor)
         self._thread: threading.Thread | None = None
 
-    def ask(self, known: Grid, pose: NDArray[np.float64], patience: float) -> Prediction:
+    def ask(
+        self,
+        known: Grid,
+        pose: NDArray[np.float64],
+        patience: float,
+        around: Grid | None = None,
+    ) -> Prediction:
         """Ask for a prediction, and check it.
 
         Args:
             known: what has been seen.
             pose: x, y, yaw, (3,).
             patience: how long to wait for it [s].
+            around: what has been seen of the square of `context_side`; None if there is none.
 
         Raises:
             LateError: if it is not there in time.
@@ -51,7 +71,7 @@ class Asker:
         if self._thread is not None and self._thread.is_alive():
             raise LateError
         # Copies: a plug-in may write into what it is handed, also later, from a thread of its own.
-        copies = deepcopy(known), pose.copy()
+        copies = copied(known, pose, around)
         answers: queue.SimpleQueue[Prediction | RaisedError | BadPredictionError]
         answers = queue.SimpleQueue()
 

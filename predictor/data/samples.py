@@ -8,9 +8,10 @@ read without running code from it:
     about     (bytes,) uint8    JSON: format, side, family, seed, and the hashes of the building,
                                 as it was driven through (world) and as it was drawn (original)
 
-A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`. The robot is in
-the middle, looking along +x to within 45°: maps are rotated by quarter turns, which move cells
-and change none.
+A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`, followed by its
+context, (2, CELLS, CELLS) uint8, see `predictor.mapping.context`. The robot is in the middle of
+both, looking along +x to within 45°: maps are rotated by quarter turns, which move cells and change
+none.
 """
 
 from __future__ import annotations
@@ -31,9 +32,10 @@ from predictor.data.squares import Square, codes_of, joined, middle, parted
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
+from predictor.mapping.context import CELLS, context_of
 from predictor.mapping.grid import Grid
 
-FORMAT = 2
+FORMAT = 3
 RECIPE = "recipe.json"
 """File beside the folders of the splits: how the samples were made."""
 SIDE = 280
@@ -51,16 +53,19 @@ def quarters(yaw: float) -> int:
     return round(yaw / (0.5 * np.pi)) % 4
 
 
-def encoded(known: Grid, truth: NDArray[np.uint8], yaw: float) -> bytes:
+def encoded(known: Grid, truth: NDArray[np.uint8], around: Grid, yaw: float) -> bytes:
     """Return one sample, compressed.
 
     Args:
         known: map of all that was observed, (SIDE, SIDE).
         truth: codes of what is true there, (SIDE, SIDE).
+        around: map of all that was observed in the context's square.
         yaw: heading of the robot [rad].
     """
-    codes = np.rot90(joined(codes_of(known.cells), truth), quarters(yaw))
-    return zlib.compress(np.ascontiguousarray(codes).tobytes(), 2)
+    turns = quarters(yaw)
+    codes = np.rot90(joined(codes_of(known.cells), truth), turns)
+    context = np.rot90(context_of(around), turns, axes=(1, 2))
+    return zlib.compress(codes.tobytes() + context.tobytes(), 2)
 
 
 def write_samples(path: Path, samples: list[bytes], about: dict[str, Any]) -> None:
@@ -148,15 +153,25 @@ class Samples:
         Raises:
             SamplesError: if they are damaged.
         """
+        return self.with_context(index)[0]
+
+    def with_context(self, index: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Return the codes of a sample (SIDE, SIDE), and its context (2, CELLS, CELLS).
+
+        Raises:
+            SamplesError: if they are damaged.
+        """
         drive, begin, end = self.starts[index]
         try:
             # Limited, since a few bytes may unpack to gigabytes.
             unpacked = zlib.decompressobj()
-            cells = unpacked.decompress(self.codes[drive][begin:end].tobytes(), SIDE * SIDE + 1)
-            codes = np.frombuffer(cells, dtype=np.uint8).reshape(SIDE, SIDE)
-            if codes.max() > 8 or not unpacked.eof:
-                raise ValueError("it holds other than codes")
-            return codes
+            size = SIDE**2 + 2 * CELLS**2
+            block = unpacked.decompress(self.codes[drive][begin:end].tobytes(), size + 1)
+            codes, context = np.split(np.frombuffer(block, dtype=np.uint8), [SIDE**2])
+            codes, context = codes.reshape(SIDE, SIDE), context.reshape(2, CELLS, CELLS)
+            if codes.max() > 8 or context.max() > 100 or not unpacked.eof:
+                raise ValueError("it holds other than codes and percentages")
+            return codes, context
         except (zlib.error, ValueError) as error:
             seed = self.about[drive].get("seed")
             raise SamplesError(

@@ -1,3 +1,3 @@
 """Names of the families of generated buildings; `sim.families.generate` draws them."""
 
-FAMILIES = ("corridor", "narrow", "office", "trap", "paper")
+FAMILIES = ("corridor", "narrow", "office", "trap", "paper", "floor_plan")

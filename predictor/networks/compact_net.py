@@ -5,18 +5,21 @@ the frontier is a matter of single cells (a wall goes on where it ended), what i
 layout; patches hold the first in their channels and make the second cheap, since 0.25 m is as
 fine as anything but a wall needs. The same weights serve every size of map.
 
+The context, a coarse map of 40 m, tells what kind of building it is, and what lies beyond the
+square. Its features are added to those of stage 3, which have the same resolution of 1 m.
+
     known (B, 2, H, W)                            observed free, observed occupied
       patches       (B, 50,  H/5,  W/5)
       stage 1       (B, 32,  H/5,  W/5)   ─────────────┐
       stage 2       (B, 64,  H/10, W/10)  ──────────┐  │
-      stage 3       (B, 112, H/20, W/20)  ───────┐  │  │
+      stage 3       (B, 112, H/20, W/20)  ───────┐  │  │       context (B, 2, 80, 80) is added here
       stage 4       (B, 128, H/40, W/40)  ── up ─┴──┴──┴─▶ (B, 32, H/5, W/5)
     logits (B, 4, H, W)                           free, occupied, hidden; room
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -27,6 +30,8 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 FREE, OCCUPIED, HIDDEN, ROOM = range(4)
 """Channels of the output: three exclusive classes, and one separate probability."""
+STAGE = 2
+"""Number of the stage, counted from 0, that the features of the context are added to."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +43,13 @@ class CompactConfig:
         widths: channels of each stage; the resolution halves from one to the next.
         blocks: residual blocks of each stage on the way down. The finest has one on the way up
             only: a second would take a sixth of the time with 1 % of the weights.
+        context: channels of the finest stage of the context's network; 0: there is none.
     """
 
     patch: int = 5
     widths: tuple[int, ...] = (32, 64, 112, 128)
     blocks: tuple[int, ...] = (0, 1, 1, 2)
+    context: int = 0
 
     @property
     def multiple(self) -> int:
@@ -58,10 +65,12 @@ class CompactConfig:
             KeyError: if a field is missing.
             TypeError: if a field is of the wrong type.
         """
-        config = cls(fields["patch"], tuple(fields["widths"]), tuple(fields["blocks"]))
-        sizes, blocks = (config.patch, *config.widths), config.blocks
+        widths, blocks = tuple(fields["widths"]), tuple(fields["blocks"])
+        config = cls(fields["patch"], widths, blocks, fields.get("context", 0))
+        sizes, blocks = (config.patch, *config.widths), (*config.blocks, config.context)
         sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
         sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
+        sane &= not config.context or len(widths) > STAGE
         if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
             raise ValueError(f"no network is shaped like {config}")
         return config
@@ -100,6 +109,44 @@ class Conv(nn.Module):
             self.norm = nn.Identity()
 
 
+class ContextNet(nn.Module):
+    """The network of the context: a small U-Net, and one vector for the whole of it.
+
+    Args:
+        width: channels of its finer stage, of 2 m.
+        outputs: channels of the result.
+    """
+
+    def __init__(self, width: int, outputs: int) -> None:
+        super().__init__()
+        self.stem = Conv(32, width)
+        self.fine = Block(width)
+        self.down = nn.Conv2d(width, 2 * width, 2, 2)
+        self.coarse = Block(2 * width)
+        self.up = nn.ConvTranspose2d(2 * width, width, 2, 2)
+        self.decode = Block(width)
+        self.here = nn.ConvTranspose2d(width, outputs, 2, 2)
+        self.everywhere = nn.Conv2d(2 * width, outputs, 1)
+        for last in (self.here, self.everywhere):
+            # At first the context changes nothing, so that it can be added to a trained network.
+            for parameter in last.parameters():
+                nn.init.zeros_(parameter)
+
+    def forward(self, context: Tensor, rows: int, cols: int) -> Tensor:
+        """Return the features (B, outputs, rows, cols) of the cells of 1 m around the robot.
+
+        Args:
+            context: shares in [0, 1] observed free, and observed occupied, (B, 2, CELLS, CELLS).
+            rows: rows of the square around the robot, an even number.
+            cols: its columns, an even number.
+        """
+        fine = self.fine(F.relu(self.stem(F.pixel_unshuffle(context, 4))))
+        coarse = self.coarse(F.relu(self.down(fine)))
+        here = self.here(self.decode(self.up(coarse) + fine))
+        whole: Tensor = self.everywhere(coarse.mean(dim=(2, 3), keepdim=True))
+        return _middle(_middle(here, rows, 2), cols, 3) + whole
+
+
 class CompactNet(nn.Module):
     """The network described at the head of this file.
 
@@ -107,9 +154,9 @@ class CompactNet(nn.Module):
         config: shape of the network.
     """
 
-    architecture = "foresee-compact-1"
-    """Name in files of weights; the number changes when the meaning of weights does."""
-    ARCHITECTURES: tuple[str, ...] = (architecture,)
+    ARCHITECTURES: tuple[str, ...] = ("foresee-compact-1", "foresee-compact-2")
+    """Names in files of weights, without and with a context; the number changes when the meaning of
+    weights does."""
     CONFIG = CompactConfig
 
     def __init__(self, config: CompactConfig | None = None) -> None:
@@ -126,17 +173,27 @@ class CompactNet(nn.Module):
         self.up = nn.ModuleList(nn.ConvTranspose2d(coarse, fine, 2, 2) for fine, coarse in pairs)
         self.decode = nn.ModuleList(Block(width) for width in widths[:-1])
         self.head = nn.Conv2d(widths[0], 4 * cells, 1)
+        self.context = ContextNet(config.context, widths[STAGE]) if config.context else None
 
-    def forward(self, known: Tensor) -> Tensor:
+    @property
+    def architecture(self) -> str:
+        """Name in files of weights."""
+        return self.ARCHITECTURES[self.context is not None]
+
+    def forward(self, known: Tensor, context: Tensor | None = None) -> Tensor:
         """Return logits (B, 4, H, W) of FREE, OCCUPIED and HIDDEN (softmax), and ROOM (sigmoid).
 
         Args:
             known: 1 where observed free, and 1 where observed occupied, (B, 2, H, W); H and W are
                 multiples of `config.multiple`.
+            context: shares in [0, 1] observed free, and observed occupied, (B, 2, CELLS, CELLS),
+                see `predictor.mapping.context`; needed if the network has a context.
         """
         x = F.relu(self.stem(F.pixel_unshuffle(known, self.config.patch)))
         skips = []
-        for stage, down in zip(self.encode, self.down, strict=False):
+        for number, (stage, down) in enumerate(zip(self.encode, self.down, strict=False)):
+            if number == STAGE and self.context is not None:
+                x = x + self.context(context, x.shape[2], x.shape[3])
             x = stage(x)
             skips.append(x)
             x = F.relu(down(x))
@@ -145,6 +202,14 @@ class CompactNet(nn.Module):
             x = decode(up(x) + skips.pop())
         return F.pixel_shuffle(self.head(x), self.config.patch)
 
+    def with_context(self, width: int) -> CompactNet:
+        """Return this network, with a context that changes nothing yet if it has none."""
+        if self.context is not None or not width:
+            return self
+        other = CompactNet(replace(self.config, context=width))
+        other.load_state_dict(other.state_dict() | self.state_dict())
+        return other
+
     def folded(self) -> CompactNet:
         """Merge batch normalisation in place, for inference, and return this network."""
         self.eval()
@@ -152,3 +217,10 @@ class CompactNet(nn.Module):
             if isinstance(module, Conv):
                 module.fold()
         return self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+def _middle(features: Tensor, count: int, axis: int) -> Tensor:
+    """Return the cells in the middle of an axis, the outermost repeated if there are too few."""
+    size = features.shape[axis]
+    index = torch.arange(count, device=features.device) + (size - count) // 2
+    return features.index_select(axis, index.clamp(0, size - 1))

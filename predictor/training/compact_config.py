@@ -18,6 +18,8 @@ class TrainConfig:
         average: share that the old average keeps when weights are averaged over the steps.
         seed: seed of the first weights and of the order of samples.
         start: fingerprint of the weights that training starts from; None: random weights.
+        context: channels of the network of the context; weights to start from that have none get
+            one. 0: none.
     """
 
     steps: int = 8_000
@@ -28,6 +30,7 @@ class TrainConfig:
     average: float = 0.998
     seed: int = 0
     start: str | None = None
+    context: int = 32
 
 
 TUNING = TrainConfig(steps=600, rate=5e-4, warmup=50, average=0.99)

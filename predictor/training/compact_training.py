@@ -20,7 +20,7 @@ from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_config import TrainConfig
 from predictor.training.group import Group
-from predictor.training.targets import batch_of, known_of, losses
+from predictor.training.targets import batch_of, contexts_of, known_of, losses
 from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
 
@@ -29,6 +29,9 @@ SIDES = (200, 200, 200, 120, 160, 240, 280)
 expansions of drives differ."""
 USUAL = 200
 """Side of the square at a window of 5 m and an expansion of 2 [cells]."""
+ALONE = 0.2
+"""Share of the samples that a step learns from without their context, since not everyone who asks
+the predictor has one."""
 VALIDATED = 1024
 """Samples of a validation."""
 
@@ -66,6 +69,7 @@ class CompactTrainer(Trainer):
         )
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
+        net = net.with_context(config.context)
         both = validation.worlds & set(before.get("worlds", ()))
         if both:
             raise TrainError(
@@ -123,7 +127,10 @@ class CompactTrainer(Trainer):
         side = int(rng.choice(SIDES))
         count = max(1, round(self.config.batch * (USUAL / side) ** 2))
         chosen = rng.integers(len(self.train), size=count)
-        return (batch_of([self.train[int(i)] for i in chosen], side, rng.random(count) < 0.5),)
+        drawn = [self.train.with_context(int(i)) for i in chosen]
+        codes, contexts = [one for one, _ in drawn], [context for _, context in drawn]
+        mirror, alone = rng.random(count) < 0.5, rng.random(count) < ALONE
+        return batch_of(codes, side, mirror), contexts_of(contexts, mirror, alone, side)
 
     def _learn(self, *batch: Tensor) -> list[float]:
         config, step = self.config, self.step
@@ -132,9 +139,9 @@ class CompactTrainer(Trainer):
         for group in self.optimizer.param_groups:
             group["lr"] = config.rate * share * fall
         self.net.train()
-        codes = batch[0].to(self.device)
+        codes, contexts = (one.to(self.device) for one in batch)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
-            logits = self.net(known_of(codes))
+            logits = self.net(known_of(codes), contexts)
         loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
@@ -173,10 +180,12 @@ def validate(
     if chosen is None:
         chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
     for start in range(0, len(chosen), 32):
-        part = [samples[int(i)] for i in chosen[start : start + 32]]
-        codes = batch_of(part, side, np.zeros(len(part), dtype=bool))
+        part = [samples.with_context(int(i)) for i in chosen[start : start + 32]]
+        no = np.zeros(len(part), dtype=bool)
+        codes = batch_of([one for one, _ in part], side, no)
+        contexts = contexts_of([context for _, context in part], no, no, side)
         with torch.inference_mode():
-            logits = net(known_of(codes.to(device)))[:, :ROOM]
+            logits = net(known_of(codes.to(device)), contexts.to(device))[:, :ROOM]
         p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
         seen, truth = parted(codes.numpy())
         ring = np.where(seen == NOTHING, np.int8(RINGS - 1), np.int8(-1))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from predictor.data.squares import NOTHING, Square, middle, parted
+from predictor.mapping.context import CELLS
 from predictor.networks.compact_net import FREE, ROOM
 from predictor.networks.image import image_of
 from predictor.networks.image_config import ImageConfig
@@ -30,6 +31,29 @@ def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.boo
         square = middle(codes, side)
         out[number] = square[::-1] if mirror[number] else square
     return torch.from_numpy(out)
+
+
+def contexts_of(
+    contexts: list[NDArray[np.uint8]],
+    mirror: NDArray[np.bool_],
+    alone: NDArray[np.bool_],
+    side: int,
+) -> Tensor:
+    """Return the contexts of some samples, (B, 2, CELLS, CELLS), in [0, 1].
+
+    Args:
+        contexts: percentages, each (2, CELLS, CELLS).
+        mirror: which samples to mirror across the heading, (B,).
+        alone: which samples to leave without all that lies beyond their own square, (B,).
+        side: side of that square [cells of a sample].
+    """
+    out = np.stack(contexts)
+    out[mirror] = out[mirror, :, ::-1]
+    edge = (CELLS - side // 10) // 2
+    inside = out[alone, :, edge : CELLS - edge, edge : CELLS - edge]
+    out[alone] = 0
+    out[alone, :, edge : CELLS - edge, edge : CELLS - edge] = inside
+    return torch.from_numpy(out).float() / 100.0
 
 
 def known_of(codes: Tensor) -> Tensor:

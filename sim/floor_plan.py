@@ -1,0 +1,339 @@
+"""Floor plans like those of real buildings: rooms wall to wall, off corridors and off each other.
+
+They are drawn to resemble architects' plans and maps made by robots, from none of which they take
+a number: thin or thick walls, rows of equal rooms and large halls, courtyards, doors ajar,
+furniture along walls, rooms that nobody mapped, ragged and curved walls.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+from scipy.ndimage import binary_dilation, label, map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+from sim.canvas import RESOLUTION, Canvas, Point
+from sim.office import Room, furnish
+
+LARGEST = (62.0, 44.0)
+"""Largest extent of a building along x and along y [m]."""
+SHARED = 1.3
+"""Least length of a wall that a door fits into [m]."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """A room or a corridor: an axis-aligned rectangle between two corners [m]."""
+
+    low: Point
+    high: Point
+    corridor: bool = False
+
+    @property
+    def size(self) -> Point:
+        """Extent along x and along y [m]."""
+        return self.high[0] - self.low[0], self.high[1] - self.low[1]
+
+
+@dataclass(frozen=True)
+class Style:
+    """What the rooms of one building have in common.
+
+    Attributes:
+        wall: thickness of walls [m].
+        corridor: width of corridors [m].
+        deepest: depth of a row of rooms above which it is divided [m].
+        room: width of the rooms of a row [m].
+        halls: probability that a row of rooms is one hall.
+        unmapped: share of the rooms that are missing, as behind closed doors.
+        furnished: probability that a room has furniture.
+        ajar: probability that a door stands ajar.
+        cabinets: number of cabinets along the walls of corridors [1/m].
+        ragged: share of the cells along walls that are solid.
+    """
+
+    wall: float
+    corridor: float
+    deepest: float
+    room: float
+    halls: float
+    unmapped: float
+    furnished: float
+    ajar: float
+    cabinets: float
+    ragged: float
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator) -> Style:
+        """Draw the style of a building."""
+        return cls(
+            wall=float(rng.choice([rng.uniform(0.1, 0.2), rng.uniform(0.2, 0.45)])),
+            corridor=rng.uniform(1.5, 3.5),
+            deepest=rng.uniform(5.0, 11.0),
+            room=rng.uniform(2.6, 8.0),
+            halls=rng.uniform(0.0, 0.25),
+            unmapped=float(rng.choice([0.0, 0.05, 0.3, 0.7])),
+            furnished=float(rng.choice([0.0, 0.0, 0.4, 0.9])),
+            ajar=float(rng.choice([0.0, 0.2, 0.6])),
+            cabinets=float(rng.choice([0.0, 0.0, 0.1])),
+            ragged=float(rng.choice([0.0, 0.0, 0.1, 0.25])),
+        )
+
+
+def draw_floor_plan(rng: np.random.Generator) -> Canvas:
+    """Draw a floor plan, and return it on a canvas of its own."""
+    style = Style.drawn(rng)
+    size = (rng.uniform(24.0, LARGEST[0] - 2.0), rng.uniform(12.0, LARGEST[1] - 2.0))
+    canvas = Canvas(size[0] + 2.0, size[1] + 2.0)
+    whole = Space((1.0, 1.0), (1.0 + size[0], 1.0 + size[1]))
+    spaces = list(_divided(whole, style, rng))
+    if rng.random() < 0.5:
+        spaces = _with_courtyard(spaces, whole, rng)
+    spaces = [one for one in spaces if one.corridor or rng.random() >= style.unmapped]
+    doors = _doors(spaces, style, rng)
+    joined = _largest_piece(len(spaces), [pair for pair, _ in doors])
+    for number in joined:
+        _carve(canvas, spaces[number], style, rng)
+    for (one, _), (centre, extent) in doors:
+        if one in joined:
+            canvas.box(centre, extent, free=True)
+    for (one, other), door in doors:
+        if one in joined:
+            room = spaces[other if spaces[one].corridor else one]
+            _furnish(canvas, room, door, style, rng)
+            if max(door[1]) < 1.3 and rng.random() < style.ajar:
+                _leaf(canvas, door, rng)
+    for number in joined:
+        if spaces[number].corridor:
+            _cabinets(canvas, spaces[number], style, rng)
+    _roughen(canvas, style, rng)
+    pieces, _ = label(canvas.free)
+    canvas.free &= pieces == np.bincount(pieces[canvas.free]).argmax()
+    return _bent(canvas, rng) if rng.random() < 0.15 else canvas
+
+
+def _divided(space: Space, style: Style, rng: np.random.Generator) -> Iterator[Space]:
+    """Divide a rectangle into rooms and corridors."""
+    width, height = space.size
+    along = 0 if width > height else 1
+    if space.size[along] > 22.0 and rng.random() < 0.35:
+        # Wings: what is on one side of a wall or a corridor is laid out without the other.
+        yield from _halves(space, along, style, rng)
+        return
+    deep = space.size[1 - along]
+    if deep < style.deepest:
+        yield from _row(space, along, style, rng)
+    elif deep < 2 * 3.0 + style.corridor:
+        yield from _row(space, 1 - along, style, rng)
+    else:
+        yield from _halves(space, 1 - along, style, rng)
+
+
+def _halves(space: Space, axis: int, style: Style, rng: np.random.Generator) -> Iterator[Space]:
+    """Divide what lies on both sides of a corridor or a wall across an axis."""
+    gap = style.corridor * rng.uniform(0.8, 1.25) if rng.random() < 0.85 else 0.0
+    low, high = space.low[axis], space.high[axis]
+    at = low + rng.uniform(0.35, 0.65) * (high - low - gap)
+    yield from _divided(_between(space, axis, low, at), style, rng)
+    yield from _divided(_between(space, axis, at + gap, high), style, rng)
+    if gap:
+        yield _between(space, axis, at, at + gap, corridor=True)
+
+
+def _row(space: Space, along: int, style: Style, rng: np.random.Generator) -> Iterator[Space]:
+    """Divide a rectangle into rooms side by side along an axis."""
+    length = space.size[along]
+    count = max(1, round(length / style.room))
+    if rng.random() < style.halls:
+        count = max(1, round(length / rng.uniform(9.0, 18.0)))
+    regular = np.arange(1, count) + rng.uniform(-0.25, 0.25, count - 1) * (rng.random() < 0.5)
+    cuts = space.low[along] + length * np.concatenate([[0.0], regular, [count]]) / count
+    for start, end in pairwise(cuts):
+        yield _between(space, along, float(start), float(end))
+
+
+def _between(space: Space, axis: int, start: float, end: float, corridor: bool = False) -> Space:
+    """Return the part of a rectangle between two coordinates on an axis."""
+    low, high = list(space.low), list(space.high)
+    low[axis], high[axis] = start, end
+    return Space((low[0], low[1]), (high[0], high[1]), corridor)
+
+
+def _with_courtyard(spaces: list[Space], whole: Space, rng: np.random.Generator) -> list[Space]:
+    """Leave out the rooms inside a rectangle, which may lie at the edge, as in an L or a U."""
+    centre = [rng.uniform(whole.low[axis], whole.high[axis]) for axis in (0, 1)]
+    half = [rng.uniform(0.15, 0.35) * whole.size[axis] for axis in (0, 1)]
+
+    def outside(one: Space) -> bool:
+        middle = [0.5 * (one.low[axis] + one.high[axis]) for axis in (0, 1)]
+        return any(abs(middle[axis] - centre[axis]) > half[axis] for axis in (0, 1))
+
+    return [one for one in spaces if one.corridor or outside(one)]
+
+
+Door = tuple[Point, Point]
+"""Centre and extent along x and y of an opening in a wall [m]."""
+
+
+def _doors(
+    spaces: list[Space], style: Style, rng: np.random.Generator
+) -> list[tuple[tuple[int, int], Door]]:
+    """Draw doors that join all spaces that can be joined, and some more."""
+    walls = {}
+    for one, other in combinations(range(len(spaces)), 2):
+        wall = _wall(spaces[one], spaces[other])
+        if wall is not None:
+            walls[one, other] = wall
+    if not walls:
+        return []
+    corridors = {pair: sum(spaces[n].corridor for n in pair) for pair in walls}
+    # A room has its door to a corridor rather than to another room.
+    price = [rng.uniform(0.5, 1.0) + 2.0 * (2 - corridors[pair]) for pair in walls]
+    rows, cols = np.array(list(walls)).T
+    graph = coo_array((price, (rows, cols)), shape=(len(spaces), len(spaces)))
+    tree = minimum_spanning_tree(graph).tocoo()
+    needed = set(zip(tree.row.tolist(), tree.col.tolist(), strict=True))
+    more = {0: 0.08, 1: 0.2, 2: 1.0}
+    chosen = [pair for pair in walls if pair in needed or rng.random() < more[corridors[pair]]]
+    return [(pair, _door(walls[pair], corridors[pair] == 2, style, rng)) for pair in chosen]
+
+
+def _wall(one: Space, other: Space) -> tuple[int, float, float, float] | None:
+    """Return the wall that two spaces share, if a door fits into it.
+
+    Returns:
+        Axis across the wall, its coordinate there, and its ends on the other axis [m].
+    """
+    for axis in (0, 1):
+        low = max(one.low[1 - axis], other.low[1 - axis])
+        high = min(one.high[1 - axis], other.high[1 - axis])
+        for first, second in ((one, other), (other, one)):
+            if abs(first.high[axis] - second.low[axis]) < 1e-6 and high - low > SHARED:
+                return axis, second.low[axis], low, high
+    return None
+
+
+def _door(
+    wall: tuple[int, float, float, float], wide: bool, style: Style, rng: np.random.Generator
+) -> Door:
+    axis, at, low, high = wall
+    free = high - low - style.wall - 0.1
+    kind = rng.random()
+    if wide or kind < 0.06:
+        width = free * (1.0 if wide and kind < 0.8 else rng.uniform(0.5, 0.9))
+    else:
+        width = rng.uniform(0.8, 1.15) if kind < 0.85 else rng.uniform(1.3, 2.2)
+    width = min(width, free)
+    slack = 0.5 * (free - width)
+    # Doors are at an end of the wall more often than in its middle.
+    aside = slack * (rng.choice([-1.0, 1.0]) if rng.random() < 0.5 else rng.uniform(-1.0, 1.0))
+    middle, deep = 0.5 * (low + high) + aside, style.wall + 0.2
+    return ((at, middle), (deep, width)) if axis == 0 else ((middle, at), (width, deep))
+
+
+def _largest_piece(count: int, pairs: list[tuple[int, int]]) -> set[int]:
+    """Return the numbers of the spaces in the largest joined group."""
+    groups = [{number} for number in range(count)]
+    for one, other in pairs:
+        if groups[one] is not groups[other]:
+            groups[one] |= groups[other]
+            for number in groups[other]:
+                groups[number] = groups[one]
+    return max(groups, key=len)
+
+
+def _carve(canvas: Canvas, space: Space, style: Style, rng: np.random.Generator) -> None:
+    half = 0.5 * style.wall
+    low = (space.low[0] + half, space.low[1] + half)
+    high = (space.high[0] - half, space.high[1] - half)
+    canvas.room(low, high)
+    if space.corridor:
+        return
+    if min(space.size) > 3.5 and rng.random() < 0.1:
+        _slanted(canvas, low, high, rng)
+    if max(space.size) < 1.3 * min(space.size) and rng.random() < 0.06:
+        # An apse or a bay: a round wall.
+        middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
+        canvas.disc(middle, 0.5 * max(space.size) + 0.3, free=True)
+    if min(space.size) > 8.0 and rng.random() < 0.5:
+        pitch, radius = rng.uniform(3.5, 6.0), rng.uniform(0.12, 0.35)
+        for x in np.arange(low[0] + 0.6 * pitch, high[0] - 1.0, pitch):
+            for y in np.arange(low[1] + 0.6 * pitch, high[1] - 1.0, pitch):
+                canvas.disc((float(x), float(y)), radius)
+
+
+def _slanted(canvas: Canvas, low: Point, high: Point, rng: np.random.Generator) -> None:
+    """Cut off a corner of a room by a slanted wall."""
+    row, col = canvas.frame.cell(*low)
+    end_row, end_col = canvas.frame.cell(*high)
+    x, y = canvas.x[col : end_col + 1], canvas.y[row : end_row + 1]
+    dx = abs(x - rng.choice(np.array([low[0], high[0]])))[None, :]
+    dy = abs(y - rng.choice(np.array([low[1], high[1]])))[:, None]
+    cut = dx / rng.uniform(0.8, 2.5) + dy / rng.uniform(0.8, 2.5) < 1.0
+    canvas.free[row : end_row + 1, col : end_col + 1] &= ~cut
+
+
+def _furnish(
+    canvas: Canvas, space: Space, door: Door, style: Style, rng: np.random.Generator
+) -> None:
+    if space.corridor or min(space.size) < 2.4 or rng.random() >= style.furnished:
+        return
+    half = 0.5 * style.wall
+    low = (space.low[0] + half, space.low[1] + half)
+    high = (space.high[0] - half, space.high[1] - half)
+    furnish(canvas, Room(low, high, door[0], (0.0, 1.0)), rng)
+
+
+def _leaf(canvas: Canvas, door: Door, rng: np.random.Generator) -> None:
+    """Let a door stand ajar: its leaf turns about an end of the opening."""
+    (x, y), (wide, high) = door
+    length, along = (high, math.pi / 2) if high > wide else (wide, 0.0)
+    end = rng.choice([-1.0, 1.0])
+    hinge = (x + 0.5 * end * length * math.cos(along), y + 0.5 * end * length * math.sin(along))
+    opened = along + rng.choice([-1.0, 1.0]) * rng.uniform(math.radians(35), math.radians(110))
+    away = -0.5 * end * length
+    middle = (hinge[0] + away * math.cos(opened), hinge[1] + away * math.sin(opened))
+    canvas.box(middle, (length, 0.1), opened)
+
+
+def _cabinets(canvas: Canvas, space: Space, style: Style, rng: np.random.Generator) -> None:
+    """Stand cabinets along the long walls of a corridor."""
+    axis = 0 if space.size[0] > space.size[1] else 1
+    for _ in range(rng.poisson(style.cabinets * space.size[axis])):
+        long, deep = rng.uniform(0.5, 2.0), rng.uniform(0.25, 0.45)
+        at, wall = [0.0, 0.0], rng.choice([space.low[1 - axis], space.high[1 - axis]])
+        at[axis] = rng.uniform(space.low[axis], space.high[axis])
+        at[1 - axis] = wall
+        deep += 0.5 * style.wall
+        canvas.box((at[0], at[1]), (long, 2 * deep) if axis == 0 else (2 * deep, long))
+
+
+def _roughen(canvas: Canvas, style: Style, rng: np.random.Generator) -> None:
+    """Make some of the free cells along walls solid, in pieces of two cells."""
+    if not style.ragged:
+        return
+    shape = canvas.free.shape
+    coarse = rng.random((shape[0] // 2 + 1, shape[1] // 2 + 1)) < style.ragged
+    pieces = coarse.repeat(2, axis=0).repeat(2, axis=1)[: shape[0], : shape[1]]
+    canvas.free &= ~(pieces & binary_dilation(~canvas.free, np.ones((3, 3), dtype=bool)))
+
+
+def _bent(canvas: Canvas, rng: np.random.Generator) -> Canvas:
+    """Bend a building around a far point, so that its walls are curved."""
+    rows, cols = canvas.free.shape
+    width, height = cols * RESOLUTION, rows * RESOLUTION
+    inner = rng.uniform(1.2, 3.0) * max(width / math.pi, height)
+    angle = width / (inner + 0.5 * height)
+    outer = inner + height
+    bent = Canvas(2 * outer * math.sin(0.5 * angle) + 1.0, outer - inner * math.cos(0.5 * angle))
+    dx = (bent.x - 0.5 * bent.frame.size[0])[None, :]
+    dy = (bent.y + inner * math.cos(0.5 * angle))[:, None]
+    col = (np.arctan2(dx, dy) / angle + 0.5) * cols - 0.5
+    row = (np.hypot(dx, dy) - inner) / RESOLUTION - 0.5
+    bent.free[:] = map_coordinates(canvas.free.astype(np.uint8), [row, col], order=0) > 0
+    return bent
