@@ -133,8 +133,8 @@ def test_results_of_any_bytes(folder, data):
 
 def shard(path, codes=None, ends=None, about=None):
     """A file of one sample, of which parts are replaced."""
-    good = zlib.compress(np.zeros((SIDE, SIDE), np.uint8).tobytes())
-    write_samples(path, [good], {"seed": 0, "world": "a", "original": "b"})
+    good = zlib.compress(bytes(SIDE**2 + 2 * CELLS**2))
+    write_samples(path, [(good, np.zeros(3))], {"seed": 0, "world": "a", "original": "b"})
     with np.load(path) as file:
         parts = {name: file[name] for name in file.files}
     replaced = {"codes": codes, "ends": ends, "about": about}

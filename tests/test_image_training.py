@@ -11,6 +11,7 @@ from generated_frames import generated, write_frames
 
 from benchmarks.prediction.contestants import reduced
 from predictor.data.samples import Samples, write_samples
+from predictor.mapping.context import CELLS
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import PRESETS, ImageConfig, ImageTraining
 from predictor.networks.image_net import ImageNet
@@ -323,7 +324,8 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
         codes[:, 40:240, 40:240] = frames.remembered + 3 * frames.whole
         folder = tmp_path / "drives" / split
         folder.mkdir(parents=True)
-        packed = [zlib.compress(each.tobytes()) for each in codes]
+        context = bytes(2 * CELLS**2)
+        packed = [(zlib.compress(each.tobytes() + context), np.zeros(3)) for each in codes]
         write_samples(folder / "0.npz", packed, {"world": split, "original": split})
     (tmp_path / "drives" / "recipe.json").write_text("{}")
     config = ImageConfig("unet_ff", 1.3, given=given, **TINY)

@@ -35,7 +35,11 @@ def write(folder, name="000000", world="a", samples=None):
     folder.mkdir(parents=True, exist_ok=True)
     blobs = samples if samples is not None else [some_sample(seed)[2] for seed in range(3)]
     path = folder / f"{name}.npz"
-    write_samples(path, blobs, {"seed": 1, "world": world, "original": f"{world} as drawn"})
+    write_samples(
+        path,
+        [(blob, np.zeros(3)) for blob in blobs],
+        {"seed": 1, "world": world, "original": f"{world} as drawn"},
+    )
     return path
 
 

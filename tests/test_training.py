@@ -48,7 +48,7 @@ def some_drive(folder, seed):
     building = world_hash(world.grid.cells)
     about = {"seed": seed, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
-    write_samples(folder / f"{seed:06d}.npz", samples, about)
+    write_samples(folder / f"{seed:06d}.npz", [(one, np.zeros(3)) for one in samples], about)
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +193,7 @@ def test_other_samples_of_the_same_buildings_are_another_training(data, tmp_path
     with np.load(path) as file:
         about = json.loads(bytes(file["about"]))
         first = file["codes"][: file["ends"][0]].tobytes()
-    write_samples(path, [first], about)
+    write_samples(path, [(first, np.zeros(3))], about)
     with pytest.raises(TrainError, match=r"another data, samples .* choose another folder"):
         trainer(tmp_path / "data", tmp_path / "out")
 

@@ -54,6 +54,8 @@ WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 JOURNEYS, APART = (1, 2, 4, 8), 2.0
 """Number of ways through the building of a simulated log, drawn at random, since some robots visit
 each room and some one corridor; and distance from one sample to the next [m]."""
+Posed = tuple[bytes, "NDArray[np.float64]"]
+"""A sample, and the pose that it was taken at, (3,)."""
 SPREAD = 10_000_000
 """Difference of seeds from one way to the next, larger than any split."""
 
@@ -115,7 +117,7 @@ def place_of(config: DrivesConfig, own: OwnBuildings, split: str, number: int) -
 
 def _driven(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[bytes]:
+) -> Iterator[Posed]:
     """Yield the samples of a drive, with the building as truth.
 
     Raises:
@@ -135,12 +137,12 @@ def _driven(
             crop = known.crop(known.frame.square(state[0], state[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
             around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
-            yield encoded(crop, truth, around, float(state[2]))
+            yield encoded(crop, truth, around, float(state[2])), state[:3]
 
 
 def _logged(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[bytes]:
+) -> Iterator[Posed]:
     """Yield the samples of a simulated log, with the map of the whole log as truth.
 
     Raises:
@@ -154,7 +156,7 @@ def _logged(
     yield from _replayed(config, simulated_log(tasks, rng), rng)
 
 
-def _replayed(config: DrivesConfig, log: LaserLog, rng: np.random.Generator) -> Iterator[bytes]:
+def _replayed(config: DrivesConfig, log: LaserLog, rng: np.random.Generator) -> Iterator[Posed]:
     """Yield the samples of a log, with the map of the whole log as truth."""
     scans = [clipped(scan, REACH) for scan in log.scans]
     frame = frame_around(log.poses, REACH)
@@ -173,7 +175,7 @@ def _replayed(config: DrivesConfig, log: LaserLog, rng: np.random.Generator) -> 
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = codes_of(truth.crop(square).cells)
                 around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT))
-                yield encoded(known.crop(square), true, around, float(pose[2]))
+                yield encoded(known.crop(square), true, around, float(pose[2])), pose
 
 
 def driven(

@@ -5,6 +5,7 @@ read without running code from it:
 
     codes     (bytes,) uint8    zlib-compressed samples, one after the other
     ends      (n,) int64        where each ends in `codes`
+    poses     (n, 3) float64    x, y, yaw of the robot in its building [m, m, rad]
     about     (bytes,) uint8    JSON: format, side, family, seed, and the hashes of the building,
                                 as it was driven through (world) and as it was drawn (original)
 
@@ -68,15 +69,24 @@ def encoded(known: Grid, truth: NDArray[np.uint8], around: Grid, yaw: float) -> 
     return zlib.compress(codes.tobytes() + context.tobytes(), 2)
 
 
-def write_samples(path: Path, samples: list[bytes], about: dict[str, Any]) -> None:
-    """Write the samples of a drive, whole or not at all."""
+def write_samples(
+    path: Path, samples: list[tuple[bytes, NDArray[np.float64]]], about: dict[str, Any]
+) -> None:
+    """Write the samples of a drive, whole or not at all.
+
+    Args:
+        path: path of the file.
+        samples: each as `encoded` makes it, with the pose of the robot, (3,).
+        about: facts of the drive.
+    """
     buffer = io.BytesIO()
     text = json.dumps({"format": FORMAT, "side": SIDE} | about)
     np.savez(
         buffer,
         allow_pickle=False,
-        codes=np.frombuffer(b"".join(samples), dtype=np.uint8),
-        ends=np.cumsum([len(sample) for sample in samples], dtype=np.int64),
+        codes=np.frombuffer(b"".join(sample for sample, _ in samples), dtype=np.uint8),
+        ends=np.cumsum([len(sample) for sample, _ in samples], dtype=np.int64),
+        poses=np.array([pose for _, pose in samples], dtype=np.float64).reshape(-1, 3),
         about=np.frombuffer(text.encode(), dtype=np.uint8),
     )
     write_whole(path, buffer.getvalue())
