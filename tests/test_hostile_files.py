@@ -23,6 +23,7 @@ from predictor.data.laser_log import LogError
 from predictor.data.samples import SIDE, Samples, SamplesError, write_samples
 from predictor.infra.command_line import UsageError
 from predictor.infra.plain_yaml import YamlError, read_yaml
+from predictor.mapping.context import CELLS
 from predictor.weights import WeightsError, facts_of
 from sim.map_server import MapError, load_world
 
