@@ -57,7 +57,7 @@ def draw_together(runs: Sequence[Run], out: Path, episode: int | None = None) ->
     return save_figures([("speed_profiles.png", lambda: speed_profile(runs, episode))], out)
 
 
-def save_figures(figures: list[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
+def save_figures(figures: Sequence[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
     """Write figures whole: all of them are drawn before any file takes its name.
 
     Args:

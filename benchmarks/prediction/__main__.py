@@ -8,13 +8,9 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks.image_config import EXPANSIONS
-
-if TYPE_CHECKING:
-    from benchmarks.prediction.evaluation import Config
 
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
 """Default data sets; one that is missing is left out."""
@@ -31,10 +27,6 @@ the same command is given again. Predictors and expansions can be added to a fol
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    return run_command("benchmarks.prediction", lambda: _run(_parsed(argv)))
-
-
-def _parsed(argv: list[str] | None) -> argparse.Namespace:
     parser = OneLineParser(
         prog="benchmarks.prediction",
         description=DESCRIPTION,
@@ -52,35 +44,33 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "--data",
         type=Path,
         metavar="DIR",
-        help="simulated set made by predictor.dataset, of which "
-        f"the splits test and more are scored (default: {SIMULATED}, which may be missing if there "
-        "are logs)",
+        help="simulated set made by predictor.dataset, of which the splits test and more are "
+        f"scored (default: {SIMULATED}, which may be missing if there are logs)",
     )
     add(
         "--logs",
         type=Path,
         nargs="+",
         metavar="PATH",
-        help="set made by predictor.dataset --log, or "
-        "logs or folders of logs, from which a set is made in OUT/physical (default: "
-        f"{PHYSICAL}, if it exists)",
+        help="set made by predictor.dataset --log, or logs or folders of logs, from which a set "
+        f"is made in OUT/physical (default: {PHYSICAL}, if it exists)",
     )
     add(
         "--predictors",
         nargs="+",
-        default=list(PREDICTORS),
+        default=PREDICTORS,
         metavar="P",
-        help="none, extend, "
-        "compact, compact-logs, compact-paper, module:Class, FILE.safetensors, a folder of "
-        "predictor.study, whose networks are compared at the expansion that they were trained for, "
-        "or fused:FOLDER/ARCH, which combines them; NAME=P renames; figures show the first eight "
-        f"that predict (default: {' '.join(PREDICTORS)})",
+        help="none, extend, compact, compact-logs, compact-paper, module:Class, "
+        "FILE.safetensors, a folder of predictor.study, whose networks are compared at the "
+        "expansion that they were trained for, or fused:FOLDER/ARCH, which combines them; NAME=P "
+        "renames; figures show the first eight that predict "
+        f"(default: {' '.join(PREDICTORS)})",
     )
     add(
         "--expansions",
         nargs="+",
-        type=float,
-        default=list(EXPANSIONS),
+        type=_expansion,
+        default=EXPANSIONS,
         metavar="X",
         help="side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00 (default: "
         f"{' '.join(map(str, EXPANSIONS))})",
@@ -94,54 +84,50 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "scored (default: %(default)s)",
     )
     parser.add_jobs()
-    args = parser.parse_args(argv)
-    for expansion in args.expansions:
-        cells = 100 * expansion
-        if not 102 <= cells <= 200 or abs(cells / 2 - round(cells / 2)) > 1e-6:
-            parser.error(f"--expansions: {expansion:g} is none of 1.02, 1.04, … 2.00")
-    return args
+    return run_command("benchmarks.prediction", lambda: _run(parser.parse_args(argv)))
+
+
+def _expansion(text: str) -> float:
+    expansion = float(text)
+    if not (102 <= 100 * expansion <= 200 and abs(50 * expansion - round(50 * expansion)) <= 1e-6):
+        raise argparse.ArgumentTypeError(f"{text} is none of 1.02, 1.04, … 2.00")
+    return round(expansion, 2)
 
 
 def _run(args: argparse.Namespace) -> None:
     import torch
 
+    from benchmarks.prediction.contestants import contestants
+    from benchmarks.prediction.cost import costs_of, printed_costs
     from benchmarks.prediction.evaluation import Evaluation
     from benchmarks.prediction.figures import draw, write_hallway
     from benchmarks.prediction.pictures import leader, pictures
-    from benchmarks.prediction.report import costs_of, printed_costs, report
+    from benchmarks.prediction.report import report
     from benchmarks.prediction.tables import summary, tables_of
+    from predictor.data.frames import MANIFEST
     from predictor.infra.atomic_file import write_whole
     from predictor.infra.environment import several_states
 
     torch.set_num_threads(1)
     args.out.mkdir(parents=True, exist_ok=True)
-    evaluation = Evaluation(_config(args), args.out)
-    # First, since it needs an idle machine, and finds predictors that break the contract early.
-    costs_of(evaluation)
-    printed_costs(evaluation)
-    evaluation.run(args.jobs)
-    results = report(evaluation)
-    write_whole(args.out / "tables.md", tables_of(results).encode())
-    sheets = pictures(evaluation)
-    names = list(dict.fromkeys(one.name for one in evaluation.config.contestants))
-    paths = draw(args.out, results, sheets, evaluation.sets, leader(names))
-    paths.append(write_hallway(sheets["hallway"], args.out))
-    paths = [args.out / "results.json", args.out / "tables.md", *paths]
-    mixed = several_states(results["commits"], "scores")
-    print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
-
-
-def _config(args: argparse.Namespace) -> Config:
-    from benchmarks.prediction.contestants import contestants
-    from benchmarks.prediction.evaluation import Config
-    from predictor.data.frames import MANIFEST
-
-    expansions = tuple(sorted({round(float(x), 2) for x in args.expansions}))
-    who = tuple(contestants(args.predictors, expansions))
+    expansions = tuple(sorted(set(args.expansions)))
+    who = contestants(args.predictors, expansions)
     logs, data = _logs(args), args.data
     if data is None and (logs is None or (SIMULATED / MANIFEST).is_file()):
         data = SIMULATED
-    return Config(data, logs, expansions, args.apart, who)
+    evaluation = Evaluation(args.out, data, logs, expansions, args.apart, who)
+    # First, since it needs an idle machine, and finds predictors that break the contract early.
+    costs, printed = costs_of(evaluation), printed_costs(evaluation)
+    evaluation.run(args.jobs)
+    results = report(evaluation, costs, printed)
+    write_whole(args.out / "tables.md", tables_of(results).encode())
+    sheets = pictures(evaluation)
+    leading = leader(one.name for one in who)
+    paths = [args.out / "results.json", args.out / "tables.md"]
+    paths += draw(args.out, results, sheets, evaluation.sets, leading)
+    paths.append(write_hallway(sheets["hallway"], args.out))
+    mixed = several_states(results["commits"], "scores")
+    print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
 
 
 def _logs(args: argparse.Namespace) -> Path | None:
@@ -151,12 +137,12 @@ def _logs(args: argparse.Namespace) -> Path | None:
     from predictor.data.frames import MANIFEST
     from predictor.data.survey import logs_in
 
-    logs: list[Any] | None = args.logs
-    if logs is None:
-        return PHYSICAL if (PHYSICAL / MANIFEST).is_file() else None
+    logs: list[Path] = args.logs or [PHYSICAL]
     if len(logs) == 1 and (logs[0] / MANIFEST).is_file():
-        return Path(logs[0])
-    folder = Path(args.out) / "physical"
+        return logs[0]
+    if args.logs is None:
+        return None
+    folder: Path = args.out / "physical"
     make_physical(folder, logs_in(logs), BagConfig(), args.jobs)
     return folder
 

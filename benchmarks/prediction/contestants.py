@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Protocol, TypeGuard
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,12 +112,9 @@ def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Con
             f"{folder} holds no trained networks, NAME/ARCH{SUFFIX}: "
             "python -m predictor.study makes them"
         )
-    found = []
-    for path in files:
-        expansion = _expansion_of(load_predictor(str(path)))
-        if expansion is None or any(abs(expansion - one) < 1e-6 for one in expansions):
-            name = f"{label}/{path.stem}" if label else path.stem
-            found.append(_of_spec(str(path), name, expansions))
+    prefix = f"{label}/" if label else ""
+    every = [_contestant(str(path), prefix + path.stem) for path in files]
+    found = [one for one in every if any(map(one.does, expansions))]
     if not found:
         raise PredictorError(
             f"{folder} holds no network for any of these expansions: "
@@ -127,42 +124,31 @@ def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Con
 
 
 def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
-    predictor = load_predictor(spec)
-    expansion = _expansion_of(predictor)
-    name = label or _short(spec)
-    one = Contestant(name, spec, expansion, _identity(spec, predictor))
-    if name in BASELINES:
-        raise PredictorError(f"{spec} cannot be called {name}, for a baseline is")
+    """Return a predictor that is named by itself."""
+    short = f"fused_{Path(spec).name}" if spec.startswith(FUSED) else spec
+    one = _contestant(spec, label or (Path(spec).stem if spec.endswith(SUFFIX) else short))
+    if one.name in BASELINES:
+        raise PredictorError(f"{spec} cannot be called {one.name}, for a baseline is")
     if not any(map(one.does, expansions)):
         raise PredictorError(
-            f"{spec} holds weights for an expansion of {expansion:g}: add it to --expansions"
+            f"{spec} holds weights for an expansion of {one.expansion:g}: add it to --expansions"
         )
     return one
 
 
-def _short(spec: str) -> str:
-    """Return the default name of a predictor."""
-    if spec.startswith(FUSED):
-        return f"fused_{Path(spec).name}"
-    return Path(spec).stem if spec.endswith(SUFFIX) else spec
-
-
-def _expansion_of(predictor: Any) -> float | None:
-    """Return the only expansion that a predictor can predict; None: any."""
-    return predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
-
-
-def _identity(spec: str, predictor: Any) -> str:
-    """Return a fingerprint of all that decides a predictor's scores, as far as it is known."""
-    print_ = fingerprint_of(predictor)
-    if print_ is not None:
-        return print_
-    try:
-        # One file may hold several predictors.
-        return f"{spec} {checksum(Path(inspect.getfile(type(predictor))))}"
-    except (TypeError, OSError):
-        # The class is compiled, or was defined at a prompt.
-        return f"{spec} {type(predictor).__qualname__}"
+def _contestant(spec: str, name: str) -> Contestant:
+    """Return a predictor with all that decides its scores, as far as it is known."""
+    predictor = load_predictor(spec)
+    expansion = predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
+    identity = fingerprint_of(predictor)
+    if identity is None:
+        try:
+            # One file may hold several predictors.
+            identity = f"{spec} {checksum(Path(inspect.getfile(type(predictor))))}"
+        except (TypeError, OSError):
+            # The class is compiled, or was defined at a prompt.
+            identity = f"{spec} {type(predictor).__qualname__}"
+    return Contestant(name, spec, expansion, identity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,16 +170,8 @@ class Answer:
     nan_cells: int = 0
 
 
-class Entrant(Protocol):
-    """A contestant whose predictor is loaded."""
-
-    def answer(self, square: ScoredSquare) -> Answer:
-        """Return its answer about a square.
-
-        Raises:
-            BadPredictionError: if it breaks the contract of predictors.
-        """
-        ...
+Entrant = Callable[[ScoredSquare], Answer]
+"""Answers about a square; raises BadPredictionError for what breaks the contract of predictors."""
 
 
 def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
@@ -205,11 +183,11 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
             probabilities.
     """
     if contestant.name in BASELINES:
-        return _Baseline(contestant.name == "copy", rates)
+        return partial(_of_baseline, contestant.name, rates)
     predictor = _loaded(contestant.spec)
     if is_printed(predictor):
-        return _Printed(predictor)
-    return _Believed(predictor)
+        return partial(_of_network, predictor)
+    return partial(_of_predictor, predictor)
 
 
 def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
@@ -222,48 +200,30 @@ def prints(contestant: Contestant) -> bool:
     return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
 
 
-@dataclass(frozen=True)
-class _Baseline:
-    """The crop as it is, or nothing; unobserved cells get their rates on the validation drives."""
-
-    copies: bool
-    rates: tuple[float, float]
-
-    def answer(self, square: ScoredSquare) -> Answer:
-        crop = TERNARY[codes_of(square.crop.cells)]
-        image = crop if self.copies else np.full_like(crop, 0.5)
-        free, occupied = (np.full(crop.shape, rate, np.float32) for rate in self.rates)
-        return Answer(image, image, free, occupied)
+_loaded = lru_cache(maxsize=8)(load_predictor)
 
 
-@dataclass(frozen=True)
-class _Printed:
-    """A network of the paper: its raw image is scored, and the probabilities of its greys."""
-
-    predictor: ImagePredictor | Fused
-
-    def answer(self, square: ScoredSquare) -> Answer:
-        known = square.crop if self.predictor.given == "crop" else square.window
-        grey, p_free, p_occupied, _ = self.predictor.printed(known, square.pose)
-        if not np.isfinite(grey).all():
-            raise BadPredictionError("the network printed numbers that are not finite")
-        image = 0.5 + 0.5 * grey.astype(np.float64)
-        kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
-        return Answer(image, kept, p_free, p_occupied)
+def _of_baseline(name: str, rates: tuple[float, float], square: ScoredSquare) -> Answer:
+    """Answer with the crop as it is, or with grey, and the same probabilities everywhere."""
+    crop = TERNARY[codes_of(square.crop.cells)]
+    image = crop if name == "copy" else np.full_like(crop, 0.5)
+    free, occupied = (np.full(crop.shape, rate, np.float32) for rate in rates)
+    return Answer(image, image, free, occupied)
 
 
-@dataclass(frozen=True)
-class _Believed:
-    """Any other predictor, with the input that a planner gives it."""
+def _of_network(predictor: ImagePredictor | Fused, square: ScoredSquare) -> Answer:
+    """Answer with the raw image of a network of the paper, and the probabilities of its greys."""
+    known = square.crop if predictor.given == "crop" else square.window
+    grey, p_free, p_occupied, _ = predictor.printed(known, square.pose)
+    if not np.isfinite(grey).all():
+        raise BadPredictionError("the network printed numbers that are not finite")
+    image = 0.5 + 0.5 * grey.astype(np.float64)
+    kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
+    return Answer(image, kept, p_free, p_occupied)
 
-    predictor: Predictor
 
-    def answer(self, square: ScoredSquare) -> Answer:
-        belief = asked(self.predictor, square.window, square.pose)
-        image = ternary(square.window, belief)
-        return Answer(image, image, belief.p_free, belief.p_occupied, belief.nan_cells)
-
-
-@lru_cache(maxsize=8)
-def _loaded(spec: str) -> Predictor:
-    return load_predictor(spec)
+def _of_predictor(predictor: Predictor, square: ScoredSquare) -> Answer:
+    """Answer with the prediction of any other predictor, given what a planner gives it."""
+    belief = asked(predictor, square.window, square.pose)
+    image = ternary(square.window, belief)
+    return Answer(image, image, belief.p_free, belief.p_occupied, belief.nan_cells)

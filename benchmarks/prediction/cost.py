@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import time
+from functools import partial
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.prediction.contestants import BASELINES, Contestant, is_printed
+from benchmarks.prediction.evaluation import Evaluation, key_of
 from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import ScoredSquare
 from predictor.compact import Compact
+from predictor.data.frames import Frames
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
+from predictor.infra.environment import machine
 from predictor.infra.errors import one_line
+from predictor.networks import ARCHITECTURES
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet
@@ -28,24 +35,54 @@ TIMED, BEFORE = 100, 3
 """Number of timed predictions, and of predictions before them to warm up."""
 PRINTED = 10
 """Number of timed runs of a network in the paper's size, which take a second or more each."""
+SQUARES = 20
+"""Number of squares that predictors are asked about in turn."""
+
+Cost = dict[str, Any] | None
+"""Measures of a predictor; None for a baseline, which predicts nothing."""
 
 
-def cost_of(contestant: Contestant, squares: list[ScoredSquare]) -> dict[str, Any] | None:
-    """Measure the cost of a contestant's predictions, one after the other on one thread.
+def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
+    """Measure the cost of each predictor at each expansion, once on each machine.
 
-    Args:
-        contestant: predictor; for a baseline, which predicts nothing, None is returned.
-        squares: squares that it is asked about in turn.
+    Called before scoring, it also finds predictors that break the contract early.
 
     Raises:
-        ScoringError: if it breaks the contract of predictors.
+        ScoringError: if a predictor breaks the contract.
     """
+    from tqdm import tqdm
+
+    out: dict[tuple[str, str], Cost] = {}
+    pairs = [(x, one) for x in evaluation.expansions for one in evaluation.who(x)]
+    for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
+        out[key_of(expansion), one.name] = evaluation.store.once(
+            partial(_cost, evaluation, one, expansion), "cost", one.identity, expansion, machine()
+        )
+    return out
+
+
+def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
+    """Measure the cost of the networks in the paper's size, once on each machine.
+
+    Their weights are random, which does not change the time. They run on one thread, from image
+    to image: the steps from map to image and from greys to probabilities are not included.
+    """
+    from tqdm import tqdm
+
+    return {
+        arch: evaluation.store.once(partial(_printed, arch), "cost", "printed", arch, machine())
+        for arch in tqdm(ARCHITECTURES, desc="cost as printed", unit="network")
+    }
+
+
+def _cost(evaluation: Evaluation, contestant: Contestant, expansion: float) -> Cost:
+    """Measure the cost of a contestant's predictions, one after the other on one thread."""
     if contestant.name in BASELINES:
         return None
     predictor = load_predictor(contestant.spec)
+    squares = _examples(evaluation, expansion)
     taken = []
-    for number in range(BEFORE + TIMED):
-        square = squares[number % len(squares)]
+    for square in islice(cycle(squares), BEFORE + TIMED):
         known = square.crop if is_printed(predictor) else square.window
         begin = time.perf_counter()
         try:
@@ -53,48 +90,38 @@ def cost_of(contestant: Contestant, squares: list[ScoredSquare]) -> dict[str, An
             taken.append(1e3 * (time.perf_counter() - begin))
             checked(prediction, known)
         except Exception as error:
-            line = one_line(error)
-            line = line.removeprefix(f"{BadPredictionError.__name__}: ")
+            line = one_line(error).removeprefix(f"{BadPredictionError.__name__}: ")
             raise ScoringError(f"{contestant.name}: {line}") from error
-    timed = np.array(taken[BEFORE:])
-    return {
-        "ms_median": float(np.median(timed)),
-        "ms_p99": float(np.percentile(timed, 99)),
-        "predictions": TIMED,
-        "threads": 1,
-        **_size(contestant, predictor, len(squares[0].truth)),
-    }
+    timed = taken[BEFORE:]
+    cost = {"ms_median": float(np.median(timed)), "ms_p99": float(np.percentile(timed, 99))}
+    size = _size(contestant, predictor, len(squares[0].truth))
+    return cost | {"predictions": TIMED, "threads": 1} | size
 
 
-def printed_cost(arch: str) -> dict[str, Any]:
-    """Measure the cost of a network in the paper's size, on one thread, from image to image.
+def _examples(evaluation: Evaluation, expansion: float) -> list[ScoredSquare]:
+    """Return squares spread evenly over the test drives, or the logs."""
+    data = evaluation.data
+    frames = Frames.load(data, "test") if data is not None else evaluation.sets["physical"]
+    chosen = np.unique(np.linspace(0, len(frames) - 1, SQUARES).astype(int))
+    return [ScoredSquare.of(frames, int(index), expansion) for index in chosen]
 
-    Its weights are random, which does not change the time. The steps from map to image and from
-    greys to probabilities are not included.
 
-    Args:
-        arch: one of `predictor.networks.ARCHITECTURES`.
-    """
+def _printed(arch: str) -> dict[str, Any]:
+    """Measure the cost of an architecture of `ARCHITECTURES` in the paper's size."""
     net = ImageNet(ImageConfig(arch)).eval()
+    size = _counted(net, 1, net.config.side)
     given = torch.zeros(1, 1, net.config.side, net.config.side)
-    parameters, macs = _counted(net, given)
     taken = []
     with torch.inference_mode():
         for _ in range(1 + PRINTED):
             begin = time.perf_counter()
             net(given)
             taken.append(1e3 * (time.perf_counter() - begin))
-    return {
-        "ms_median": float(np.median(taken[1:])),
-        "ms_most": max(taken[1:]),
-        "predictions": PRINTED,
-        "threads": 1,
-        "parameters": parameters,
-        "macs": macs,
-    }
+    cost = {"ms_median": float(np.median(taken[1:])), "ms_most": max(taken[1:])}
+    return cost | {"predictions": PRINTED, "threads": 1} | size
 
 
-def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | None]:
+def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
     """Count parameters and multiply-accumulates; None for a predictor of another package.
 
     Args:
@@ -102,30 +129,25 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, int | Non
         predictor: its predictor.
         n: side of the predicted square [cells].
     """
+    if isinstance(predictor, Compact):
+        net = load_weights(predictor.weights, CompactNet)[0]
+        return _counted(net, 2, n + -n % net.config.multiple)
+    weights = [Path(contestant.spec)]
     if isinstance(predictor, Fused):
         # Networks that are wider than the square needs are not run.
         narrower = sum(100 * part.config.expansion < n - 1e-6 for part in predictor.parts)
-        sizes = [_of_image(path) for path in predictor.weights[: narrower + 1]]
-    elif isinstance(predictor, ImagePredictor):
-        sizes = [_of_image(Path(contestant.spec))]
-    elif isinstance(predictor, Compact):
-        net = load_weights(predictor.weights, CompactNet)[0]
-        side = n + -n % net.config.multiple
-        sizes = [_counted(net, torch.zeros(1, 2, side, side))]
-    else:
+        weights = predictor.weights[: narrower + 1]
+    elif not isinstance(predictor, ImagePredictor):
         return {"parameters": None, "macs": None}
-    parameters, macs = map(sum, zip(*sizes, strict=True))
-    return {"parameters": parameters, "macs": macs}
+    nets = [load_weights(path, ImageNet)[0] for path in weights]
+    sizes = [_counted(net, 1, net.config.side) for net in nets]
+    return {name: sum(size[name] for size in sizes) for name in sizes[0]}
 
 
-def _of_image(weights: Path) -> tuple[int, int]:
-    net = load_weights(weights, ImageNet)[0]
-    return _counted(net, torch.zeros(1, 1, net.config.side, net.config.side))
-
-
-def _counted(net: torch.nn.Module, given: torch.Tensor) -> tuple[int, int]:
-    """Count parameters, and multiply-accumulates of one run."""
+def _counted(net: nn.Module, channels: int, side: int) -> dict[str, int]:
+    """Count the parameters of a network, and the multiply-accumulates of one run."""
     with torch.inference_mode(), FlopCounterMode(display=False) as counter:
-        net(given)
+        net(torch.zeros(1, channels, side, side))
     # The counter counts a multiplication and an addition as two operations.
-    return sum(p.numel() for p in net.parameters()), counter.get_total_flops() // 2
+    macs = counter.get_total_flops() // 2
+    return {"parameters": sum(p.numel() for p in net.parameters()), "macs": macs}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import Contestant
 from benchmarks.prediction.scoring import Stretch, rates_of, score
-from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.store import Store
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
 from predictor.infra.environment import commit
@@ -28,25 +27,6 @@ UNTOLD = (0.5, 0.5)
 BLOCK = 10.0
 """Length of a block of a real drive that is resampled as one [m]. It is the side of the widest
 square, so that squares of blocks that are no neighbours share no cell, unless the drive returns."""
-
-
-@dataclass(frozen=True)
-class Config:
-    """Settings of an evaluation.
-
-    Attributes:
-        data: folder of the simulated set; None: there is none.
-        logs: folder of the physical set; None: there is none.
-        expansions: expansions of the squares.
-        apart: distance from one scored frame to the next along a drive [m].
-        contestants: predictors that are compared.
-    """
-
-    data: Path | None
-    logs: Path | None
-    expansions: tuple[float, ...]
-    apart: float
-    contestants: tuple[Contestant, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,27 +61,41 @@ class Evaluation:
     """An evaluation in a folder.
 
     Args:
-        config: settings.
         out: folder of the evaluation.
+        data: folder of the simulated set; None: there is none.
+        logs: folder of the physical set; None: there is none.
+        expansions: expansions of the squares.
+        apart: distance from one scored frame to the next along a drive [m].
+        contestants: predictors that are compared.
+
+    Attributes:
+        sets: kind → frames of its set, if there is one.
+        drives: drives that are scored.
+        rates: expansion → shares of free and of occupied cells on the validation drives.
 
     Raises:
         FramesError: if a set cannot be read, or is not of the kind that it should be.
     """
 
-    def __init__(self, config: Config, out: Path) -> None:
-        self.config, self.out = config, out
-        folders = {"simulated": config.data, "physical": config.logs}
+    def __init__(
+        self,
+        out: Path,
+        data: Path | None,
+        logs: Path | None,
+        expansions: Sequence[float],
+        apart: float,
+        contestants: Sequence[Contestant],
+    ) -> None:
+        self.out, self.data, self.apart = out, data, apart
+        self.expansions, self.contestants = expansions, contestants
+        folders = {"simulated": data, "physical": logs}
         self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
-        """Kind → frames of its set, if there is one."""
-        self.drives = [
-            drive for frames in self.sets.values() for drive in _drives(frames, config.apart)
-        ]
+        self.drives = [drive for frames in self.sets.values() for drive in _drives(frames, apart)]
         self.store = Store(out / "parts")
-        self.rates = dict.fromkeys(config.expansions, UNTOLD)
-        """Expansion → shares of free and of occupied cells on the validation drives."""
-        if config.data is not None:
-            validation = Frames.load(config.data, "validation")
-            self.rates = {x: rates_of(validation, x) for x in config.expansions}
+        self.rates = dict.fromkeys(expansions, UNTOLD)
+        if data is not None:
+            validation = Frames.load(data, "validation")
+            self.rates = {x: rates_of(validation, x) for x in expansions}
 
     @property
     def places(self) -> list[str]:
@@ -110,21 +104,14 @@ class Evaluation:
 
     def who(self, expansion: float) -> list[Contestant]:
         """Return the contestants that can predict squares of an expansion."""
-        return [one for one in self.config.contestants if one.does(expansion)]
+        return [one for one in self.contestants if one.does(expansion)]
 
     def stretches(self, drive: Drive, expansion: float) -> list[Stretch]:
         """Return the stretches of a drive."""
-        return [
-            Stretch(
-                drive.folder,
-                drive.number,
-                tuple(map(int, drive.chosen[i : i + TOGETHER])),
-                expansion,
-                self.rates[expansion],
-                tuple(self.who(expansion)),
-            )
-            for i in range(0, len(drive.chosen), TOGETHER)
-        ]
+        rates, who = self.rates[expansion], tuple(self.who(expansion))
+        frames = drive.chosen.tolist()
+        parts = [tuple(frames[i : i + TOGETHER]) for i in range(0, len(frames), TOGETHER)]
+        return [Stretch(drive.folder, drive.number, part, expansion, rates, who) for part in parts]
 
     def run(self, jobs: int) -> None:
         """Score what is missing, with a progress bar over answers.
@@ -140,27 +127,29 @@ class Evaluation:
         def name(stretch: Stretch, one: Contestant) -> str:
             return self.store.scores_name(stretch, sha256[stretch.folder, stretch.drive], one)
 
+        def answers(stretches: list[Stretch]) -> int:
+            return sum(len(stretch.frames) * len(stretch.contestants) for stretch in stretches)
+
         # Ordered by expansion: the networks of one fit into memory, those of all do not.
         every = [
             stretch
-            for expansion in self.config.expansions
+            for expansion in self.expansions
             for drive in self.drives
             for stretch in self.stretches(drive, expansion)
         ]
         todo = []
         for stretch in every:
-            left = [
-                one for one in stretch.contestants if self.store.read(name(stretch, one)) is None
-            ]
+            asked = stretch.contestants
+            left = [one for one in asked if self.store.read(name(stretch, one)) is None]
             if left:
                 todo.append(replace(stretch, contestants=tuple(left)))
-        total = sum(len(stretch.frames) * len(stretch.contestants) for stretch in every)
-        missing = sum(len(stretch.frames) * len(stretch.contestants) for stretch in todo)
-        with tqdm(total=total, initial=total - missing, unit="answer", smoothing=0.05) as bar:
+        total = answers(every)
+        done = total - answers(todo)
+        with tqdm(total=total, initial=done, unit="answer", smoothing=0.05) as bar:
             for stretch, kept in finished(score, todo, jobs):
                 for one, arrays in kept.items():
                     self.store.write(name(stretch, one), {"commit": commit()}, arrays)
-                bar.update(len(stretch.frames) * len(stretch.contestants))
+                bar.update(answers([stretch]))
 
     def kept(self, drive: Drive, expansion: float, one: Contestant) -> Iterator[Part]:
         """Yield facts and scores of a contestant along a drive, in order.
@@ -177,15 +166,6 @@ class Evaluation:
                 )
             yield part
 
-    def examples(self, expansion: float, count: int = 20) -> list[ScoredSquare]:
-        """Return squares spread evenly over the test drives, or the logs, to measure costs on."""
-        frames = self.sets.get("physical")
-        if self.config.data is not None:
-            frames = Frames.load(self.config.data, "test")
-        assert frames is not None
-        chosen = np.unique(np.linspace(0, len(frames) - 1, count).astype(int))
-        return [ScoredSquare.of(frames, int(index), expansion) for index in chosen]
-
 
 def key_of(expansion: float) -> str:
     """Return the name of an expansion in the results."""
@@ -194,14 +174,12 @@ def key_of(expansion: float) -> str:
 
 def sets_of(evaluation: Evaluation) -> dict[str, Any]:
     """Return the facts of the sets for the results."""
-    config = evaluation.config
     out = {}
-    for kind, folder in (("simulated", config.data), ("physical", config.logs)):
-        if folder is not None:
-            manifest = read_manifest(folder)
-            out[kind] = {"manifest_sha256": checksum(folder / MANIFEST)} | {
-                name: manifest.get(name) for name in ("version", "settings", "trajectories")
-            }
+    for kind, frames in evaluation.sets.items():
+        manifest = read_manifest(frames.folder)
+        out[kind] = {"manifest_sha256": checksum(frames.folder / MANIFEST)} | {
+            name: manifest.get(name) for name in ("version", "settings", "trajectories")
+        }
     return out
 
 

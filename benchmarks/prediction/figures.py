@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,15 +12,36 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from benchmarks.figures.all_figures import save_figures
-from benchmarks.figures.palette import INK, new_figure, predictor_colour
+from benchmarks.figures.palette import (
+    INK,
+    bare,
+    draw_image,
+    map_image,
+    new_figure,
+    predictor_colour,
+    scale_bar,
+)
+from benchmarks.figures.scores import (
+    caption,
+    legend,
+    line,
+    over_distance,
+    panels,
+    reliability,
+    sheet,
+)
 from benchmarks.figures.video import kind_for, write_video
-from benchmarks.prediction.maps import drawn_maps
 from benchmarks.prediction.pictures import GIVEN, NOTHING, TRUE, Row, Sheets, shown
-from benchmarks.prediction.tables import places_of
-from predictor.data.frames import CROP, Frames
+from benchmarks.prediction.tables import kind_of, names_of, places_of
+from predictor.data.frames import CROP, RESOLUTION, Frames
+from predictor.data.squares import NOTHING as UNKNOWN
+from predictor.data.squares import cells_of
+from predictor.mapping.grid import GridFrame
 
 TITLES = {
     "simulated": "A median square of {leader} on the simulated test drives",
@@ -35,19 +57,34 @@ SIMILAR = {
     "ssim_unseen": "SSIM, unseen outside the crop",
 }
 """Measures drawn over the expansion, with their labels."""
-MEASURES = (
-    ("iou_free", "IoU of free"),
-    ("iou_occupied", "IoU of occupied"),
-    ("brier", "Brier"),
-    ("ece", "calibration error"),
-)
+MEASURES = {
+    "iou_free": "IoU of free",
+    "iou_occupied": "IoU of occupied",
+    "brier": "Brier",
+    "ece": "calibration error",
+}
 """Measures drawn over the distance beyond the frontier, with their labels."""
-ENOUGH, SHARE = 1000, 5e-4
-"""Least number of cells in a ring, and least share of cells in a bin, that are drawn."""
 RATE = 10.0
 """Frames per second of the video: every other frame of a drive at 10 Hz, so twice as fast."""
 NEAR, FAR = 1.3, 2.0
 """Expansions whose reliability is shown, or the nearest measured."""
+STYLES: dict[str, dict[str, Any]] = {
+    "train": {"color": "#D00000", "linestyle": "-"},
+    "test": {"color": "black", "linestyle": (0, (1, 1.2))},
+    "physical": {"color": "#D00000", "linestyle": "-"},
+}
+"""Line styles of drives on maps by split, as in the paper."""
+OUTLINE: dict[str, Any] = {
+    "fill": False,
+    "edgecolor": "#0072B2",
+    "linewidth": 0.7,
+    "linestyle": (0, (3, 2)),
+}
+"""Line style of the 5 m crop on sheets."""
+MARGIN = 2.0
+"""Margin around the known part of a map [m]."""
+ACROSS = 3
+"""Number of maps beside each other."""
 
 
 def draw(
@@ -63,196 +100,105 @@ def draw(
         leader: predictor whose typical and worst squares are shown.
     """
     places = places_of(results)
-    names = {*NOTHING, *shown(_names(next(iter(places.values()))))}
+    drawn = {*NOTHING, *shown(names_of(next(iter(places.values()))))}
     places = {
         place: {
-            x: {name: row for name, row in rows.items() if name in names}
+            x: {name: row for name, row in rows.items() if name in drawn}
             for x, rows in entry.items()
         }
         for place, entry in places.items()
     }
-    figures: list[tuple[str, Callable[[], Figure]]] = [
+    figures = [
         ("ssim.png", partial(ssim, places, results["paper"])),
         ("distance.png", partial(by_distance, places)),
-        ("reliability.png", partial(reliability, places)),
+        ("reliability.png", partial(calibration, places)),
     ]
-    for name in TITLES:
+    for name, title in TITLES.items():
         if name in sheets:
-            title = TITLES[name].format(leader=leader)
-            figures.append((f"{name}.png", partial(sheet, sheets[name], title)))
-    for kind, frames in sets.items():
-        figures.append((f"maps-{kind}.png", partial(drawn_maps, frames)))
+            draw_sheet = partial(titled_sheet, sheets[name], title.format(leader=leader))
+            figures.append((f"{name}.png", draw_sheet))
+    figures += [(f"maps-{kind}.png", partial(maps, frames)) for kind, frames in sets.items()]
     return save_figures(figures, out)
-
-
-def sheet(rows: list[Row], title: str) -> Figure:
-    """Draw a sheet with one square in each row: input, predictions, truth."""
-    columns = list(dict.fromkeys(name for row in rows for name in row.images if name != "truth"))
-    columns.append("truth")
-    figure = new_figure(1.35 * len(columns) + 0.4, 1.45 * len(rows) + 0.5, maps=True)
-    axes = figure.subplots(len(rows), len(columns), squeeze=False)
-    for number, row in enumerate(rows):
-        for axis, column in zip(axes[number], columns, strict=True):
-            if column in row.images:
-                show(axis, row, column)
-            else:
-                axis.set_axis_off()
-            if number == 0:
-                axis.set_title(column, fontsize=8, color=INK)
-        axes[number, 0].set_ylabel(row.title, fontsize=7, color=INK)
-    figure.suptitle(title, fontsize=9, color=INK)
-    return figure
-
-
-def show(axis: Axes, row: Row, column: str) -> None:
-    """Draw one image with the outline of the 5 m crop, the car in the input, and SSIM below."""
-    image = row.images[column]
-    n = len(image)
-    axis.imshow(
-        image,
-        cmap="gray",
-        vmin=0,
-        vmax=255,
-        origin="lower",
-        interpolation="nearest",
-        extent=(0, n, 0, n),
-    )
-    edge = (n - CROP) / 2
-    axis.plot(
-        [edge, n - edge, n - edge, edge, edge],
-        [edge, edge, n - edge, n - edge, edge],
-        color="#0072B2",
-        linewidth=0.7,
-        linestyle=(0, (3, 2)),
-    )
-    if column == GIVEN:
-        draw_car(axis, row)
-    axis.set_xticks([])
-    axis.set_yticks([])
-    axis.set_xlim(0, n)
-    axis.set_ylim(0, n)
-    for spine in axis.spines.values():
-        spine.set_color("#AAAAAA")
-    write_ssim(axis, row, column)
-
-
-def draw_car(axis: Axes, row: Row) -> None:
-    """Draw the car as an arrow along its heading."""
-    n = len(row.images[GIVEN])
-    length = 0.08 * n
-    x, y = n / 2 - 0.5 * length * np.cos(row.yaw), n / 2 - 0.5 * length * np.sin(row.yaw)
-    axis.arrow(
-        x,
-        y,
-        length * np.cos(row.yaw),
-        length * np.sin(row.yaw),
-        color="#D55E00",
-        width=0.012 * n,
-        head_width=0.06 * n,
-        length_includes_head=True,
-    )
-
-
-def write_ssim(axis: Axes, row: Row, column: str) -> None:
-    """Write SSIM below a prediction."""
-    if column in row.ssim:
-        axis.set_xlabel(f"{row.ssim[column]:.3f}", fontsize=6.5, color=INK, labelpad=1.5)
 
 
 def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
     """Draw SSIM over the expansion, whole and on unobserved cells, with the paper's values."""
-    figure = new_figure(2.5 * len(places) + 1.6, 2.4 * len(SIMILAR) + 0.4)
-    axes = figure.subplots(len(SIMILAR), len(places), squeeze=False, sharex=True, sharey="row")
-    for column, (place, entry) in enumerate(places.items()):
-        kind = "simulated" if place == "simulated" else "physical"
-        for axis, measure in zip(axes[:, column], SIMILAR, strict=True):
-            for name in _names(entry):
-                _line(axis, entry, name, measure)
-            if measure == "ssim":
-                for name in ("unet_ff", "resnet_ff", "gan"):
-                    points = [(float(key), row[name]) for key, row in paper[kind].items()]
-                    colour = predictor_colour(name)
-                    axis.plot(
-                        *zip(*points, strict=True),
-                        color=colour,
-                        linestyle=":",
-                        linewidth=1.0,
-                        label=f"the paper's {name}",
-                    )
-                axis.set_title(place, fontsize=9)
-            if column == 0:
-                axis.set_ylabel(SIMILAR[measure], fontsize=8)
-        axes[-1, column].set_xlabel("expansion")
-    _legend(figure, axes)
+    figure, axes = panels(places, SIMILAR.values(), "expansion")
+    for row, (place, entry) in zip(axes.T, places.items(), strict=True):
+        for axis, measure in zip(row, SIMILAR, strict=True):
+            for name in names_of(entry):
+                points = {
+                    float(x): rows[name][measure] for x, rows in entry.items() if name in rows
+                }
+                line(axis, list(points), list(points.values()), name)
+        printed = paper[kind_of(place)]
+        for name in ("unet_ff", "resnet_ff", "gan"):
+            values = [values[name] for values in printed.values()]
+            style = {"color": predictor_colour(name), "linestyle": ":", "linewidth": 1.0}
+            row[0].plot([*map(float, printed)], values, label=f"the paper's {name}", **style)
+    legend(figure, axes)
     return figure
 
 
 def by_distance(places: dict[str, Any]) -> Figure:
-    """Draw measures of unobserved cells over the distance beyond the frontier, widest square."""
-    figure = new_figure(2.5 * len(places) + 1.6, 2.0 * len(MEASURES) + 0.6)
-    axes = figure.subplots(len(MEASURES), len(places), squeeze=False, sharex=True, sharey="row")
-    for column, (place, entry) in enumerate(places.items()):
+    """Draw measures over the distance beyond the frontier, in the widest square."""
+    columns = {}
+    for place, entry in places.items():
         expansion, rows = list(entry.items())[-1]
-        for axis, (measure, label) in zip(axes[:, column], MEASURES, strict=True):
-            for name, row in rows.items():
-                rings = row["rings"]
-                ends = [ring["from"] for ring in rings[1:]] + [1.5 * rings[-1]["from"]]
-                middle = [0.5 * (ring["from"] + end) for ring, end in zip(rings, ends, strict=True)]
-                values = [ring[measure] if ring["cells"] >= ENOUGH else np.nan for ring in rings]
-                axis.plot(
-                    middle,
-                    values,
-                    color=predictor_colour(name),
-                    marker="o",
-                    markersize=2.5,
-                    linewidth=1.0,
-                    label=name,
-                )
-            axis.set_ylim(bottom=0.0)
-            axis.grid(alpha=0.3)
-            if column == 0:
-                axis.set_ylabel(label)
-        axes[0, column].set_title(f"{place}, {expansion}×", fontsize=9)
-        axes[-1, column].set_xlabel("beyond the frontier [m]")
-    _legend(figure, axes)
-    return figure
+        columns[f"{place}, {expansion}×"] = {name: row["rings"] for name, row in rows.items()}
+    return over_distance(columns, MEASURES)
 
 
-def reliability(places: dict[str, Any]) -> Figure:
+def calibration(places: dict[str, Any]) -> Figure:
     """Draw reliability diagrams of free and of occupied."""
-    entry = next(iter(places.values()))
-    expansions = sorted({_nearest(list(entry), wanted) for wanted in (NEAR, FAR)})
-    shown = [(expansion, name) for expansion in expansions for name in ("free", "occupied")]
-    figure = new_figure(1.75 * len(places) + 1.9, 1.8 * len(shown) + 0.4, maps=True)
-    axes = figure.subplots(len(shown), len(places), squeeze=False, sharex=True, sharey=True)
-    for column, (place, measured) in enumerate(places.items()):
-        for axis, (expansion, name) in zip(axes[:, column], shown, strict=True):
-            axis.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
-            for predictor, row in measured[expansion].items():
-                curve = {
-                    key: np.array(values, dtype=np.float64)
-                    for key, values in row["reliability"][name].items()
+    every = next(iter(places.values()))
+    expansions = {min(every, key=lambda x: abs(float(x) - wanted)) for wanted in (NEAR, FAR)}
+    return reliability(
+        {
+            place: {
+                f"was {name}, {x}×": {
+                    one: list(row["reliability"][name].values()) for one, row in entry[x].items()
                 }
-                given, came_true, share = (
-                    curve[key][curve["share"] >= SHARE] for key in ("given", "came_true", "share")
-                )
-                colour = predictor_colour(predictor)
-                axis.plot(given, came_true, color=colour, linewidth=1.0, label=predictor)
-                # The area of a bin's dot grows with its share of the cells.
-                axis.scatter(
-                    given, came_true, 2 + 80 * share, color=colour, alpha=0.5, linewidths=0
-                )
-            axis.set_aspect("equal")
-            axis.set_xlim(0, 1)
-            axis.set_ylim(0, 1)
-            axis.set_xticks([0, 0.5, 1], ["0", "½", "1"])
-            axis.set_yticks([0, 0.5, 1], ["0", "½", "1"])
-            if column == 0:
-                axis.set_ylabel(f"was {name}, {expansion}×", fontsize=8)
-        axes[0, column].set_title(place, fontsize=9)
-        axes[-1, column].set_xlabel("probability given")
-    _legend(figure, axes)
+                for x in sorted(expansions)
+                for name in ("free", "occupied")
+            }
+            for place, entry in places.items()
+        }
+    )
+
+
+def titled_sheet(rows: list[Row], title: str) -> Figure:
+    """Draw a sheet with one square in each row: input, predictions, truth."""
+    figure, axes = squares(rows)
+    for axis, row in zip(axes[:, 0], rows, strict=True):
+        axis.set_ylabel(row.title, fontsize=7, color=INK)
+    figure.suptitle(title, fontsize=9, color=INK)
     return figure
+
+
+def squares(rows: list[Row]) -> tuple[Figure, NDArray[Any]]:
+    """Draw squares with the outline of the 5 m crop, the car in the input, and SSIM below."""
+    names = dict.fromkeys(name for row in rows for name in row.images)
+    columns = [*(name for name in names if name != TRUE), TRUE]
+    figure, axes = sheet([row.images for row in rows], columns)
+    for row, beside in zip(rows, axes, strict=True):
+        edge = (len(row.images[GIVEN]) - CROP) / 2
+        for axis in beside:
+            if axis.images:
+                axis.add_patch(Rectangle((edge, edge), CROP, CROP, **OUTLINE))
+        annotate(beside, columns, row)
+    return figure, axes
+
+
+def annotate(axes: NDArray[Any], columns: list[str], row: Row) -> None:
+    """Draw the car in the input as an arrow along its heading, and write SSIM below predictions."""
+    for axis, column in zip(axes, columns, strict=True):
+        if column in row.ssim:
+            caption(axis, f"{row.ssim[column]:.3f}")
+    n = len(row.images[GIVEN])
+    along = 0.08 * n * np.array([math.cos(row.yaw), math.sin(row.yaw)])
+    style = {"color": "#D55E00", "width": 0.012 * n, "head_width": 0.06 * n}
+    axes[0].arrow(*(n / 2 - along / 2), *along, length_includes_head=True, **style)
 
 
 def write_hallway(rows: list[Row], out: Path) -> Path:
@@ -265,24 +211,20 @@ def write_hallway(rows: list[Row], out: Path) -> Path:
         out: folder.
     """
     path = out / f"hallway.{kind_for('auto')}"
-    columns = [GIVEN, *(name for name in rows[0].images if name not in (GIVEN, TRUE)), TRUE]
-    figure = Figure(figsize=(1.9 * len(columns), 2.25), dpi=100)
+    figure, axes = squares(rows[:1])
     canvas = FigureCanvasAgg(figure)
-    axes = figure.subplots(1, len(columns), squeeze=False)[0]
-    figure.subplots_adjust(0.01, 0.09, 0.99, 0.88, wspace=0.04)
-
-    for axis, column in zip(axes, columns, strict=True):
-        show(axis, rows[0], column)
-        axis.set_title(column, fontsize=9, color=INK)
+    # Laid out once, so that nothing moves from frame to frame.
+    canvas.draw()
+    figure.set_layout_engine("none")
+    columns = [axis.get_title() for axis in axes[0]]
 
     def frame(number: int) -> NDArray[np.uint8]:
         row = rows[number]
-        for axis, column in zip(axes, columns, strict=True):
+        # The car of the frame before.
+        axes[0, 0].patches[-1].remove()
+        for axis, column in zip(axes[0], columns, strict=True):
             axis.images[0].set_data(row.images[column])
-            write_ssim(axis, row, column)
-        for arrow in axes[0].patches:
-            arrow.remove()
-        draw_car(axes[0], row)
+        annotate(axes[0], columns, row)
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
@@ -290,29 +232,46 @@ def write_hallway(rows: list[Row], out: Path) -> Path:
     return path
 
 
-def _nearest(expansions: list[str], wanted: float) -> str:
-    return min(expansions, key=lambda expansion: abs(float(expansion) - wanted))
+def maps(frames: Frames) -> Figure:
+    """Draw all maps with training or test drives, or of a log, as in the paper's figures 2 and 4b.
+
+    Args:
+        frames: frames of a whole set.
+    """
+    drives: dict[str, list[int]] = {}
+    for number, about in enumerate(frames.about):
+        if about["split"] in STYLES:
+            drives.setdefault(str(about["map"]), []).append(number)
+    columns = min(ACROSS, len(drives))
+    rows = math.ceil(len(drives) / columns)
+    figure = new_figure(3.6 * columns, 3.4 * rows + 0.3, maps=True)
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for axis in axes.flat[len(drives) :]:
+        axis.set_axis_off()
+    for axis, (name, numbers) in zip(axes.flat, drives.items(), strict=False):
+        draw_map(axis, frames.maps[numbers[0]], frames.origins[numbers[0]])
+        for number in numbers:
+            style = STYLES[frames.about[number]["split"]]
+            states = frames.states[frames.trajectory == number]
+            axis.plot(*states[:, :2].T, linewidth=1.6, **style)
+            axis.plot(*states[0, :2], "o", color=style["color"], markersize=4)
+        axis.set_title(name, fontsize=9, color=INK)
+        bare(axis)
+        scale_bar(axis, 10.0)
+    splits = dict.fromkeys(about["split"] for about in frames.about if about["split"] in STYLES)
+    if len(splits) > 1:
+        lines = [Line2D([], [], linewidth=1.6, label=split, **STYLES[split]) for split in splits]
+        look: dict[str, Any] = {"frameon": False, "fontsize": 8, "ncols": len(lines)}
+        figure.legend(handles=lines, loc="outside lower center", **look)
+    return figure
 
 
-def _names(entry: dict[str, Any]) -> list[str]:
-    return list(dict.fromkeys(name for rows in entry.values() for name in rows))
-
-
-def _line(axis: Axes, entry: dict[str, Any], name: str, measure: str) -> None:
-    points = [(float(key), rows[name][measure]) for key, rows in entry.items() if name in rows]
-    x = [at for at, _ in points]
-    values = [np.nan if value is None else value for _, value in points]
-    axis.plot(
-        x, values, color=predictor_colour(name), marker="o", markersize=3, linewidth=1.2, label=name
-    )
-    axis.grid(alpha=0.3)
-
-
-def _legend(figure: Figure, axes: Any) -> None:
-    found: dict[str, Any] = {}
-    for axis in axes.flat:
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    figure.legend(
-        list(found.values()), list(found), loc="outside right center", frameon=False, fontsize=8
-    )
+def draw_map(axis: Axes, codes: NDArray[np.uint8], origin: NDArray[np.float64]) -> None:
+    """Draw the known part of a map with a margin around it."""
+    known = np.argwhere(codes != UNKNOWN)
+    pad = round(MARGIN / RESOLUTION)
+    low = np.maximum(known.min(axis=0) - pad, 0)
+    high = np.minimum(known.max(axis=0) + 1 + pad, codes.shape)
+    cells = cells_of(codes[low[0] : high[0], low[1] : high[1]])
+    x, y = (origin + RESOLUTION * low[::-1]).tolist()
+    draw_image(axis, map_image(cells), GridFrame(RESOLUTION, (x, y), cells.shape))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,45 +55,57 @@ Sheets = dict[str, list[Row]]
 """Name → what is on it: "simulated" and "physical" are the paper's figure, "random" and "worst"
 what they say, "transients" some of the random ones with obstacles put in, "hallway" the frames of
 the video."""
-Asked = tuple[Drive, int, float]
-"""A drive, the number of a frame in it, and an expansion."""
+
+
+class Shot(NamedTuple):
+    """A square that is shown.
+
+    Attributes:
+        drive: its drive.
+        frame: number of its frame in the drive.
+        expansion: its expansion.
+        title: title of its row.
+    """
+
+    drive: Drive
+    frame: int
+    expansion: float
+    title: str
 
 
 def pictures(evaluation: Evaluation) -> Sheets:
     """Return all squares shown of an evaluation, and keep them."""
+    from tqdm import tqdm
+
     chosen = _chosen(evaluation)
     plain = {
-        name: [
-            (drive.about["sha256"], index, expansion, title)
-            for (drive, index, expansion), title in rows
-        ]
-        for name, rows in chosen.items()
+        name: [(shot.drive.about["sha256"], *shot[1:]) for shot in shots]
+        for name, shots in chosen.items()
     }
-    who = [(one.name, one.identity, one.expansion) for one in _shown(evaluation)]
+    names = shown(one.name for one in evaluation.contestants)
+    asked = [one for one in evaluation.contestants if one.name in names]
+    who = [(one.name, one.identity, one.expansion) for one in asked]
     part_name = evaluation.store.name("pictures", plain, who)
     part = evaluation.store.read(part_name)
-    if part is not None:
-        return _kept(*part)
-    sheets = _made(evaluation, chosen)
-    arrays: Kept = {}
-    facts: dict[str, Any] = {name: [] for name in sheets}
-    for name, rows in sheets.items():
-        for number, row in enumerate(rows):
+    if part is None:
+        arrays: Kept = {}
+        facts: dict[str, Any] = {name: [] for name in chosen}
+        every = [(name, shot) for name, shots in chosen.items() for shot in shots]
+        for name, shot in tqdm(every, desc="pictures", unit="square"):
+            row = _row(evaluation, asked, shot, name == "transients")
+            number = len(facts[name])
             arrays |= {f"{name}/{number}/{column}": image for column, image in row.images.items()}
             facts[name].append(asdict(row) | {"images": list(row.images)})
-    evaluation.store.write(part_name, facts, arrays)
-    return sheets
-
-
-def _kept(facts: dict[str, Any], arrays: Kept) -> Sheets:
-    """Return the sheets that `pictures` has written."""
-    sheets: Sheets = {}
-    for name, rows in facts.items():
-        sheets[name] = []
-        for number, row in enumerate(rows):
-            images = {column: arrays[f"{name}/{number}/{column}"] for column in row["images"]}
-            sheets[name].append(Row(row["title"], row["yaw"], images, row["ssim"]))
-    return sheets
+        evaluation.store.write(part_name, facts, arrays)
+        part = facts, arrays
+    facts, arrays = part
+    return {
+        name: [
+            Row(**row | {"images": {key: arrays[f"{name}/{n}/{key}"] for key in row["images"]}})
+            for n, row in enumerate(rows)
+        ]
+        for name, rows in facts.items()
+    }
 
 
 def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.intp]:
@@ -108,104 +120,82 @@ def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.in
     return np.flatnonzero(views.max(axis=1) - views.min(axis=1) <= most)
 
 
-def _shown(evaluation: Evaluation) -> list[Contestant]:
-    """Return the contestants shown on sheets."""
-    every = evaluation.config.contestants
-    names = shown(one.name for one in every)
-    return [one for one in every if one.name in names]
-
-
 def shown(names: Iterable[str]) -> list[str]:
     """Return the first contestants that predict something, as many as a figure can show."""
     return [name for name in dict.fromkeys(names) if name not in NOTHING][:COLUMNS]
 
 
-def _made(evaluation: Evaluation, chosen: dict[str, list[tuple[Asked, str]]]) -> Sheets:
-    from tqdm import tqdm
-
-    total = sum(map(len, chosen.values()))
-    with tqdm(total=total, desc="pictures", unit="square") as bar:
-
-        def row(asked: Asked, title: str, transient: bool) -> Row:
-            bar.update()
-            return _row(evaluation, asked, title, transient)
-
-        return {
-            name: [row(*each, name == "transients") for each in rows]
-            for name, rows in chosen.items()
-        }
+def leader(names: Iterable[str]) -> str:
+    """Return the contestant whose failures are shown: the first of LEADERS, else the last."""
+    names = list(names)
+    return next((name for name in LEADERS if name in names), names[-1])
 
 
-def _row(evaluation: Evaluation, asked: Asked, title: str, transient: bool) -> Row:
-    drive, index, expansion = asked
+def _row(evaluation: Evaluation, asked: list[Contestant], shot: Shot, transient: bool) -> Row:
+    """Ask about a square, with transients put into its input if they are wanted."""
+    drive, index, expansion, title = shot
     square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
     if transient:
         square, _ = with_transients(square, seed=index)
-    images, alike = {GIVEN: TERNARY[codes_of(square.crop.cells)]}, {}
-    for one in _shown(evaluation):
+    images = {GIVEN: TERNARY[codes_of(square.crop.cells)]}
+    for one in asked:
         if one.does(expansion):
-            said = entrant(one, evaluation.rates[expansion]).answer(square).image
-            images[one.name] = said
-            alike[one.name] = ssim(said, square.image)
+            images[one.name] = entrant(one, evaluation.rates[expansion])(square).image
+    alike = {name: ssim(image, square.image) for name, image in images.items() if name != GIVEN}
     images[TRUE] = square.image
     greys = {name: np.rint(255 * image).astype(np.uint8) for name, image in images.items()}
     return Row(title, float(square.pose[2]), greys, alike)
 
 
-def _chosen(evaluation: Evaluation) -> dict[str, list[tuple[Asked, str]]]:
+def _chosen(evaluation: Evaluation) -> dict[str, list[Shot]]:
     """Choose the squares of each sheet."""
-    expansions = evaluation.config.expansions
+    expansions = evaluation.expansions
     test = [drive for drive in evaluation.drives if drive.about["split"] == "test"]
     real = [drive for drive in evaluation.drives if drive.about["split"] == "physical"]
     narrow = [x for x in expansions if x <= WIDEST] or list(expansions)
-    out: dict[str, list[tuple[Asked, str]]] = {}
+    near, middle = (min(expansions, key=lambda x: abs(x - wanted)) for wanted in (1.3, 1.5))
+    out: dict[str, list[Shot]] = {}
     for name, drives in (("simulated", test), ("physical", real)):
         if drives:
-            drive, index = _typical(evaluation, drives, narrow[len(narrow) // 2])
-            out[name] = [((drive, index, x), f"{x:.2f}×") for x in narrow]
-    near, far = min(expansions, key=lambda x: abs(x - 1.3)), max(expansions)
+            # The median.
+            scored = _scored(evaluation, drives, narrow[len(narrow) // 2])
+            one = scored[len(scored) // 2]
+            out[name] = [Shot(*one, x, f"{x:.2f}×") for x in narrow]
+    every = [(drive, index) for drive in test or real for index in drive.chosen.tolist()]
     rng = np.random.default_rng(0)
-    every = [(drive, int(index)) for drive in test or real for index in drive.chosen]
     drawn = sorted(rng.choice(len(every), min(SHOWN, len(every)), replace=False))
-    out["random"] = [((*every[i], near), _told(*every[i])) for i in drawn]
-    scored = [drive for drive in evaluation.drives if drive.place == "simulated"] or real
+    out["random"] = [_named(every[i], near) for i in drawn]
     if test:
         # Real drives contain their own transients.
-        out["transients"] = [((*every[i], near), _told(*every[i])) for i in drawn[:3]]
-    out["worst"] = [((*one, far), _told(*one)) for one in _worst(evaluation, scored, far)]
-    drive, stretch = _hallway(scored)
-    middle = min(expansions, key=lambda x: abs(x - 1.5))
-    out["hallway"] = [((drive, index, middle), f"{middle:.2f}×") for index in stretch[::2]]
+        out["transients"] = out["random"][:3]
+    scored_drives = [drive for drive in evaluation.drives if drive.place == "simulated"] or real
+    # One for each drive, so that they show several failures.
+    worst: dict[int, Shot] = {}
+    for one in _scored(evaluation, scored_drives, max(expansions)):
+        worst.setdefault(one[0].number, _named(one, max(expansions)))
+    out["worst"] = list(worst.values())[:SHOWN]
+    drive, stretch = _hallway(scored_drives)
+    out["hallway"] = [Shot(drive, index, middle, f"{middle:.2f}×") for index in stretch[::2]]
     return out
 
 
-def _told(drive: Drive, index: int) -> str:
-    return f"{drive.about['file'].removesuffix('.npz')}, {index}"
-
-
-def leader(names: list[str]) -> str:
-    """Return the contestant whose failures are shown: the first of LEADERS, else the last."""
-    return next((name for name in LEADERS if name in names), names[-1])
+def _named(one: tuple[Drive, int], expansion: float) -> Shot:
+    """Return a square whose title is its drive and frame."""
+    drive, index = one
+    return Shot(drive, index, expansion, f"{drive.about['file'].removesuffix('.npz')}, {index}")
 
 
 def _scored(
     evaluation: Evaluation, drives: list[Drive], expansion: float
-) -> list[tuple[float, Drive, int]]:
-    """Return SSIM of the leader on all squares with drive and frame, in ascending order."""
+) -> list[tuple[Drive, int]]:
+    """Return drive and frame of all squares, in ascending order of the leader's SSIM."""
     who = {one.name: one for one in evaluation.who(expansion)}
-    one = who[leader(list(who))]
-    out = []
+    found: list[tuple[float, Drive, int]] = []
     for drive in drives:
-        alike = [kept["ssim"] for _, kept in evaluation.kept(drive, expansion, one)]
-        for value, index in zip(np.concatenate(alike), drive.chosen, strict=True):
-            out.append((float(value), drive, int(index)))
-    return sorted(out, key=itemgetter(0))
-
-
-def _typical(evaluation: Evaluation, drives: list[Drive], expansion: float) -> tuple[Drive, int]:
-    """Return the square with the leader's median SSIM."""
-    scored = _scored(evaluation, drives, expansion)
-    return scored[len(scored) // 2][1:]
+        parts = evaluation.kept(drive, expansion, who[leader(who)])
+        alike = np.concatenate([kept["ssim"] for _, kept in parts])
+        found += zip(alike, [drive] * len(alike), drive.chosen.tolist(), strict=True)
+    return [(drive, index) for _, drive, index in sorted(found, key=itemgetter(0))]
 
 
 def _hallway(drives: list[Drive]) -> tuple[Drive, range]:
@@ -223,13 +213,3 @@ def _hallway(drives: list[Drive]) -> tuple[Drive, range]:
             if free < best:
                 best, found = free, (drive, range(first, first + count))
     return found
-
-
-def _worst(
-    evaluation: Evaluation, drives: list[Drive], expansion: float
-) -> list[tuple[Drive, int]]:
-    """Return the leader's worst squares, one for each drive, so that they show several failures."""
-    found: dict[int, tuple[Drive, int]] = {}
-    for _, drive, index in _scored(evaluation, drives, expansion):
-        found.setdefault(drive.number, (drive, index))
-    return list(found.values())[:SHOWN]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 from importlib.metadata import version
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import BASELINES, Contestant, reduced
-from benchmarks.prediction.cost import cost_of, printed_cost
+from benchmarks.prediction.cost import Cost
 from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, key_of, sets_of
 from benchmarks.prediction.scoring import OF_A_FRAME, Kept
 from benchmarks.prediction.transients import transients
@@ -19,7 +18,6 @@ from benchmarks.runs.statistics import grouped_mean
 from predictor.infra.environment import machine
 from predictor.infra.plain_json import without_nan
 from predictor.infra.results_file import write_results
-from predictor.networks import ARCHITECTURES
 from predictor.registry import load_predictor
 from predictor.scoring import images
 from predictor.scoring.scores import EDGES, RINGS, Scores
@@ -49,24 +47,27 @@ SUMMED = ("brier", "nll")
 """Measures of unobserved cells, kept as sums over each frame."""
 
 
-def report(evaluation: Evaluation) -> dict[str, Any]:
+def report(
+    evaluation: Evaluation, costs: dict[tuple[str, str], Cost], printed: dict[str, Any]
+) -> dict[str, Any]:
     """Compute all results of an evaluation whose frames are all scored, and write results.json.
 
-    Raises:
-        ScoringError: if a predictor breaks its contract while its cost is measured.
+    Args:
+        evaluation: the evaluation.
+        costs: what `costs_of` has measured.
+        printed: what `printed_costs` has measured.
     """
-    costs = costs_of(evaluation)
-    places: dict[str, Any] = {place: {} for place in evaluation.places}
     commits: set[str] = set()
-    for place in places:
-        drives = [drive for drive in evaluation.drives if drive.place == place]
-        for expansion in evaluation.config.expansions:
-            places[place][key_of(expansion)] = _rows(evaluation, drives, expansion, costs, commits)
-    config = evaluation.config
+    places = {
+        place: {
+            key_of(x): _rows(evaluation, place, x, costs, commits) for x in evaluation.expansions
+        }
+        for place in evaluation.places
+    }
     results = {
         "settings": {
-            "expansions": list(config.expansions),
-            "apart": config.apart,
+            "expansions": list(evaluation.expansions),
+            "apart": evaluation.apart,
             "block": BLOCK,
             "ssim": images.SETTINGS,
             "ssim_coarse": images.LEVELS,
@@ -77,9 +78,9 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
         "version": version("foresee"),
         "commits": sorted(commits),
         "machine": machine(),
-        "predictors": _facts(config.contestants),
+        "predictors": _facts(evaluation.contestants),
         "paper": SSIM,
-        "printed": printed_costs(evaluation),
+        "printed": printed,
         "transients": transients(evaluation),
         "simulated": places.pop("simulated", {}),
         "physical": places,
@@ -89,76 +90,42 @@ def report(evaluation: Evaluation) -> dict[str, Any]:
     return results
 
 
-def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], dict[str, Any] | None]:
-    """Measure the cost of each predictor at each expansion, once on each machine.
-
-    Called before scoring, it also finds predictors that break the contract early.
-
-    Raises:
-        ScoringError: if a predictor breaks the contract.
-    """
-    from tqdm import tqdm
-
-    out: dict[tuple[str, str], dict[str, Any] | None] = {}
-    pairs = [(x, one) for x in evaluation.config.expansions for one in evaluation.who(x)]
-    for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
-        measure = partial(_cost, evaluation, one, expansion)
-        out[key_of(expansion), one.name] = evaluation.store.once(
-            measure, "cost", one.identity, expansion, machine()
-        )
-    return out
-
-
-def _cost(evaluation: Evaluation, one: Contestant, expansion: float) -> dict[str, Any] | None:
-    return cost_of(one, evaluation.examples(expansion))
-
-
-def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
-    """Measure the cost of the networks in the paper's size, once on each machine."""
-    from tqdm import tqdm
-
-    return {
-        arch: evaluation.store.once(partial(printed_cost, arch), "cost", "printed", arch, machine())
-        for arch in tqdm(ARCHITECTURES, desc="cost as printed", unit="network")
-    }
-
-
 def _rows(
     evaluation: Evaluation,
-    drives: list[Drive],
+    place: str,
     expansion: float,
-    costs: dict[tuple[str, str], dict[str, Any] | None],
+    costs: dict[tuple[str, str], Cost],
     commits: set[str],
 ) -> dict[str, Any]:
-    """Compute the measures of all contestants on some drives at one expansion."""
+    """Compute the measures of all contestants at one place and expansion.
+
+    Args:
+        evaluation: the evaluation.
+        place: "simulated", or a site.
+        expansion: expansion of the squares.
+        costs: costs of all predictors.
+        commits: set to which the commits are added that the scores were made with.
+    """
+    drives = [drive for drive in evaluation.drives if drive.place == place]
     blocks = _numbered(drives)
     rows: dict[str, Any] = {}
     frames: dict[str, Kept] = {}
     for one in evaluation.who(expansion):
-        parts, whole = [], Scores()
-        of_split: dict[str, Scores] = {}
-        splits = []
+        parts: dict[str, list[Kept]] = {}
         for drive in drives:
             for facts, arrays in evaluation.kept(drive, expansion, one):
                 commits.add(str(facts["commit"]))
-                parts.append({name: arrays[name] for name in OF_A_FRAME})
-                splits += [drive.about["split"]] * len(arrays["ssim"])
-                scores = Scores.of(arrays, "scores")
-                whole += scores
-                of_split.setdefault(drive.about["split"], Scores()).__iadd__(scores)
-        kept = {name: np.concatenate([part[name] for part in parts]) for name in OF_A_FRAME}
+                parts.setdefault(drive.about["split"], []).append(arrays)
+        kept, scores = _joined([part for split in parts.values() for part in split])
         frames[one.name] = kept
-        rows[one.name] = _measures(kept, whole) | {
+        rows[one.name] = _measures(kept, scores) | {
             "drives": len(drives),
-            "rings": [{"from": EDGES[i], **_cells(whole, slice(i, i + 1))} for i in range(RINGS)],
-            "reliability": {name: _curve(whole, name) for name in ("free", "occupied")},
+            "rings": [{"from": EDGES[i], **_cells(scores, slice(i, i + 1))} for i in range(RINGS)],
+            "reliability": {name: _curve(scores, name) for name in ("free", "occupied")},
             "cost": costs[key_of(expansion), one.name],
         }
-        if len(of_split) > 1:
-            for name in SPLITS:
-                chosen = np.array(splits) == name
-                part = {measure: values[chosen] for measure, values in kept.items()}
-                rows[one.name][name] = _measures(part, of_split[name])
+        if len(parts) > 1:
+            rows[one.name] |= {split: _measures(*_joined(parts[split])) for split in SPLITS}
     for name, row in rows.items():
         row["above"] = {
             other: _difference(frames[name], frames[other], blocks)
@@ -166,6 +133,14 @@ def _rows(
             if other in frames and other != name
         }
     return rows
+
+
+def _joined(parts: list[Kept]) -> tuple[Kept, Scores]:
+    """Return the values of all frames, (n,) each, and the sums over their cells."""
+    scores = Scores()
+    for part in parts:
+        scores += Scores.of(part, "scores")
+    return {name: np.concatenate([part[name] for part in parts]) for name in OF_A_FRAME}, scores
 
 
 def _numbered(drives: Iterable[Drive]) -> NDArray[np.int64]:
@@ -193,8 +168,9 @@ def _cells(scores: Scores, rings: slice) -> dict[str, Any]:
 
 
 def _curve(scores: Scores, name: str) -> dict[str, list[float]]:
-    given, came_true, share = scores.reliability(name)
-    return {"given": given.tolist(), "came_true": came_true.tolist(), "share": share.tolist()}
+    """Return the reliability diagram of "free" or "occupied"."""
+    curve = zip(("given", "came_true", "share"), scores.reliability(name), strict=True)
+    return {key: values.tolist() for key, values in curve}
 
 
 def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
@@ -206,22 +182,20 @@ def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str
 
 
 def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
-    """Return the facts of each predictor by name, and by expansion if it can do only one."""
+    """Return the facts of each predictor by name, and by expansion if it can do only one.
+
+    `reduced` is what differs from the paper's training; None if nothing does.
+    """
+    names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
     out: dict[str, Any] = {}
     for one in contestants:
         facts: dict[str, Any] = {"spec": one.spec, "identity": one.identity}
         if one.name not in BASELINES:
-            facts |= _training(load_predictor(one.spec), one)
+            training = getattr(load_predictor(one.spec), "facts", {})
+            facts |= {name: training[name] for name in names if name in training}
         if one.expansion is None:
             out[one.name] = facts
         else:
+            facts["reduced"] = reduced(training)
             out.setdefault(one.name, {})[key_of(one.expansion)] = facts
     return out
-
-
-def _training(predictor: Any, one: Contestant) -> dict[str, Any]:
-    """Return facts of a training from its weights; `reduced` is None if it was the paper's."""
-    facts = getattr(predictor, "facts", {})
-    names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
-    told = {name: facts[name] for name in names if name in facts}
-    return told | ({"reduced": reduced(facts)} if one.expansion is not None else {})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -49,27 +49,20 @@ class Stretch:
     contestants: tuple[Contestant, ...]
 
 
-@dataclass(eq=False)
 class Tally:
-    """The scores of one predictor so far.
+    """The scores of one predictor so far."""
 
-    Attributes:
-        scores: sums over unobserved cells.
-        frames: values of each frame, in the order of `OF_A_FRAME`.
-    """
-
-    scores: Scores = field(default_factory=Scores)
-    frames: list[tuple[float, ...]] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.scores, self.frames = Scores(), list[tuple[float, ...]]()
 
     def add(self, square: ScoredSquare, answer: Answer) -> None:
         """Add the scores of an answer."""
         alike = similarity(answer.image, answer.kept, square.image, square.unseen)
         before = self._sums()
-        self.scores.add(
-            answer.p_free, answer.p_occupied, square.truth == 0, square.truth == 1, square.ring
-        )
+        truth, ring = square.truth, square.ring
+        self.scores.add(answer.p_free, answer.p_occupied, truth == 0, truth == 1, ring)
         brier, nll = self._sums() - before
-        cells = int((square.ring >= 0).sum())
+        cells = int((ring >= 0).sum())
         self.frames.append((*vars(alike).values(), brier, nll, cells, answer.nan_cells))
 
     def kept(self) -> Kept:
@@ -93,9 +86,9 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
     tallies = {one: Tally() for one in stretch.contestants}
     for index in stretch.frames:
         square = ScoredSquare.of(frames, index, stretch.expansion)
-        for one, speaker in ready.items():
+        for one, answer_about in ready.items():
             try:
-                answer = speaker.answer(square)
+                answer = answer_about(square)
             except BadPredictionError as error:
                 where = f"frame {index} of {frames.about[0]['file']} at {stretch.expansion:g}"
                 raise ScoringError(f"{one.name}, {where}: {error}") from error
@@ -125,6 +118,4 @@ def drive_of(folder: Path, drive: int) -> Frames:
     return _set(folder).alone(drive)
 
 
-@lru_cache(maxsize=2)
-def _set(folder: Path) -> Frames:
-    return Frames.load(folder)
+_set = lru_cache(maxsize=2)(Frames.load)

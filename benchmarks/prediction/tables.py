@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import reduce
 from typing import Any
 
 from benchmarks.prediction.contestants import BASELINES
-from predictor.infra.markdown import interval, markdown
+from predictor.infra.markdown import DASH, interval, markdown
 from predictor.networks import ARCHITECTURES
 
 Rows = dict[str, dict[str, Any]]
@@ -56,12 +58,14 @@ difference above zero. By expansion: {expansions}.
 
 def summary(results: dict[str, Any]) -> str:
     """Return the comparison with the baselines, and the list of networks."""
+    places, sites = places_of(results), results["physical"]
+    expansions = list(dict.fromkeys(x for entry in places.values() for x in entry))
     return "\n".join(
         (
             ABOVE.format(block=results["settings"]["block"]),
-            _verdicts(places_of(results)),
-            SITES.format(count=len(results["physical"]), expansions=" / ".join(_asked(results))),
-            _sites(results["physical"], _asked(results)),
+            _verdicts(places),
+            SITES.format(count=len(sites), expansions=" / ".join(expansions)),
+            _sites(sites, expansions),
             "\n## The networks\n",
             _trainings(results["predictors"]),
             "\n## What the paper's networks cost, whole\n",
@@ -74,14 +78,16 @@ def tables_of(results: dict[str, Any]) -> str:
     """Return all tables of a results.json of `benchmarks.prediction`."""
     parts = [summary(results)]
     for place, entry in places_of(results).items():
-        kind = "simulated" if place == "simulated" else "physical"
+        printed = results["paper"][kind_of(place)]
+        paper = {expansion: printed.get(expansion) for expansion in entry}
+        networks = list(dict.fromkeys(name for rows in printed.values() for name in rows))
         parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
-        parts.append(f"\n### In short\n\n{_in_short(entry, results['paper'][kind])}")
+        parts.append(f"\n### In short\n\n{_in_short(entry, paper, networks)}")
         for measure, title in IMAGES.items():
-            paper = results["paper"][kind] if measure == "ssim" else {}
-            parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper)}")
+            beside = networks if measure == "ssim" else []
+            parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper, beside)}")
         for measure in ("ssim", "ssim_kept", "ssim_unseen"):
-            for other in (*BASELINES, *({"unet_ff"} & set(_names(entry)))):
+            for other in (*BASELINES, *({"unet_ff"} & set(names_of(entry)))):
                 title = f"{IMAGES[measure]}: difference to `{other}`"
                 parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
         for expansion, rows in entry.items():
@@ -90,33 +96,41 @@ def tables_of(results: dict[str, Any]) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _in_short(entry: dict[str, Rows], paper: dict[str, dict[str, float]]) -> str:
+def places_of(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
+    """Return place → expansion → predictor → measures, "simulated" first if it was scored."""
+    simulated = {"simulated": results["simulated"]} if results["simulated"] else {}
+    return simulated | results["physical"]
+
+
+def kind_of(place: str) -> str:
+    """Return the kind of drives of a place, as the paper's values are named."""
+    return "simulated" if place == "simulated" else "physical"
+
+
+def names_of(entry: dict[str, Rows]) -> list[str]:
+    """Return the predictors of a place, each once."""
+    return list(dict.fromkeys(name for rows in entry.values() for name in rows))
+
+
+def _along(entry: dict[str, Any], *keys: str) -> list[Any]:
+    """Return the value under these keys at each expansion; None where a key is missing."""
+    return [reduce(lambda found, key: (found or {}).get(key), keys, at) for at in entry.values()]
+
+
+def _in_short(entry: dict[str, Rows], paper: dict[str, Any], networks: list[str]) -> str:
     """Return a row for each predictor with its measures at all expansions side by side."""
 
     def side_by_side(found: list[float | None]) -> str:
         return " / ".join(_number(value).removeprefix("0") for value in found)
 
     rows = [["predictor", *SHORT.values(), "ms"]]
-    for name in _names(entry):
-        here = [measured.get(name, {}) for measured in entry.values()]
-        taken = [row["cost"]["ms_median"] for row in here if row.get("cost")]
-        rows.append(
-            [
-                f"`{name}`",
-                *(side_by_side([row.get(of) for row in here]) for of in SHORT),
-                _number(max(taken), ".1f") if taken else "",
-            ]
-        )
-    for name in dict.fromkeys(name for printed in paper.values() for name in printed):
-        found = [paper.get(expansion, {}).get(name) for expansion in entry]
-        rows.append([f"{name} as printed", side_by_side(found), *[""] * len(SHORT)])
+    for name in names_of(entry):
+        found = [side_by_side(_along(entry, name, measure)) for measure in SHORT]
+        taken = [ms for ms in _along(entry, name, "cost", "ms_median") if ms is not None]
+        rows.append([f"`{name}`", *found, _number(max(taken), ".1f") if taken else ""])
+    for name in networks:
+        rows.append([f"{name} as printed", side_by_side(_along(paper, name)), *[""] * len(SHORT)])
     return markdown(rows)
-
-
-def places_of(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
-    """Return place → expansion → predictor → measures, "simulated" first if it was scored."""
-    simulated = {"simulated": results["simulated"]} if results["simulated"] else {}
-    return simulated | results["physical"]
 
 
 def _size(entry: dict[str, Rows]) -> str:
@@ -125,52 +139,37 @@ def _size(entry: dict[str, Rows]) -> str:
     return f"{row['frames']} frames of {row['drives']} drive{'s' * (row['drives'] > 1)}."
 
 
-def _names(entry: dict[str, Rows]) -> list[str]:
-    return list(dict.fromkeys(name for rows in entry.values() for name in rows))
-
-
-def _asked(results: dict[str, Any]) -> list[str]:
-    return list(dict.fromkeys(e for entry in places_of(results).values() for e in entry))
-
-
 def _best(measured: Rows) -> str | None:
     """Return the best of the paper's networks by SSIM; None if none was compared."""
     networks = [name for name in measured if name in ARCHITECTURES]
     return max(networks, key=lambda name: measured[name]["ssim"]) if networks else None
 
 
-def _compacts(measured: Rows) -> list[str]:
+def _compacts(measured: Iterable[str]) -> list[str]:
+    """Return the variants of compact among some predictors."""
     return [name for name in measured if name.startswith("compact")]
 
 
 def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
-    names = [
-        name for entry in sites.values() for rows in entry.values() for name in _compacts(rows)
-    ]
+    """Count the sites where a predictor is above others, at each expansion."""
+    entries = list(sites.values())
+    names = [name for entry in entries for name in _compacts(names_of(entry))]
     rows = [["predictor", "above", "whole square", "cells not seen"]]
     for name in dict.fromkeys([BEST, *names]):
         for others in (BASELINES, ("none",)):
-            counts = []
+            row = [name if name == BEST else f"`{name}`", " and ".join(f"`{o}`" for o in others)]
             for measure in ("ssim", "ssim_unseen"):
-                found = [
-                    sum(
-                        _is_above(entry.get(e, {}), name, others, measure)
-                        for entry in sites.values()
-                    )
-                    for e in expansions
+                counts = [
+                    sum(_is_above(entry.get(x, {}), name, others, measure) for entry in entries)
+                    for x in expansions
                 ]
-                counts.append(" / ".join(map(str, found)))
-            rows.append(
-                [
-                    name if name == BEST else f"`{name}`",
-                    " and ".join(f"`{other}`" for other in others),
-                    *counts,
-                ]
-            )
+                row.append(" / ".join(map(str, counts)))
+            rows.append(row)
     return markdown(rows)
 
 
 def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) -> bool:
+    """Return whether a predictor is above all others: the interval lies above zero."""
     chosen = _best(measured) if name == BEST else name
     above = measured[chosen]["above"] if chosen in measured else {}
     found = [above.get(other, {}).get(measure) for other in others]
@@ -179,134 +178,108 @@ def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) 
 
 
 def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
-    head = ["where", "expansion", "network", "SSIM"]
+    """Return the differences of the best network and of compact to the baselines."""
     measures = {"ssim": "whole", "ssim_kept": "seen put back", "ssim_unseen": "unseen"}
-    head += [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
-    rows = [head]
+    columns = [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
+    rows = [["where", "expansion", "network", "SSIM", *columns]]
     for place, entry in places.items():
         for expansion, measured in entry.items():
             best = _best(measured)
-            if best is None:
-                continue
-            for name in (best, *_compacts(measured)):
-                above = measured[name]["above"]
-                found = [above[other][measure] for measure in measures for other in BASELINES]
-                rows.append(
-                    [
-                        place,
-                        expansion,
-                        f"`{name}`",
-                        _number(measured[name]["ssim"]),
-                        *map(_interval, found),
-                    ]
-                )
+            for name in (best, *_compacts(measured)) if best else ():
+                row = measured[name]
+                found = [row["above"][other][what] for what in measures for other in BASELINES]
+                ssim = _number(row["ssim"])
+                rows.append([place, expansion, f"`{name}`", ssim, *map(_interval, found)])
     return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
 
 
 def _trainings(predictors: dict[str, Any]) -> str:
+    """Return the settings in which the training of each network differs from the paper's."""
     rows = [["network", "expansion", "other than the paper's", "fingerprint"]]
     for name, entry in predictors.items():
         for expansion, facts in entry.items():
             if isinstance(facts, dict) and "reduced" in facts:
-                other = facts["reduced"] or {}
-                told = ", ".join(f"{what} {value}" for what, value in other.items())
-                rows.append(
-                    [f"`{name}`", expansion, told or "as printed", facts["fingerprint"][:12]]
-                )
+                other = (facts["reduced"] or {}).items()
+                told = ", ".join(f"{what} {value}" for what, value in other) or "as printed"
+                rows.append([f"`{name}`", expansion, told, facts["fingerprint"][:12]])
     return markdown(rows) if len(rows) > 1 else "None."
 
 
 def _printed(costs: dict[str, Any]) -> str:
+    """Return the cost of the networks in the paper's size."""
     rows = [["network", "parameters", "multiply-adds [M]", "median [ms]", "most [ms]"]]
-    for name, cost in costs.items():
-        rows.append(
-            [
-                f"`{name}`",
-                _number(cost["parameters"], ",d"),
-                _number(cost["macs"] / 1e6, ",.0f"),
-                _number(cost["ms_median"], ".1f"),
-                _number(cost["ms_most"], ".1f"),
-            ]
-        )
+    rows += [[f"`{name}`", *_cost(cost, "ms_most")] for name, cost in costs.items()]
     return markdown(rows)
 
 
+def _cost(cost: dict[str, Any], longest: str) -> list[str]:
+    """Return the cells of a cost: parameters, multiply-adds, median and longest time."""
+    macs = cost.get("macs")
+    return [
+        _number(cost.get("parameters"), ",d"),
+        _number(None if macs is None else macs / 1e6, ",.0f"),
+        _number(cost.get("ms_median"), ".1f"),
+        _number(cost.get(longest), ".1f"),
+    ]
+
+
 def _transients(places: dict[str, Any]) -> str:
+    """Return the shares of transients that networks filter."""
     columns = ("cells", "filtered", "free_without", "wall_cells", "walls_kept")
     rows = [["where", "expansion", "network", *(name.replace("_", " ") for name in columns)]]
     for place, entry in places.items():
         for expansion, measured in entry.items():
             for name, shares in measured.items():
-                found = [
-                    _number(shares[column], ",d" if "cells" in column else ".3f")
-                    for column in columns
-                ]
+                found = [_number(shares[of], ",d" if "cells" in of else ".3f") for of in columns]
                 rows.append([place, expansion, f"`{name}`", *found])
     return markdown(rows) if len(rows) > 1 else "No network was asked."
 
 
-def _by_expansion(entry: dict[str, Rows], measure: str, paper: dict[str, dict[str, float]]) -> str:
+def _by_expansion(
+    entry: dict[str, Rows], measure: str, paper: dict[str, Any], networks: list[str]
+) -> str:
+    """Return a measure of each predictor at each expansion, and below the paper's networks."""
     rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
-    for name in _names(entry):
-        rows.append(
-            [
-                f"`{name}`",
-                *(_number(measured.get(name, {}).get(measure)) for measured in entry.values()),
-            ]
-        )
-        if any("test" in measured.get(name, {}) for measured in entry.values()):
-            of_test = [
-                measured.get(name, {}).get("test", {}).get(measure) for measured in entry.values()
-            ]
-            rows.append([f"`{name}`, the paper's two test drives alone", *map(_number, of_test)])
-    for name in dict.fromkeys(name for printed in paper.values() for name in printed):
-        found = [paper.get(expansion, {}).get(name) for expansion in entry]
-        rows.append([f"the paper's {name}, on its own data", *map(_number, found)])
+    for name in names_of(entry):
+        rows.append([f"`{name}`", *map(_number, _along(entry, name, measure))])
+        if any(_along(entry, name, "test")):
+            found = _along(entry, name, "test", measure)
+            rows.append([f"`{name}`, the paper's two test drives alone", *map(_number, found)])
+    for name in networks:
+        rows.append([f"the paper's {name}, on its own data", *map(_number, _along(paper, name))])
     return markdown(rows)
 
 
 def _differences(entry: dict[str, Rows], measure: str, other: str) -> str:
+    """Return the difference of each predictor to another one at each expansion."""
     rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
-    for name in _names(entry):
+    for name in names_of(entry):
         if name != other:
-            found = [
-                measured.get(name, {}).get("above", {}).get(other, {}).get(measure)
-                for measured in entry.values()
-            ]
+            found = _along(entry, name, "above", other, measure)
             rows.append([f"`{name}`", *map(_interval, found)])
     return markdown(rows)
 
 
 def _cells(measured: Rows) -> str:
+    """Return the scores of unobserved cells and the costs; and which predictors gave NaN."""
     cost = ("parameters", "multiply-adds [M]", "median [ms]", "99 % [ms]")
     rows = [["predictor", *(name.replace("_", " ") for name in CELLS), *cost]]
     for name, row in measured.items():
-        of = row["cost"] or {}
-        macs = of.get("macs")
-        rows.append(
-            [
-                f"`{name}`",
-                *(_number(row[column]) for column in CELLS),
-                _number(of.get("parameters"), ",d"),
-                _number(None if macs is None else macs / 1e6, ",.0f"),
-                _number(of.get("ms_median"), ".1f"),
-                _number(of.get("ms_p99"), ".1f"),
-            ]
-        )
-    lines = markdown(rows)
-    nan = {name: row["nan_cells"] for name, row in measured.items() if row["nan_cells"]}
+        scores = (_number(row[column]) for column in CELLS)
+        rows.append([f"`{name}`", *scores, *_cost(row["cost"] or {}, "ms_p99")])
     told = "".join(
-        f"\n\nmind: {count:,d} cells that `{name}` said were NaN, and count as not known"
-        for name, count in nan.items()
+        f"\n\nmind: {row['nan_cells']:,d} cells that `{name}` said were NaN, and count as not known"
+        for name, row in measured.items()
+        if row["nan_cells"]
     )
-    return lines + told
+    return markdown(rows) + told
 
 
 def _number(value: float | None, form: str = ".3f") -> str:
-    return "–" if value is None else format(value, form)
+    return DASH if value is None else format(value, form)
 
 
 def _interval(value: dict[str, Any] | None) -> str:
-    if value is None or value["low"] is None:
-        return "–" if value is None else _number(value["value"], "+.3f")
-    return interval(value, "+.3f")
+    if value is None:
+        return DASH
+    return _number(value["value"], "+.3f") if value["low"] is None else interval(value, "+.3f")

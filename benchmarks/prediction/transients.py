@@ -53,16 +53,16 @@ class Count:
     walls: int = 0
     kept: int = 0
 
-    def add(self, speaker: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
+    def add(self, answer: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
         """Add one network's answer about one square."""
         given, transient = with_transients(square, seed) if put_in else (square, found(square))
         if not transient.any():
             return
-        image = speaker.answer(given).image
+        image = answer(given).image
         self.transient += int(transient.sum())
         self.filtered += int((image[transient] > 0.75).sum())
         if put_in:
-            self.before += int((speaker.answer(square).image[transient] > 0.75).sum())
+            self.before += int((answer(square).image[transient] > 0.75).sum())
         walls = square.crop.occupied & (square.truth == 1)
         self.walls += int(walls.sum())
         self.kept += int((image[walls] < 0.25).sum())
@@ -118,43 +118,47 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
     """Measure place → expansion → network → shares, and keep them."""
     from tqdm import tqdm
 
+    out: dict[str, Any] = {place: {} for place in evaluation.places}
+    every = {
+        place: [
+            (drive, index)
+            for drive in evaluation.drives
+            if drive.place == place
+            for index in drive.chosen.tolist()
+        ]
+        for place in out
+    }
+    chosen = {
+        place: [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
+        for place, frames in every.items()
+    }
     # Ordered by expansion: the networks of one fit into memory, those of all do not.
     asked = [
         (x, place, one)
-        for x in evaluation.config.expansions
-        for place in evaluation.places
+        for x in evaluation.expansions
+        for place in out
         for one in evaluation.who(x)
         if prints(one)
     ]
-    out: dict[str, Any] = {place: {} for place in evaluation.places}
     for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
-        chosen = _chosen([drive for drive in evaluation.drives if drive.place == place])
-        frames = [(drive.about["sha256"], index) for drive, index in chosen]
-        shares = evaluation.store.once(
-            partial(_shares, one, evaluation.rates[expansion], expansion, chosen),
+        frames = chosen[place]
+        out[place].setdefault(key_of(expansion), {})[one.name] = evaluation.store.once(
+            partial(_shares, one, evaluation.rates[expansion], expansion, frames),
             "transients",
-            frames,
+            [(drive.about["sha256"], index) for drive, index in frames],
             expansion,
             one.identity,
         )
-        out[place].setdefault(key_of(expansion), {})[one.name] = shares
     return out
 
 
 def _shares(
-    one: Contestant, rates: tuple[float, float], expansion: float, chosen: list[tuple[Drive, int]]
+    one: Contestant, rates: tuple[float, float], expansion: float, frames: list[tuple[Drive, int]]
 ) -> dict[str, Any]:
     """Measure the shares of one network on some frames of a place."""
-    count, put_in = Count(), chosen[0][0].place == "simulated"
-    speaker = entrant(one, rates)
-    for seed, (drive, index) in enumerate(chosen):
+    count, put_in = Count(), frames[0][0].place == "simulated"
+    answer = entrant(one, rates)
+    for seed, (drive, index) in enumerate(frames):
         square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
-        count.add(speaker, square, put_in, seed)
+        count.add(answer, square, put_in, seed)
     return count.shares(put_in)
-
-
-def _chosen(drives: list[Drive]) -> list[tuple[Drive, int]]:
-    """Return frames of some drives, spread evenly."""
-    every = [(drive, int(index)) for drive in drives for index in drive.chosen]
-    places = np.unique(np.linspace(0, len(every) - 1, FRAMES).astype(int))
-    return [every[i] for i in places]

@@ -11,6 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from benchmarks.figures.scores import draw_evaluation
 from benchmarks.recording import scored_drive
 from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
 from benchmarks.recording.settings import LEARNED, EvaluateConfig
@@ -24,7 +25,6 @@ from predictor.infra.resumable import Part, ResumableFolder
 from predictor.infra.workers import finished
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
-from predictor.scoring.evaluation_figures import draw
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
 
 
@@ -120,7 +120,7 @@ class Evaluation:
             "drives": facts,
         }
         write_results(self.out / "results.json", "evaluation", without_nan(results))
-        draw(self.out, groups, pictures, self.config.predictors)
+        draw_evaluation(self.out, groups, pictures, self.config.predictors)
         return results
 
     def _read(self, item: tuple[str, int]) -> Part | None:
