@@ -14,6 +14,7 @@ import argparse
 import math
 import os
 import sys
+from itertools import product
 from pathlib import Path
 
 from predictor.infra.command_line import OneLineParser, between, run_command
@@ -23,15 +24,11 @@ from predictor.training.image_arguments import add_arguments, configured
 
 FIRST = (1.1, 1.3, 2.0)
 """Most important expansions."""
-ORDER = tuple(
-    (arch, expansion)
-    for archs, expansions in (
-        (("unet_ff", "resnet_ff", "gan"), FIRST),
-        (("unet_ff", "resnet_ff", "gan"), tuple(x for x in EXPANSIONS if x not in FIRST)),
-        (("mlp",), EXPANSIONS),
-    )
-    for arch in archs
-    for expansion in expansions
+OTHERS = tuple(x for x in EXPANSIONS if x not in FIRST)
+ORDER = (
+    *product(("unet_ff", "resnet_ff", "gan"), FIRST),
+    *product(("unet_ff", "resnet_ff", "gan"), OTHERS),
+    *product(("mlp",), EXPANSIONS),
 )
 """All trainings, the most important first."""
 
@@ -104,15 +101,19 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from predictor.training.parallel_trainings import Data, Run, Study
+    from predictor.training.image_training import frames_of
+    from predictor.training.parallel_trainings import Run, Study
 
     out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
-    data = Data.of(args.data)
+    train, validation = frames_of(args.data)
+    digests = train.digest, validation.digest
     runs = [
-        Run(*configured(args, arch, expansion), data, out / f"{arch}-{expansion:.1f}")
-        for arch, expansion in ORDER
-        if arch in args.archs and expansion in args.expansions
+        Run(*configured(args, arch, x), args.data, digests, out / f"{arch}-{x:.1f}")
+        for arch, x in ORDER
+        if arch in args.archs and x in args.expansions
     ]
+    # Their memory is for the trainings.
+    del train, validation
     study = Study(runs, out)
     study.train(args.jobs or _at_a_time(), args.minutes)
     print(study.table())

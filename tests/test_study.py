@@ -11,7 +11,8 @@ from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraini
 from predictor.networks.image_net import ImageNet
 from predictor.study import ORDER, main
 from predictor.training import parallel_trainings
-from predictor.training.parallel_trainings import Data, Run, Study
+from predictor.training.image_training import frames_of
+from predictor.training.parallel_trainings import Run, Study
 from predictor.weights import save_weights
 
 TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]
@@ -26,7 +27,8 @@ def data(tmp_path_factory):
 
 def run_of(data, out, arch="mlp", expansion=1.1):
     config = ImageConfig(arch, expansion, width=1 / 16, side=64)
-    return Run(config, ImageTraining(epochs=0.2), Data.of(data), out / f"{arch}-{expansion}")
+    digests = tuple(frames.digest for frames in frames_of(data))
+    return Run(config, ImageTraining(epochs=0.2), data, digests, out / f"{arch}-{expansion}")
 
 
 def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
@@ -107,7 +109,7 @@ class Endless(Run):
 @pytest.mark.slow
 def test_when_time_is_up_it_stops_and_goes_on_another_time(data, tmp_path):
     runs = [run_of(data, tmp_path, expansion=expansion) for expansion in (1.1, 1.3)]
-    endless = Endless(runs[0].config, runs[0].training, runs[0].data, runs[0].out)
+    endless = Endless(**vars(runs[0]))
     begun = Study([endless, runs[1]], tmp_path)
     begun.train(jobs=1, minutes=0.02)
     assert [line.split()[1] for line in begun.table().splitlines()] == ["stopped", "waiting"]
@@ -129,7 +131,7 @@ class Dying(Run):
 @pytest.mark.slow
 def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
     one, other = run_of(data, tmp_path), run_of(data, tmp_path, expansion=1.3)
-    dying = Dying(one.config, one.training, one.data, one.out)
+    dying = Dying(**vars(one))
     both = Study([dying, other], tmp_path)
     both.train(jobs=1)
     assert both.failures() == 1

@@ -97,11 +97,9 @@ class ImageTrainer(Trainer):
     def _batch(self, step: int) -> tuple[Tensor, ...]:
         share = self.training.batch // self.group.size
         first = step * self.training.batch + self.group.rank * share
-        chosen = [
-            self._order(at // len(self.train))[at % len(self.train)]
-            for at in range(first, first + share)
-        ]
-        squares = [self.train.square(int(index), self.config.expansion) for index in chosen]
+        places = [divmod(at, len(self.train)) for at in range(first, first + share)]
+        chosen = [int(self._order(epoch)[place]) for epoch, place in places]
+        squares = [self.train.square(index, self.config.expansion) for index in chosen]
         given, wanted = images_of(squares, self.config)
         return torch.from_numpy(given), torch.from_numpy(wanted)
 
@@ -112,16 +110,12 @@ class ImageTrainer(Trainer):
         return rng.permutation(len(self.train))
 
     def _learn(self, *batch: Tensor) -> list[float]:
-        given, wanted = batch
+        given, wanted = (images.to(self.group.device).float() for images in batch)
         key = [self.training.seed, self.step, self.group.rank]
         torch.manual_seed(int(np.random.SeedSequence(key).generate_state(1)[0]))
         self.learner.net.train()
-        device = self.group.device
-        losses = self.learner.learn(
-            given.to(device).float(),
-            wanted.to(device).float(),
-            self.training.rate * min(1.0, 2.0 - 2.0 * self.step / self.steps),
-        )
+        rate = self.training.rate * min(1.0, 2.0 - 2.0 * self.step / self.steps)
+        losses = self.learner.learn(given, wanted, rate)
         means: list[float] = self.group.mean(losses).tolist()
         return means
 

@@ -24,7 +24,7 @@ from predictor.infra.plain_json import loads
 from predictor.infra.workers import follow_parent
 from predictor.networks.image_config import ImageConfig, ImageTraining, described
 from predictor.training.checkpoint import is_trained
-from predictor.training.image_training import frames_of, train_images
+from predictor.training.image_training import train_images
 from predictor.training.trainer import Stopped, summary_of
 
 if TYPE_CHECKING:
@@ -35,42 +35,21 @@ LOOK_EVERY = 2.0
 
 
 @dataclass(frozen=True)
-class Data:
-    """The data set that a study learns from.
-
-    Attributes:
-        folder: folder of the frames.
-        digests: digests of the training frames and of the validation frames.
-    """
-
-    folder: Path
-    digests: tuple[str, str]
-
-    @classmethod
-    def of(cls, folder: Path) -> Data:
-        """Return the data set of a folder.
-
-        Raises:
-            TrainError: if it does not hold frames to train and to validate on.
-        """
-        train, validation = frames_of(folder)
-        return cls(folder, (train.digest, validation.digest))
-
-
-@dataclass(frozen=True)
 class Run:
     """One training of a study.
 
     Attributes:
         config: the network.
         training: how it learns.
-        data: frames that it learns from.
+        data: folder of the frames that it learns from.
+        digests: digests of the training frames and of the validation frames.
         out: folder of this training alone.
     """
 
     config: ImageConfig
     training: ImageTraining
-    data: Data
+    data: Path
+    digests: tuple[str, str]
     out: Path
 
     @property
@@ -84,10 +63,8 @@ class Run:
         Raises:
             TrainError: if the weights are damaged, or were trained in another way.
         """
-        return is_trained(
-            self.out / f"{self.config.arch}.safetensors",
-            described(self.config, self.training, self.data.digests),
-        )
+        facts = described(self.config, self.training, self.digests)
+        return is_trained(self.out / f"{self.config.arch}.safetensors", facts)
 
     def train(self, parent: int) -> None:
         """Train in this process; on failure write one line to failed.txt.
@@ -100,20 +77,17 @@ class Run:
         signal.signal(signal.SIGTERM, lambda *_: stopping.set())
         try:
             with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
-                self._train(stopping)
+                try:
+                    # One thread each: the sums are the same, however many train at a time.
+                    train_images(self.config, self.training, self.data, self.out, 1, stopping)
+                except Stopped:
+                    pass
+                except Exception as error:
+                    traceback.print_exc()
+                    self._failure.write_text(one_line(error).removeprefix("TrainError: "))
         except OSError:
             # On a full disk not even the failure can be written down; the study says what it sees.
             raise SystemExit(1) from None
-
-    def _train(self, stopping: threading.Event) -> None:
-        try:
-            # One thread each: the sums are the same, however many train at a time.
-            train_images(self.config, self.training, self.data.folder, self.out, 1, stopping)
-        except Stopped:
-            pass
-        except Exception as error:
-            traceback.print_exc()
-            self._failure.write_text(one_line(error).removeprefix("TrainError: "))
 
     def start(self) -> SpawnProcess:
         """Start or resume the training in a process of its own."""
@@ -176,22 +150,24 @@ class Study:
         running: dict[Any, tuple[Run, SpawnProcess]] = {}
         done, end = len(self.runs) - len(todo), time.monotonic() + 60 * minutes
         with tqdm(total=len(self.runs), initial=done, unit="network") as bar:
+
+            def enter(run: Run, state: str) -> None:
+                self.state[run] = state
+                bar.write(self.line(run), file=sys.stderr)
+
             try:
                 while (todo or running) and time.monotonic() < end:
                     while todo and len(running) < jobs:
                         run = todo.pop(0)
                         process = run.start()
                         running[process.sentinel] = run, process
-                        self.state[run] = "running"
-                        bar.write(self.line(run), file=sys.stderr)
+                        enter(run, "running")
                     for sentinel in wait(list(running), timeout=LOOK_EVERY):
                         run, process = running.pop(sentinel)
-                        self.state[run] = run.outcome(process)
-                        bar.write(self.line(run), file=sys.stderr)
+                        enter(run, run.outcome(process))
                         bar.update()
-                    bar.set_postfix_str(
-                        " | ".join(f"{run.name} {run.last()}" for run, _ in running.values())
-                    )
+                    lasts = (f"{run.name} {run.last()}" for run, _ in running.values())
+                    bar.set_postfix_str(" | ".join(lasts))
                     self._note()
             finally:
                 for run, process in running.values():
@@ -206,7 +182,7 @@ class Study:
 
     def table(self) -> str:
         """Return the lines of all trainings."""
-        return "\n".join(self.line(run) for run in self.runs)
+        return "\n".join(map(self.line, self.runs))
 
     def failures(self) -> int:
         """Return how many trainings have failed."""
