@@ -47,6 +47,13 @@ def draw_evaluation(
     """
     if not groups:
         return
+
+    def rings(scores: Scores) -> list[dict[str, float]]:
+        return [{"from": EDGES[i], **scores.measures(slice(i, i + 1))} for i in range(RINGS)]
+
+    of_rings = {
+        group: {one: rings(scores[one]) for one in predictors} for group, scores in groups.items()
+    }
     curves = {
         group: {
             f"was {name}": {one: scores[one].reliability(name) for one in predictors}
@@ -54,16 +61,9 @@ def draw_evaluation(
         }
         for group, scores in groups.items()
     }
-    rings = {
-        group: {
-            one: [{"from": EDGES[i], **scores[one].measures(slice(i, i + 1))} for i in range(RINGS)]
-            for one in predictors
-        }
-        for group, scores in groups.items()
-    }
     figures = [
         ("reliability.png", partial(reliability, curves)),
-        ("rings.png", partial(over_distance, rings, OF_RINGS)),
+        ("rings.png", partial(over_distance, of_rings, OF_RINGS)),
     ]
     if pictures:
         figures.append(("sheet.png", partial(_good_and_bad, pictures)))

@@ -16,25 +16,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from benchmarks.figures import palette, scores
 from benchmarks.figures.all_figures import save_figures
-from benchmarks.figures.palette import (
-    INK,
-    bare,
-    draw_image,
-    map_image,
-    new_figure,
-    predictor_colour,
-    scale_bar,
-)
-from benchmarks.figures.scores import (
-    caption,
-    legend,
-    line,
-    over_distance,
-    panels,
-    reliability,
-    sheet,
-)
+from benchmarks.figures.palette import INK
 from benchmarks.figures.video import kind_for, write_video
 from benchmarks.prediction.pictures import GIVEN, NOTHING, TRUE, Row, Sheets, shown
 from benchmarks.prediction.tables import kind_of, names_of, places_of
@@ -74,12 +58,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "physical": {"color": "#D00000", "linestyle": "-"},
 }
 """Line styles of drives on maps by split, as in the paper."""
-OUTLINE: dict[str, Any] = {
-    "fill": False,
-    "edgecolor": "#0072B2",
-    "linewidth": 0.7,
-    "linestyle": (0, (3, 2)),
-}
+OUTLINE: dict[str, Any] = {"fill": False, "edgecolor": "#0072B2", "linestyle": (0, (3, 2))}
 """Line style of the 5 m crop on sheets."""
 MARGIN = 2.0
 """Margin around the known part of a map [m]."""
@@ -123,20 +102,20 @@ def draw(
 
 def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
     """Draw SSIM over the expansion, whole and on unobserved cells, with the paper's values."""
-    figure, axes = panels(places, SIMILAR.values(), "expansion")
+    figure, axes = scores.panels(places, SIMILAR.values(), "expansion")
     for row, (place, entry) in zip(axes.T, places.items(), strict=True):
         for axis, measure in zip(row, SIMILAR, strict=True):
             for name in names_of(entry):
                 points = {
                     float(x): rows[name][measure] for x, rows in entry.items() if name in rows
                 }
-                line(axis, list(points), list(points.values()), name)
+                scores.line(axis, list(points), list(points.values()), name)
         printed = paper[kind_of(place)]
         for name in ("unet_ff", "resnet_ff", "gan"):
             values = [values[name] for values in printed.values()]
-            style = {"color": predictor_colour(name), "linestyle": ":", "linewidth": 1.0}
+            style = {"color": palette.predictor_colour(name), "linestyle": ":", "linewidth": 1.0}
             row[0].plot([*map(float, printed)], values, label=f"the paper's {name}", **style)
-    legend(figure, axes)
+    scores.legend(figure, axes)
     return figure
 
 
@@ -146,14 +125,14 @@ def by_distance(places: dict[str, Any]) -> Figure:
     for place, entry in places.items():
         expansion, rows = list(entry.items())[-1]
         columns[f"{place}, {expansion}×"] = {name: row["rings"] for name, row in rows.items()}
-    return over_distance(columns, MEASURES)
+    return scores.over_distance(columns, MEASURES)
 
 
 def calibration(places: dict[str, Any]) -> Figure:
     """Draw reliability diagrams of free and of occupied."""
     every = next(iter(places.values()))
     expansions = {min(every, key=lambda x: abs(float(x) - wanted)) for wanted in (NEAR, FAR)}
-    return reliability(
+    return scores.reliability(
         {
             place: {
                 f"was {name}, {x}×": {
@@ -180,12 +159,12 @@ def squares(rows: list[Row]) -> tuple[Figure, NDArray[Any]]:
     """Draw squares with the outline of the 5 m crop, the car in the input, and SSIM below."""
     names = dict.fromkeys(name for row in rows for name in row.images)
     columns = [*(name for name in names if name != TRUE), TRUE]
-    figure, axes = sheet([row.images for row in rows], columns)
+    figure, axes = scores.sheet([row.images for row in rows], columns)
     for row, beside in zip(rows, axes, strict=True):
         edge = (len(row.images[GIVEN]) - CROP) / 2
         for axis in beside:
             if axis.images:
-                axis.add_patch(Rectangle((edge, edge), CROP, CROP, **OUTLINE))
+                axis.add_patch(Rectangle((edge, edge), CROP, CROP, linewidth=0.7, **OUTLINE))
         annotate(beside, columns, row)
     return figure, axes
 
@@ -194,7 +173,7 @@ def annotate(axes: NDArray[Any], columns: list[str], row: Row) -> None:
     """Draw the car in the input as an arrow along its heading, and write SSIM below predictions."""
     for axis, column in zip(axes, columns, strict=True):
         if column in row.ssim:
-            caption(axis, f"{row.ssim[column]:.3f}")
+            scores.caption(axis, f"{row.ssim[column]:.3f}")
     n = len(row.images[GIVEN])
     along = 0.08 * n * np.array([math.cos(row.yaw), math.sin(row.yaw)])
     style = {"color": "#D55E00", "width": 0.012 * n, "head_width": 0.06 * n}
@@ -244,25 +223,24 @@ def maps(frames: Frames) -> Figure:
             drives.setdefault(str(about["map"]), []).append(number)
     columns = min(ACROSS, len(drives))
     rows = math.ceil(len(drives) / columns)
-    figure = new_figure(3.6 * columns, 3.4 * rows + 0.3, maps=True)
+    figure = palette.new_figure(3.6 * columns, 3.4 * rows + 0.3, maps=True)
     axes = figure.subplots(rows, columns, squeeze=False)
     for axis in axes.flat[len(drives) :]:
         axis.set_axis_off()
+    drawn: dict[str, Line2D] = {}
     for axis, (name, numbers) in zip(axes.flat, drives.items(), strict=False):
         draw_map(axis, frames.maps[numbers[0]], frames.origins[numbers[0]])
-        for number in numbers:
-            style = STYLES[frames.about[number]["split"]]
-            states = frames.states[frames.trajectory == number]
-            axis.plot(*states[:, :2].T, linewidth=1.6, **style)
-            axis.plot(*states[0, :2], "o", color=style["color"], markersize=4)
         axis.set_title(name, fontsize=9, color=INK)
-        bare(axis)
-        scale_bar(axis, 10.0)
-    splits = dict.fromkeys(about["split"] for about in frames.about if about["split"] in STYLES)
-    if len(splits) > 1:
-        lines = [Line2D([], [], linewidth=1.6, label=split, **STYLES[split]) for split in splits]
-        look: dict[str, Any] = {"frameon": False, "fontsize": 8, "ncols": len(lines)}
-        figure.legend(handles=lines, loc="outside lower center", **look)
+        palette.bare(axis)
+        palette.scale_bar(axis, 10.0)
+        for number in numbers:
+            split = frames.about[number]["split"]
+            x, y = frames.states[frames.trajectory == number, :2].T
+            (drawn[split],) = axis.plot(x, y, linewidth=1.6, **STYLES[split])
+            axis.plot(x[0], y[0], "o", color=STYLES[split]["color"], markersize=4)
+    if len(drawn) > 1:
+        look: dict[str, Any] = {"frameon": False, "fontsize": 8, "ncols": len(drawn)}
+        figure.legend(drawn.values(), drawn, loc="outside lower center", **look)
     return figure
 
 
@@ -274,4 +252,4 @@ def draw_map(axis: Axes, codes: NDArray[np.uint8], origin: NDArray[np.float64]) 
     high = np.minimum(known.max(axis=0) + 1 + pad, codes.shape)
     cells = cells_of(codes[low[0] : high[0], low[1] : high[1]])
     x, y = (origin + RESOLUTION * low[::-1]).tolist()
-    draw_image(axis, map_image(cells), GridFrame(RESOLUTION, (x, y), cells.shape))
+    palette.draw_image(axis, palette.map_image(cells), GridFrame(RESOLUTION, (x, y), cells.shape))

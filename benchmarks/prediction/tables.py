@@ -83,13 +83,19 @@ def tables_of(results: dict[str, Any]) -> str:
         networks = list(dict.fromkeys(name for rows in printed.values() for name in rows))
         parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
         parts.append(f"\n### In short\n\n{_in_short(entry, paper, networks)}")
+        names = names_of(entry)
         for measure, title in IMAGES.items():
-            beside = networks if measure == "ssim" else []
-            parts.append(f"\n### {title}\n\n{_by_expansion(entry, measure, paper, beside)}")
+            table = _by_expansion(entry, names, measure)
+            for name in networks if measure == "ssim" else ():
+                values = map(_cell, _along(paper, name))
+                table.append([f"the paper's {name}, on its own data", *values])
+            parts.append(f"\n### {title}\n\n{markdown(table)}")
         for measure in ("ssim", "ssim_kept", "ssim_unseen"):
-            for other in (*BASELINES, *({"unet_ff"} & set(names_of(entry)))):
+            for other in (*BASELINES, *({"unet_ff"} & set(names))):
+                rest = [name for name in names if name != other]
+                table = _by_expansion(entry, rest, "above", other, measure)
                 title = f"{IMAGES[measure]}: difference to `{other}`"
-                parts.append(f"\n### {title}\n\n{_differences(entry, measure, other)}")
+                parts.append(f"\n### {title}\n\n{markdown(table)}")
         for expansion, rows in entry.items():
             parts.append(f"\n### Cells not seen, {expansion}×\n\n{_cells(rows)}")
     parts += ["\n## Transients\n", _transients(results["transients"])]
@@ -189,7 +195,7 @@ def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
                 row = measured[name]
                 found = [row["above"][other][what] for what in measures for other in BASELINES]
                 ssim = _number(row["ssim"])
-                rows.append([place, expansion, f"`{name}`", ssim, *map(_interval, found)])
+                rows.append([place, expansion, f"`{name}`", ssim, *map(_cell, found)])
     return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
 
 
@@ -235,29 +241,15 @@ def _transients(places: dict[str, Any]) -> str:
     return markdown(rows) if len(rows) > 1 else "No network was asked."
 
 
-def _by_expansion(
-    entry: dict[str, Rows], measure: str, paper: dict[str, Any], networks: list[str]
-) -> str:
-    """Return a measure of each predictor at each expansion, and below the paper's networks."""
+def _by_expansion(entry: dict[str, Rows], names: Iterable[str], *keys: str) -> list[list[str]]:
+    """Return the rows of a table: what stands under the keys at each expansion."""
     rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
-    for name in names_of(entry):
-        rows.append([f"`{name}`", *map(_number, _along(entry, name, measure))])
-        if any(_along(entry, name, "test")):
-            found = _along(entry, name, "test", measure)
-            rows.append([f"`{name}`, the paper's two test drives alone", *map(_number, found)])
-    for name in networks:
-        rows.append([f"the paper's {name}, on its own data", *map(_number, _along(paper, name))])
-    return markdown(rows)
-
-
-def _differences(entry: dict[str, Rows], measure: str, other: str) -> str:
-    """Return the difference of each predictor to another one at each expansion."""
-    rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
-    for name in names_of(entry):
-        if name != other:
-            found = _along(entry, name, "above", other, measure)
-            rows.append([f"`{name}`", *map(_interval, found)])
-    return markdown(rows)
+    for name in names:
+        rows.append([f"`{name}`", *map(_cell, _along(entry, name, *keys))])
+        if len(keys) == 1 and any(_along(entry, name, "test")):
+            found = _along(entry, name, "test", *keys)
+            rows.append([f"`{name}`, the paper's two test drives alone", *map(_cell, found)])
+    return rows
 
 
 def _cells(measured: Rows) -> str:
@@ -279,7 +271,8 @@ def _number(value: float | None, form: str = ".3f") -> str:
     return DASH if value is None else format(value, form)
 
 
-def _interval(value: dict[str, Any] | None) -> str:
-    if value is None:
-        return DASH
+def _cell(value: dict[str, Any] | float | None) -> str:
+    """Return a number, or a difference and its interval if there is one."""
+    if not isinstance(value, dict):
+        return _number(value)
     return _number(value["value"], "+.3f") if value["low"] is None else interval(value, "+.3f")
