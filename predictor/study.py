@@ -16,6 +16,7 @@ import os
 import sys
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import ARCHITECTURES
@@ -41,62 +42,37 @@ def main(argv: list[str] | None = None) -> int:
         "Interrupted, it continues when the same command is given again. OUT/status.txt lists the "
         "state of each training.",
     )
-    add = parser.add_argument
-    add(
-        "--data",
-        type=Path,
-        default=Path("data/simulated"),
-        metavar="DIR",
-        help="folder of frames that predictor.dataset has made (default: %(default)s)",
-    )
-    add(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder of results, with a folder "
-        "for each training: checkpoint, log, curve, weights (default: results/study-PRESET)",
-    )
-    add(
-        "--archs",
-        nargs="+",
-        choices=ARCHITECTURES,
-        default=ARCHITECTURES,
-        metavar="A",
-        help=f"architectures to train, of {', '.join(ARCHITECTURES)} (default: all)",
-    )
-    add(
-        "--expansions",
-        nargs="+",
-        type=float,
-        choices=EXPANSIONS,
-        default=EXPANSIONS,
-        metavar="X",
-        help="width of the predicted square over the 5 m that the network sees, of "
+    told = {
+        "data": "folder of frames that predictor.dataset has made (default: %(default)s)",
+        "out": "folder of results, with a folder for each training: checkpoint, log, curve, "
+        "weights (default: results/study-PRESET)",
+        "archs": f"architectures to train, of {', '.join(ARCHITECTURES)} (default: all)",
+        "expansions": "width of the predicted square over the 5 m that the network sees, of "
         f"{', '.join(map(str, EXPANSIONS))} (default: all)",
-    )
-    add(
-        "--jobs",
-        type=between(1, 10_000),
-        metavar="N",
-        help="number of trainings at a time, with one thread each (default: one for each core; "
+        "jobs": "number of trainings at a time, with one thread each (default: one for each core; "
         "1 with a GPU)",
-    )
-    add(
-        "--minutes",
-        type=between(1e-3, math.inf),
-        default=math.inf,
-        metavar="M",
-        help="stop after this many minutes; the same command continues (default: no limit)",
-    )
+        "minutes": "stop after this many minutes; the same command continues (default: no limit)",
+        "seed": "seed of the first weights and of the frames' order (default: 0)",
+    }
+    archs: dict[str, Any] = {"nargs": "+", "choices": ARCHITECTURES, "default": ARCHITECTURES}
+    expansions: dict[str, Any] = {
+        "nargs": "+",
+        "type": float,
+        "choices": EXPANSIONS,
+        "default": EXPANSIONS,
+    }
+    minutes = between(1e-3, math.inf)
+    add = parser.add_argument
+    add("--data", type=Path, default=Path("data/simulated"), metavar="DIR", help=told["data"])
+    add("--out", type=Path, metavar="DIR", help=told["out"])
+    add("--archs", metavar="A", help=told["archs"], **archs)
+    add("--expansions", metavar="X", help=told["expansions"], **expansions)
+    add("--jobs", type=between(1, 10_000), metavar="N", help=told["jobs"])
+    add("--minutes", type=minutes, default=math.inf, metavar="M", help=told["minutes"])
     add_arguments(parser)
     add("--batch", type=int, metavar="N", help="frames per optimiser step (default: the preset's)")
     add("--rate", type=float, metavar="R", help="learning rate (default: the preset's)")
-    add(
-        "--seed",
-        type=int,
-        metavar="N",
-        help="seed of the first weights and of the frames' order (default: 0)",
-    )
+    add("--seed", type=int, metavar="N", help=told["seed"])
     return run_command("predictor.study", lambda: _run(parser.parse_args(argv)))
 
 

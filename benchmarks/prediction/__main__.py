@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks.image_config import EXPANSIONS
@@ -32,57 +33,30 @@ def main(argv: list[str] | None = None) -> int:
         description=DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add = parser.add_argument
-    add(
-        "--out",
-        type=Path,
-        default=Path("results/prediction"),
-        metavar="DIR",
-        help="folder of results.json, tables.md and the figures (default: %(default)s)",
-    )
-    add(
-        "--data",
-        type=Path,
-        metavar="DIR",
-        help="simulated set made by predictor.dataset, of which the splits test and more are "
+    told = {
+        "out": "folder of results.json, tables.md and the figures (default: %(default)s)",
+        "data": "simulated set made by predictor.dataset, of which the splits test and more are "
         f"scored (default: {SIMULATED}, which may be missing if there are logs)",
-    )
-    add(
-        "--logs",
-        type=Path,
-        nargs="+",
-        metavar="PATH",
-        help="set made by predictor.dataset --log, or logs or folders of logs, from which a set "
-        f"is made in OUT/physical (default: {PHYSICAL}, if it exists)",
-    )
-    add(
-        "--predictors",
-        nargs="+",
-        default=PREDICTORS,
-        metavar="P",
-        help="none, extend, compact, compact-logs, compact-paper, module:Class, "
+        "logs": "set made by predictor.dataset --log, or logs or folders of logs, from which a "
+        f"set is made in OUT/physical (default: {PHYSICAL}, if it exists)",
+        "predictors": "none, extend, compact, compact-logs, compact-paper, module:Class, "
         "FILE.safetensors, a folder of predictor.study, whose networks are compared at the "
         "expansion that they were trained for, or fused:FOLDER/ARCH, which combines them; NAME=P "
-        "renames; figures show the first eight that predict "
-        f"(default: {' '.join(PREDICTORS)})",
-    )
-    add(
-        "--expansions",
-        nargs="+",
-        type=_expansion,
-        default=EXPANSIONS,
-        metavar="X",
-        help="side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00 (default: "
-        f"{' '.join(map(str, EXPANSIONS))})",
-    )
-    add(
-        "--apart",
-        type=between(0.0, 1000),
-        default=0.5,
-        metavar="M",
-        help="distance along the drive from one scored frame to the next [m]; 0: all frames are "
-        "scored (default: %(default)s)",
-    )
+        f"renames; figures show the first eight that predict (default: {' '.join(PREDICTORS)})",
+        "expansions": "side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00 "
+        f"(default: {' '.join(map(str, EXPANSIONS))})",
+        "apart": "distance along the drive from one scored frame to the next [m]; 0: all frames "
+        "are scored (default: %(default)s)",
+    }
+    out, apart = Path("results/prediction"), between(0.0, 1000)
+    expansions: dict[str, Any] = {"nargs": "+", "type": _expansion, "default": EXPANSIONS}
+    add = parser.add_argument
+    add("--out", type=Path, default=out, metavar="DIR", help=told["out"])
+    add("--data", type=Path, metavar="DIR", help=told["data"])
+    add("--logs", type=Path, nargs="+", metavar="PATH", help=told["logs"])
+    add("--predictors", nargs="+", default=PREDICTORS, metavar="P", help=told["predictors"])
+    add("--expansions", metavar="X", help=told["expansions"], **expansions)
+    add("--apart", type=apart, default=0.5, metavar="M", help=told["apart"])
     parser.add_jobs()
     return run_command("benchmarks.prediction", lambda: _run(parser.parse_args(argv)))
 

@@ -119,19 +119,7 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
     from tqdm import tqdm
 
     out: dict[str, Any] = {place: {} for place in evaluation.places}
-    every = {
-        place: [
-            (drive, index)
-            for drive in evaluation.drives
-            if drive.place == place
-            for index in drive.chosen.tolist()
-        ]
-        for place in out
-    }
-    chosen = {
-        place: [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
-        for place, frames in every.items()
-    }
+    chosen = {place: _spread(evaluation, place) for place in out}
     # Ordered by expansion: the networks of one fit into memory, those of all do not.
     asked = [
         (x, place, one)
@@ -162,3 +150,10 @@ def _shares(
         square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
         count.add(answer, square, put_in, seed)
     return count.shares(put_in)
+
+
+def _spread(evaluation: Evaluation, place: str) -> list[tuple[Drive, int]]:
+    """Return frames of a place, spread evenly over its drives."""
+    drives = [drive for drive in evaluation.drives if drive.place == place]
+    frames = [(drive, index) for drive in drives for index in drive.chosen.tolist()]
+    return [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]

@@ -27,7 +27,13 @@ class ImageNet(nn.Module):
     def __init__(self, config: ImageConfig) -> None:
         super().__init__()
         self.config = config
-        self.net = _network(config)
+        # Of a GAN, this is the generator.
+        if config.arch == "mlp":
+            self.net: nn.Module = MLP(config.side, config.width)
+        elif config.arch == "resnet_ff":
+            self.net = ResNet(config.width, config.over)
+        else:
+            self.net = UNet(config.side, config.width, config.over)
         self.chances: Tensor
         """(2, LEVELS), see `grey_map`; `literal` until it is fitted."""
         self.register_buffer("chances", torch.from_numpy(literal()).float())
@@ -41,13 +47,3 @@ class ImageNet(nn.Module):
         """Return images (B, 1, side, side) in [-1, 1] for images of the same shape."""
         out: Tensor = self.net(images)
         return out
-
-
-def _network(config: ImageConfig) -> nn.Module:
-    """Return the network of an architecture, for a GAN its generator."""
-    if config.arch == "mlp":
-        return MLP(config.side, config.width)
-    if config.arch == "resnet_ff":
-        return ResNet(config.width, config.over)
-
-    return UNet(config.side, config.width, config.over)

@@ -84,9 +84,7 @@ class Scores:
             square = (p - true[name]) ** 2
             getattr(self, f"brier_{name}")[:] += np.bincount(at, square, RINGS)
         hidden = 1.0 - believed["free"] - believed["occupied"]
-        of_truth = np.where(
-            true["free"], believed["free"], np.where(true["occupied"], believed["occupied"], hidden)
-        )
+        of_truth = np.select([*true.values()], [*believed.values()], hidden)
         self.nll += np.bincount(at, -np.log(np.maximum(of_truth, SMALLEST)), RINGS)
 
     def __iadd__(self, other: Scores) -> Scores:

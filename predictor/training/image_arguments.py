@@ -16,46 +16,28 @@ NAMES = ("preset", "given", "width", "side", "epochs", "sigma", "bf16")
 def add_arguments(group: argparse._ActionsContainer) -> None:
     """Add the arguments to a parser; one that is not given is None or False."""
     paper, short = PRESETS["paper"], PRESETS["short"]
+    told = {
+        "preset": "size and schedule: that of the paper, or short, for 2 CPU cores; the other "
+        "options change single values (default: paper)",
+        "given": "what the network is given: the 5 m crop alone, or all that was observed inside "
+        "the predicted square (default: crop)",
+        "width": "factor of the number of channels "
+        f"(paper: {paper.width:g}; short: {short.width:g})",
+        "side": f"side of the images [pixels] (paper: {paper.side}; short: {short.side})",
+        "epochs": "number of passes over the frames "
+        f"(paper: {paper.training.epochs:g}; short: {short.training.epochs:g})",
+        "sigma": "standard deviation of the first weights; the paper states 0.2 "
+        f"(default: {paper.training.sigma:g}, as in pix2pix)",
+        "bf16": "compute in bfloat16 where torch's autocast allows it",
+    }
     add = group.add_argument
-    add(
-        "--preset",
-        choices=tuple(PRESETS),
-        help="size and schedule: that of the paper, or short, "
-        "for 2 CPU cores; the other options change single values (default: paper)",
-    )
-    add(
-        "--given",
-        choices=GIVEN,
-        help="what the network is given: the 5 m crop alone, or all that "
-        "was observed inside the predicted square (default: crop)",
-    )
-    add(
-        "--width",
-        type=float,
-        metavar="F",
-        help=f"factor of the number of channels (paper: {paper.width:g}; short: {short.width:g})",
-    )
-    add(
-        "--side",
-        type=int,
-        choices=SIDES,
-        help=f"side of the images [pixels] (paper: {paper.side}; short: {short.side})",
-    )
-    add(
-        "--epochs",
-        type=float,
-        metavar="E",
-        help="number of passes over the frames (paper: "
-        f"{paper.training.epochs:g}; short: {short.training.epochs:g})",
-    )
-    add(
-        "--sigma",
-        type=float,
-        metavar="S",
-        help="standard deviation of the first weights; the "
-        f"paper states 0.2 (default: {paper.training.sigma:g}, as in pix2pix)",
-    )
-    add("--bf16", action="store_true", help="compute in bfloat16 where torch's autocast allows it")
+    add("--preset", choices=tuple(PRESETS), help=told["preset"])
+    add("--given", choices=GIVEN, help=told["given"])
+    add("--width", type=float, metavar="F", help=told["width"])
+    add("--side", type=int, choices=SIDES, help=told["side"])
+    add("--epochs", type=float, metavar="E", help=told["epochs"])
+    add("--sigma", type=float, metavar="S", help=told["sigma"])
+    add("--bf16", action="store_true", help=told["bf16"])
 
 
 def configured(
