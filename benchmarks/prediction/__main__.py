@@ -62,8 +62,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _expansion(text: str) -> float:
-    expansion = float(text)
-    if not (102 <= 100 * expansion <= 200 and abs(50 * expansion - round(50 * expansion)) <= 1e-6):
+    """Return an expansion whose square is an even number of cells wide."""
+    expansion: float = between(1.02, 2.0)(text)
+    if abs(50 * expansion - round(50 * expansion)) > 1e-6:
         raise argparse.ArgumentTypeError(f"{text} is none of 1.02, 1.04, … 2.00")
     return round(expansion, 2)
 
