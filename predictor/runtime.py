@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from importlib.util import find_spec
 from threading import Lock
@@ -57,20 +60,8 @@ def _torch(module: nn.Module) -> Run:
 def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Run:
     import openvino as ov
 
-    # The frontend itself, because `convert_model` takes seconds and sends telemetry.
-    from openvino.frontend import FrontEndManager
-    from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
-
-    examples = tuple(torch.zeros(1, *shape, dtype=torch.int8) for shape in shapes)
-    with warnings.catch_warnings():
-        # Deprecated, but the only form that OpenVINO reads for maps of any size.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        # Checks of shapes are traced with the result that they had for the example.
-        warnings.simplefilter("ignore", torch.jit.TracerWarning)  # type: ignore[attr-defined]
-        traced = torch.jit.trace(module.eval(), examples, check_trace=False)
-    frontend = FrontEndManager().load_by_framework("pytorch")
-    decoder = TorchScriptPythonDecoder(traced, example_input=examples)
-    model = frontend.convert(frontend.load(decoder))
+    with _held_back_interrupt():
+        model = _converted(module, shapes)
     core = ov.Core()
     requests: dict[tuple[tuple[int, ...], ...], Any] = {}
     lock = Lock()
@@ -93,3 +84,38 @@ def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Run:
         return np.asarray(requests[sizes].infer(dict(enumerate(arrays)))[0])
 
     return run
+
+
+def _converted(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Any:
+    """Return a network as a model of OpenVINO."""
+    # The frontend itself, because `convert_model` takes seconds and sends telemetry.
+    from openvino.frontend import FrontEndManager
+    from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
+
+    examples = tuple(torch.zeros(1, *shape, dtype=torch.int8) for shape in shapes)
+    with warnings.catch_warnings():
+        # Deprecated, but the only form that OpenVINO reads for maps of any size.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        # Checks of shapes are traced with the result that they had for the example.
+        warnings.simplefilter("ignore", torch.jit.TracerWarning)  # type: ignore[attr-defined]
+        traced = torch.jit.trace(module.eval(), examples, check_trace=False)
+    frontend = FrontEndManager().load_by_framework("pytorch")
+    decoder = TorchScriptPythonDecoder(traced, example_input=examples)
+    return frontend.convert(frontend.load(decoder))
+
+
+@contextmanager
+def _held_back_interrupt() -> Iterator[None]:
+    """Let Ctrl-C take effect at the end only: OpenVINO would turn it into an error of its own."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield
+        return
+    interrupts: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if interrupts:
+            signal.raise_signal(signal.SIGINT)

@@ -1,5 +1,7 @@
 """The compact network and the predictor that runs it."""
 
+import signal
+
 import numpy as np
 import pytest
 import torch
@@ -16,7 +18,7 @@ from predictor import (
 from predictor.compact import LOGS, PAPER, SHIPPED, Compact, _resampled
 from predictor.networks.compact_net import CompactNet
 from predictor.provenance import fingerprint_of
-from predictor.runtime import RUNTIMES
+from predictor.runtime import RUNTIMES, runner
 from predictor.training.targets import known_of, losses, question, room_of
 
 
@@ -234,3 +236,17 @@ def test_the_input_has_a_channel_for_each_thing_seen():
     known = known_of(codes)
     assert known[0, 0].tolist() == [[1, 0, 0]] * 3
     assert known[0, 1].tolist() == [[0, 1, 0]] * 3
+
+
+def test_an_interrupt_while_openvino_converts_the_network_is_an_interrupt(monkeypatch):
+    pytest.importorskip("openvino")
+    trace = torch.jit.trace
+
+    def interrupted(*args, **options):
+        signal.raise_signal(signal.SIGINT)
+        return trace(*args, **options)
+
+    monkeypatch.setattr(torch.jit, "trace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        runner(torch.nn.Identity(), "openvino", (4, 4))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
