@@ -6,12 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from predictor.infra.command_line import OneLineParser, between, run_command
-
-if TYPE_CHECKING:
-    from benchmarks.runs.saved_run import Run
 
 DESCRIPTION = """\
 Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
@@ -30,11 +26,6 @@ Exit status: 0, or 2 with one line where an argument or a run is bad.
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, and return its exit status: 2 for bad arguments or input."""
     return run_command("benchmarks.plot", lambda: _run(_parser().parse_args(arguments)))
-
-
-def _run(options: argparse.Namespace) -> None:
-    for path in _draw(options):
-        print(path)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -70,36 +61,31 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _draw(options: argparse.Namespace) -> list[Path]:
-    from benchmarks.figures.video import kind_for
+def _run(options: argparse.Namespace) -> None:
+    from benchmarks.figures.video import kind_for, write_video
     from benchmarks.runs.saved_run import Run
 
     runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
     # Only now, so that a bad run need not wait for it.
-    from benchmarks.figures.all_figures import draw_run, draw_together
+    from benchmarks.figures.all_figures import draw_run, save_figures
+    from benchmarks.figures.animation import Animation
+    from benchmarks.figures.speed_profile import speed_profile
 
     kind = kind_for(options.format) if options.animate else ""
     paths: list[Path] = []
     for run in runs:
-        out = run.directory
-        if options.out is not None:
-            out = options.out / run.label if len(runs) > 1 else options.out
+        out = options.out or run.directory
+        if options.out is not None and len(runs) > 1:
+            out = options.out / run.label
         paths += draw_run(run, out, options.episode, options.arm)
         if options.animate:
-            paths.append(_animate(run, out, kind, options))
+            drive = Animation(run, options.episode, options.arm, options.stride)
+            paths.append(out / f"drive-{drive.index}-{drive.arm}.{kind}")
+            write_video(drive.frame, len(drive), drive.rate, paths[-1])
     if len(runs) > 1:
-        paths += draw_together(runs, options.out or runs[0].directory, options.episode)
-    return paths
-
-
-def _animate(run: Run, out: Path, kind: str, options: argparse.Namespace) -> Path:
-    from benchmarks.figures.animation import Animation
-    from benchmarks.figures.video import write_video
-
-    drive = Animation(run, options.episode, options.arm, options.stride)
-    path = out / f"drive-{drive.index}-{drive.arm}.{kind}"
-    write_video(drive.frame, len(drive), drive.rate, path)
-    return path
+        together = ("speed_profiles.png", lambda: speed_profile(runs, options.episode))
+        paths += save_figures([together], options.out or runs[0].directory)
+    print(*paths, sep="\n")
 
 
 if __name__ == "__main__":

@@ -238,7 +238,7 @@ def test_the_last_frame_shows_a_collision(tmp_path):
 
 def test_the_map_of_an_animation_grows_as_cells_are_seen(tmp_path):
     show = Animation(Run.load(write_run(tmp_path / "run")))
-    known = [int((show.seen(tick) != -1).sum()) for tick in range(TICKS)]
+    known = [int((show.seen(tick).cells != -1).sum()) for tick in range(TICKS)]
     assert known[0] < known[-1]
     assert known == sorted(known)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -46,15 +46,6 @@ def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = 
         ("moment.png", lambda: moment(run, episode, arm)),
     ]
     return save_figures(figures, out)
-
-
-def draw_together(runs: Sequence[Run], out: Path, episode: int | None = None) -> list[Path]:
-    """Draw several runs into one speed profile, speed_profiles.png.
-
-    Raises:
-        RunError: if a run lacks the episode, or a trace is broken.
-    """
-    return save_figures([("speed_profiles.png", lambda: speed_profile(runs, episode))], out)
 
 
 def save_figures(figures: Sequence[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:

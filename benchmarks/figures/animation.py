@@ -8,40 +8,48 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize, to_rgb
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from benchmarks.figures.palette import (
+    DASHED,
     INK,
-    LIMIT_COLOURS,
+    LEGEND,
+    MARKS,
     RELIED_COLOUR,
-    SPEED_COLOURS,
     UNKNOWN_COLOUR,
     arm_colour,
     bare,
     body_outline,
     draw_body,
+    draw_image,
     extent,
     limit_colour,
+    limit_patches,
     map_image,
+    outline,
     scale_bar,
+    set_line,
+    speed_line,
 )
 from benchmarks.runs.saved_run import Run
-from predictor.mapping.body import Body
 from predictor.mapping.conventions import TICK
-from predictor.mapping.grid import FREE, GridFrame, paste
+from predictor.mapping.grid import UNKNOWN, Grid, GridFrame
 from sim.car import along_arc
 
 DPI = 100
 SIZE = (8.4, 6.2)
 """Of a frame [inch]."""
+PANELS = (0.02, 0.31, 0.46, 0.623), (0.50, 0.31, 0.48, 0.623)
+"""Left, bottom, width and height of the two maps in a frame."""
 MARGIN = 2.0
 """Shown of the building around the drive [m]."""
 OVERVIEW = 320
 """Largest side of the small map [cells]."""
+MOST = 400
+"""Frames at most, where no stride is given."""
 
 
 def roll_out(
@@ -74,8 +82,7 @@ class Animation:
         run: whose drive.
         index: which episode; by default the first that all arms reached the goal in.
         arm: whose; by default the one that predicts.
-        stride: ticks from frame to frame; by default as many as keep to `most` frames.
-        most: frames at most, where no stride is given.
+        stride: ticks from frame to frame; by default as many as keep to 400 frames.
 
     Raises:
         RunError: if there is no such drive, or its trace is broken.
@@ -87,45 +94,33 @@ class Animation:
         index: int | None = None,
         arm: str | None = None,
         stride: int | None = None,
-        most: int = 400,
     ) -> None:
         self.index = run.showcase if index is None else index
         self.arm = run.pick_arm(self.index, arm)
         self.dt = run.setting("dt", TICK)
-        self._trace = trace = run.trace(self.index, self.arm)
-        self._truth = run.truth(self.index)
+        self.trace = trace = run.trace(self.index, self.arm)
+        self.truth = run.truth(self.index)
         self._first_seen = trace["first_seen"]
-        self._plans = trace["plans"]
-        self._relied = trace.relied
-        self._v_max = run.setting("v_max", 4.0)
-        self._window = run.setting("window", 5.0)
-        total = len(self._plans)
-        self.stride = max(1, math.ceil(total / most)) if stride is None else stride
+        self.plans = trace["plans"]
+        self.v_max = run.setting("v_max", 4.0)
+        self.window = run.setting("window", 5.0)
+        total = len(self.plans)
+        self.stride = max(1, math.ceil(total / MOST)) if stride is None else stride
         # The last tick is always shown: that is where a drive ends well or badly.
         self.ticks = sorted({*range(0, total, self.stride), *range(total - 1, total)})
         episode = run.drives[self.index, self.arm]
         self._outcome = episode.outcome
-        self._goal = episode.goal
+        self.goal = episode.goal
         self._figure = Figure(figsize=SIZE, dpi=DPI)
         self._canvas = FigureCanvasAgg(self._figure)
         self._title = self._figure.text(0.02, 0.965, "", fontsize=11, color=INK, va="center")
         about = "white: seen · orange: relied on unseen · line: plan to a stop"
         self._figure.text(0.98, 0.965, about, fontsize=8, color=INK, va="center", ha="right")
         self._name = f"{self.arm} · episode {self.index} · {episode.world}"
-        self._near = _Near(self._figure.add_axes((0.02, 0.31, 0.46, 0.623)), self)
-        self._far = _Far(self._figure.add_axes((0.50, 0.31, 0.48, 0.623)), self)
-        self._speed = _Speed(self._figure, self)
-        self._crashes = [
-            ax.plot(
-                *trace.states[-1, :2],
-                "X",
-                color="#C00000",
-                markersize=12,
-                markeredgecolor="white",
-                zorder=7,
-            )[0]
-            for ax in self._figure.axes[:2]
-        ]
+        near, far = (self._figure.add_axes(place) for place in PANELS)
+        self._parts = (_Near(near, self), _Far(far, self), _Speed(self._figure, self))
+        crash = MARKS["collision"] | {"markersize": 12}
+        self._crashes = [ax.plot(*trace.states[-1, :2], **crash)[0] for ax in (near, far)]
 
     def __len__(self) -> int:
         return len(self.ticks)
@@ -138,21 +133,21 @@ class Animation:
     def frame(self, number: int) -> NDArray[np.uint8]:
         """Return one frame, (height, width, 3)."""
         tick = self.ticks[number]
-        state = self._trace.states[tick]
+        speed = self.trace.states[tick, 3]
         is_last = number == len(self) - 1
         end = f" · {self._outcome.replace('_', ' ')}" if is_last else ""
-        self._title.set_text(f"{self._name} · {tick * self.dt:5.1f} s · {state[3]:4.2f} m/s{end}")
+        self._title.set_text(f"{self._name} · {tick * self.dt:5.1f} s · {speed:4.2f} m/s{end}")
         for crash in self._crashes:
             crash.set_visible(is_last and self._outcome == "collided")
-        for part in (self._near, self._far, self._speed):
+        for part in self._parts:
             part.update(tick)
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
-    def seen(self, tick: int) -> NDArray[np.int8]:
+    def seen(self, tick: int) -> Grid:
         """Return the true map where it has been seen by a tick, unknown elsewhere."""
         seen = (self._first_seen > 0) & (self._first_seen <= tick + 1)
-        return np.where(seen, self._truth.cells, np.int8(-1))
+        return Grid(self.truth.frame, np.where(seen, self.truth.cells, np.int8(UNKNOWN)))
 
 
 class _Near:
@@ -160,54 +155,40 @@ class _Near:
 
     def __init__(self, ax: Axes, show: Animation) -> None:
         self._ax, self._show = ax, show
-        self._side = 12.0 if show._window <= 10 else 18.0
-        truth = show._truth
+        self._relied = show.trace.relied
+        self._side = 12.0 if show.window <= 10 else 18.0
         ax.set_facecolor(UNKNOWN_COLOUR)
-        self._image = ax.imshow(np.zeros((1, 1, 3)), origin="lower", interpolation="nearest")
-        x, y = truth.frame.centres()
-        ax.contour(
-            x, y, (truth.cells == FREE).astype(float), [0.5], colors=["#AAAAAA"], linewidths=0.8
-        )
-        self._square = Rectangle(
-            (0, 0), 1, 1, fill=False, edgecolor=INK, linewidth=1.0, linestyle=(0, (4, 2))
-        )
+        self._image = ax.imshow(np.zeros((1, 1, 3)))
+        outline(ax, show.truth, "#AAAAAA", 0.8)
+        self._square = Rectangle((0, 0), 1, 1, fill=False, edgecolor=INK, linestyle=DASHED)
         ax.add_patch(self._square)
-        self._driven = _coloured(ax, show._v_max, 2.0)
+        self._driven = speed_line(ax, show.v_max, 2.0)
         self._rim = ax.plot([], [], color="white", linewidth=5.0, zorder=4)[0]
-        self._plan = _coloured(ax, show._v_max, 3.0)
-        self._body = draw_body(ax, np.zeros(3), Body(), arm_colour(show.arm))
-        ax.plot(*show._goal, "*", color="#009E73", markersize=14, markeredgecolor="white", zorder=5)
+        self._plan = speed_line(ax, show.v_max, 3.0)
+        self._body = draw_body(ax, np.zeros(3), show.arm)
+        ax.plot(*show.goal, **MARKS["goal"] | {"markersize": 14, "zorder": 5})
         bare(ax)
-        half = self._side / 2
-        ax.set_xlim(-half, half)
-        ax.set_ylim(-half, half)
 
     def update(self, tick: int) -> None:
         show = self._show
-        truth, states = show._truth, show._trace.states
+        frame, states = show.truth.frame, show.trace.states
         x, y = float(states[tick, 0]), float(states[tick, 1])
-        part = truth.frame.square(x, y, self._side + 0.2)
-        image = map_image(paste(truth.frame, show.seen(tick), part, np.int8(-1)))
-        self._mark_relied(image, part, tick)
+        part = frame.square(x, y, self._side + 0.2)
+        image = map_image(show.seen(tick).crop(part).cells)
+        cells = self._relied[tick].astype(int) - frame.offset(part)
+        inside = ((cells >= 0) & (cells < part.shape)).all(axis=1)
+        image[tuple(cells[inside].T)] = to_rgb(RELIED_COLOUR)
         self._image.set_data(image)
         self._image.set_extent(extent(part))
-        self._ax.set_xlim(x - self._side / 2, x + self._side / 2)
-        self._ax.set_ylim(y - self._side / 2, y + self._side / 2)
-        left, right, bottom, top = extent(truth.frame.square(x, y, show._window))
-        self._square.set_bounds(left, bottom, right - left, top - bottom)
-        _set_line(self._driven, states[: tick + 1])
-        plan = roll_out(states[tick], show._plans[tick], show.dt, show._trace.gears[tick])
+        half = self._side / 2
+        self._ax.axis((x - half, x + half, y - half, y + half))
+        square = frame.square(x, y, show.window)
+        self._square.set_bounds(*square.origin, *square.size)
+        set_line(self._driven, states[: tick + 1, :2], states[: tick + 1, 3])
+        plan = roll_out(states[tick], show.plans[tick], show.dt, show.trace.gears[tick])
         self._rim.set_data(plan[:, 0], plan[:, 1])
-        _set_line(self._plan, plan)
-        self._body.set_xy(body_outline(states[tick, :3], Body()))
-
-    def _mark_relied(self, image: NDArray[np.float64], part: GridFrame, tick: int) -> None:
-        show = self._show
-        cells = show._relied[tick].astype(int)
-        row, col = show._truth.frame.offset(part)
-        cells = cells - np.array([row, col])
-        inside = ((cells >= 0) & (cells < np.array(part.shape))).all(axis=1)
-        image[tuple(cells[inside].T)] = to_rgb(RELIED_COLOUR)
+        set_line(self._plan, plan[:, :2], plan[:, 3])
+        self._body.set_xy(body_outline(states[tick]))
 
 
 class _Far:
@@ -215,119 +196,68 @@ class _Far:
 
     def __init__(self, ax: Axes, show: Animation) -> None:
         self._show = show
-        states, frame = show._trace.states, show._truth.frame
-        points = np.vstack([states[:, :2], [show._goal]])
+        states, frame = show.trace.states, show.truth.frame
+        points = np.vstack([states[:, :2], [show.goal]])
         low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
         # As wide as the axes are, so that the picture fills them.
         width, height = high - low
-        ratio = 0.48 * SIZE[0] / (0.623 * SIZE[1])
+        ratio = PANELS[1][2] * SIZE[0] / (PANELS[1][3] * SIZE[1])
         grow = np.array([max(0.0, height * ratio - width), max(0.0, width / ratio - height)]) / 2
         low, high = low - grow, high + grow
         (row, col), (row_end, col_end) = frame.cell(*low), frame.cell(*high)
         origin = frame.origin[0] + col * frame.resolution, frame.origin[1] + row * frame.resolution
         self._part = GridFrame(frame.resolution, origin, (row_end - row, col_end - col))
         ax.set_facecolor(UNKNOWN_COLOUR)
-        factor = math.ceil(max(self._part.shape) / OVERVIEW)
-        shown = [math.ceil(n / factor) * factor * frame.resolution for n in self._part.shape]
-        self._image = ax.imshow(
-            np.zeros((1, 1, 3)),
-            origin="lower",
-            interpolation="nearest",
-            extent=(origin[0], origin[0] + shown[1], origin[1], origin[1] + shown[0]),
-        )
-        x, y = frame.centres()
-        ax.contour(
-            x,
-            y,
-            (show._truth.cells == FREE).astype(float),
-            [0.5],
-            colors=["#AAAAAA"],
-            linewidths=0.6,
-        )
-        self._driven = _coloured(ax, show._v_max, 2.5)
-        colour = arm_colour(show.arm)
-        self._car = ax.plot(
-            [], [], "o", color=colour, markersize=8, markeredgecolor="white", zorder=6
-        )[0]
-        ax.plot(*show._goal, "*", color="#009E73", markersize=12, markeredgecolor="white", zorder=5)
+        self._image = draw_image(ax, self._seen(0), self._part)
+        outline(ax, show.truth, "#AAAAAA", 0.6)
+        self._driven = speed_line(ax, show.v_max, 2.5)
+        car: dict[str, Any] = {"markersize": 8, "markeredgecolor": "white", "zorder": 6}
+        self._car = ax.plot([], [], "o", color=arm_colour(show.arm), **car)[0]
+        ax.plot(*show.goal, **MARKS["goal"] | {"markersize": 12, "zorder": 5})
         bare(ax)
-        ax.set_xlim(low[0], high[0])
-        ax.set_ylim(low[1], high[1])
-        scale_bar(ax, 10.0 if high[0] - low[0] > 25 else 5.0)
+        ax.axis((low[0], high[0], low[1], high[1]))
+        scale_bar(ax)
+
+    def _seen(self, tick: int) -> NDArray[np.float64]:
+        return map_image(self._show.seen(tick).crop(self._part).cells, OVERVIEW)
 
     def update(self, tick: int) -> None:
-        states, truth = self._show._trace.states, self._show._truth
-        cells = paste(truth.frame, self._show.seen(tick), self._part, np.int8(-1))
-        self._image.set_data(map_image(cells, OVERVIEW))
-        _set_line(self._driven, states[: tick + 1])
-        self._car.set_data(states[tick : tick + 1, 0], states[tick : tick + 1, 1])
+        states = self._show.trace.states[: tick + 1]
+        self._image.set_data(self._seen(tick))
+        set_line(self._driven, states[:, :2], states[:, 3])
+        self._car.set_data(states[-1:, 0], states[-1:, 1])
 
 
 class _Speed:
     """Speed over time, negative in reverse, and the strip of what limited it."""
 
     def __init__(self, figure: Figure, show: Animation) -> None:
-        limits = show._trace.limits
-        self._time = np.arange(len(show._trace.states)) * show.dt
-        self._speed = show._trace.states[:, 3]
+        limits = show.trace.limits
+        self._time = np.arange(len(show.trace.states)) * show.dt
+        self._speed = show.trace.states[:, 3]
         self._colours = np.array([to_rgb(limit_colour(limit)) for limit in limits])[None]
         end = float(self._time[-1])
         ax = figure.add_axes((0.075, 0.165, 0.905, 0.125))
         ax.plot(self._time, self._speed, color="#DDDDDD", linewidth=1.2)
         self._line = ax.plot([], [], color=arm_colour(show.arm), linewidth=1.8)[0]
         ax.set_xlim(0, end)
-        ax.set_ylim(min(0.0, 1.2 * float(self._speed.min())), 1.05 * show._v_max)
+        ax.set_ylim(min(0.0, 1.2 * float(self._speed.min())), 1.05 * show.v_max)
         ax.set_ylabel("speed [m/s]", fontsize=8)
         ax.tick_params(labelsize=8, labelbottom=False, length=2)
         strip = figure.add_axes((0.075, 0.115, 0.905, 0.035))
-        self._strip = strip.imshow(
-            np.ones_like(self._colours),
-            aspect="auto",
-            interpolation="nearest",
-            extent=(0, end, 0, 1),
-        )
+        white = np.ones_like(self._colours)
+        self._strip = strip.imshow(white, aspect="auto", extent=(0, end, 0, 1))
         strip.set_yticks([])
         strip.tick_params(labelsize=8, length=2)
         strip.set_xlabel("time [s]", fontsize=8, labelpad=1)
         for axes in (ax, strip):
-            for side in ("top", "right"):
-                axes.spines[side].set_visible(False)
-        patches = [
-            Patch(facecolor=limit_colour(name), label=name)
-            for name in LIMIT_COLOURS
-            if name in limits
-        ]
+            axes.spines[["top", "right"]].set_visible(False)
+        patches, place = limit_patches(limits), (0.99, -0.01)
         figure.legend(
-            handles=patches,
-            loc="lower right",
-            ncols=len(patches),
-            frameon=False,
-            fontsize=8,
-            handlelength=1.2,
-            columnspacing=1.0,
-            bbox_to_anchor=(0.99, -0.01),
+            handles=patches, loc="lower right", ncols=len(patches), bbox_to_anchor=place, **LEGEND
         )
 
     def update(self, tick: int) -> None:
         self._line.set_data(self._time[: tick + 1], self._speed[: tick + 1])
-        colours = np.ones_like(self._colours)
-        colours[:, : tick + 1] = self._colours[:, : tick + 1]
-        self._strip.set_data(colours)
-
-
-def _coloured(ax: Axes, v_max: float, width: float) -> LineCollection:
-    line = LineCollection(
-        [],
-        cmap=SPEED_COLOURS,
-        norm=Normalize(0, v_max),
-        linewidths=width,
-        capstyle="round",
-        zorder=5,
-    )
-    ax.add_collection(line)
-    return line
-
-
-def _set_line(line: LineCollection, states: NDArray[np.float64]) -> None:
-    line.set_segments(list(np.stack([states[:-1, :2], states[1:, :2]], axis=1)))
-    line.set_array(np.abs(states[:-1, 3] + states[1:, 3]) / 2)
+        driven = np.arange(self._colours.shape[1])[:, None] <= tick
+        self._strip.set_data(np.where(driven, self._colours, 1.0))

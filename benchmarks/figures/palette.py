@@ -1,22 +1,32 @@
-"""What all figures share: colours, maps as images, lines coloured by speed."""
+"""What all figures share: styles, maps as images, lines coloured by speed."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, Literal
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.image import AxesImage
+from matplotlib.patches import Patch, Polygon
+from matplotlib.text import Annotation
 from numpy.typing import NDArray
+from skimage.measure import block_reduce
 
 from predictor.mapping.body import Body
-from predictor.mapping.grid import FREE, OCCUPIED, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+
+# Rows of maps run upwards, cells stay sharp, and legends have no frame.
+matplotlib.rcParams.update(
+    {"image.origin": "lower", "image.interpolation": "nearest", "legend.frameon": False}
+)
 
 ARM_COLOURS = {
     "known": "#0072B2",
@@ -63,6 +73,9 @@ RELIED_COLOUR = "#FDBE85"
 """Not seen, but relied upon."""
 INK = "#333333"
 """Text and thin lines."""
+CRASH_COLOUR = "#C00000"
+RIM: dict[str, Any] = {"edgecolor": "#888888", "linewidth": 0.5}
+"""Of a legend's entry for a pale area."""
 
 SPEED_COLOURS = LinearSegmentedColormap.from_list(
     "speed", ["#0D0887", "#7E03A8", "#CC4778", "#F0823F", "#F2A52B"]
@@ -71,19 +84,39 @@ SPEED_COLOURS = LinearSegmentedColormap.from_list(
 
 OUTCOME_MARKS = {"reached": "o", "collided": "X", "timed_out": "s", "stuck": "D"}
 """At the end of a drive."""
+MARKS: dict[str, dict[str, Any]] = {
+    name: {
+        "marker": marker,
+        "color": colour,
+        "markersize": size,
+        "markeredgecolor": "white",
+        "linestyle": "none",
+        "zorder": 7,
+    }
+    for name, marker, colour, size in (
+        ("start", "o", "#0072B2", 7),
+        ("goal", "*", "#009E73", 13),
+        ("change of gear", "D", INK, 5),
+        ("collision", "X", CRASH_COLOUR, 11),
+        ("stuck or timed out", "s", INK, 7),
+    )
+}
+"""On a map, by name in the legend."""
+DASHED = (0, (4, 2))
+LEGEND: dict[str, Any] = {"fontsize": 8, "handlelength": 1.2, "columnspacing": 1.0}
+"""Small legends."""
 
 
-def new_figure(width: float, height: float, maps: bool = False, dpi: int = 150) -> Figure:
+def new_figure(width: float, height: float, maps: bool = False) -> Figure:
     """Return an empty figure that needs no window system.
 
     Args:
         width: [inch].
         height: [inch].
         maps: whether its panels keep their aspect, and shall stand close together.
-        dpi: dots per inch.
     """
     layout: Literal["compressed", "constrained"] = "compressed" if maps else "constrained"
-    return Figure(figsize=(width, height), dpi=dpi, layout=layout)
+    return Figure(figsize=(width, height), dpi=150, layout=layout)
 
 
 def arm_colour(arm: str) -> str:
@@ -94,14 +127,40 @@ def arm_colour(arm: str) -> str:
 @cache
 def predictor_colour(name: str) -> str:
     """Return the colour of a predictor, the same in every figure of a run."""
-    if name in PREDICTOR_COLOURS:
-        return PREDICTOR_COLOURS[name]
-    return next(_TURNS)
+    return PREDICTOR_COLOURS[name] if name in PREDICTOR_COLOURS else next(_TURNS)
 
 
 def limit_colour(limit: str) -> str:
     """Return the colour of what limited the speed."""
     return LIMIT_COLOURS.get(limit, "#FFFFFF")
+
+
+def limit_patches(limits: Iterable[str], **style: Any) -> list[Patch]:
+    """Return the legend's entries for those limits of the speed that occur."""
+    used = set(limits)
+    order = [limit for limit in LIMIT_COLOURS if limit in used] + sorted(used - set(LIMIT_COLOURS))
+    return [Patch(facecolor=limit_colour(limit), label=limit, **style) for limit in order]
+
+
+def swatch(colour: str, label: str) -> Patch:
+    """Return a legend's entry for an area."""
+    return Patch(facecolor=colour, label=label, **RIM)
+
+
+def note(
+    ax: Axes, text: str, at: tuple[float, float], shift: Any = (0, 0), **style: Any
+) -> Annotation:
+    """Write a text at a point, shifted by some points to the right and up.
+
+    Args:
+        ax: where.
+        text: what.
+        at: x, y of the point, by default in data coordinates.
+        shift: x, y [pt].
+        style: further arguments of `Axes.annotate`.
+    """
+    defaults: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "color": INK}
+    return ax.annotate(text, at, shift, **defaults | style)
 
 
 def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float64]:
@@ -121,13 +180,7 @@ def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float6
 
 def shrink(cells: NDArray[np.int8], factor: int) -> NDArray[np.int8]:
     """Return a coarser map: blocks of cells take their largest value, so walls remain."""
-    if factor <= 1:
-        return cells
-    rows, cols = (math.ceil(n / factor) for n in cells.shape)
-    padded = np.full((rows * factor, cols * factor), -1, dtype=cells.dtype)
-    padded[: cells.shape[0], : cells.shape[1]] = cells
-    blocks = padded.reshape(rows, factor, cols, factor)
-    return np.asarray(blocks.max(axis=(1, 3)))
+    return np.asarray(block_reduce(cells, factor, np.max, cval=UNKNOWN))
 
 
 def extent(frame: GridFrame) -> tuple[float, float, float, float]:
@@ -136,77 +189,87 @@ def extent(frame: GridFrame) -> tuple[float, float, float, float]:
     return x, x + width, y, y + height
 
 
-def draw_image(ax: Axes, image: NDArray[Any], frame: GridFrame) -> None:
+def draw_image(ax: Axes, image: NDArray[Any], frame: GridFrame) -> AxesImage:
     """Lay an image of a frame's cells into metric axes; it may be coarser than the frame."""
-    left, right, bottom, top = extent(frame)
-    factor = math.ceil(frame.shape[0] / image.shape[0])
-    right = left + image.shape[1] * factor * frame.resolution
-    top = bottom + image.shape[0] * factor * frame.resolution
-    ax.imshow(image, origin="lower", extent=(left, right, bottom, top), interpolation="nearest")
+    left, _, bottom, _ = extent(frame)
+    step = math.ceil(frame.shape[0] / image.shape[0]) * frame.resolution
+    height, width = image.shape[0] * step, image.shape[1] * step
+    return ax.imshow(image, extent=(left, left + width, bottom, bottom + height))
 
 
-def speed_line(
-    ax: Axes, points: NDArray[Any], speed: NDArray[Any], v_max: float, width: float = 2.0
-) -> LineCollection:
-    """Draw a line through points (n, 2), each segment coloured by its mean speed."""
-    # A white rim sets the line off from whatever lies beneath.
-    ax.plot(*points.T, color="white", linewidth=width + 1.5, solid_capstyle="round", zorder=4)
-    segments = np.stack([points[:-1], points[1:]], axis=1)
+def outline(ax: Axes, truth: Grid, colour: str, width: float, zorder: float = 2) -> None:
+    """Draw the outline of a map's free space."""
+    free = truth.free.astype(float)
+    ax.contour(
+        *truth.frame.centres(), free, [0.5], colors=[colour], linewidths=width, zorder=zorder
+    )
+
+
+def speed_line(ax: Axes, v_max: float, width: float) -> LineCollection:
+    """Return an empty line, which `set_line` colours by speed, up to `v_max` [m/s]."""
     line = LineCollection(
-        list(segments),
+        [],
         cmap=SPEED_COLOURS,
         norm=Normalize(0, v_max),
         linewidths=width,
         zorder=5,
         capstyle="round",
     )
-    line.set_array(np.abs(speed[:-1] + speed[1:]) / 2)
     ax.add_collection(line)
     return line
 
 
-def body_outline(pose: NDArray[Any], body: Body) -> NDArray[np.float64]:
-    """Return the corners of the body at x, y, yaw, (4, 2) [m]."""
-    corner = np.array([body.half_length, body.half_width])
+def set_line(line: LineCollection, points: NDArray[Any], speed: NDArray[Any]) -> None:
+    """Lead a line through points (n, 2), each segment coloured by its mean speed."""
+    line.set_segments(list(np.stack([points[:-1], points[1:]], axis=1)))
+    line.set_array(np.abs(speed[:-1] + speed[1:]) / 2)
+
+
+def draw_speed(
+    ax: Axes, points: NDArray[Any], speed: NDArray[Any], v_max: float, width: float
+) -> LineCollection:
+    """Draw a line through points (n, 2), coloured by speed."""
+    # A white rim sets the line off from whatever lies beneath.
+    ax.plot(*points.T, color="white", linewidth=width + 1.5, solid_capstyle="round", zorder=4)
+    line = speed_line(ax, v_max, width)
+    set_line(line, points, speed)
+    return line
+
+
+def body_outline(pose: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the corners of the car's body at x, y, yaw, (4, 2) [m]."""
+    corner = np.array([Body().half_length, Body().half_width])
     local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * corner
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return np.asarray(local @ np.array([[cos, sin], [-sin, cos]]) + pose[:2], dtype=np.float64)
 
 
-def draw_body(ax: Axes, pose: NDArray[Any], body: Body, colour: str) -> Polygon:
-    """Draw the car, and return its shape."""
-    patch = Polygon(
-        body_outline(pose, body), facecolor=colour, edgecolor="white", linewidth=0.8, zorder=6
-    )
+def draw_body(ax: Axes, pose: NDArray[Any], arm: str) -> Polygon:
+    """Draw the car in an arm's colour, and return its shape."""
+    style: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.8, "zorder": 6}
+    patch = Polygon(body_outline(pose), facecolor=arm_colour(arm), **style)
     ax.add_patch(patch)
     return patch
 
 
-def scale_bar(ax: Axes, length: float) -> None:
-    """Draw a bar of a length [m] in the lower left corner, in place of axes' numbers."""
+def scale_bar(ax: Axes, length: float | None = None) -> None:
+    """Draw a bar in the lower left corner, in place of axes' numbers.
+
+    Args:
+        ax: whose limits are set.
+        length: of the bar [m]; by default 5 m, and 10 m where more than 25 m are shown.
+    """
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    length = length or (10.0 if right - left > 25 else 5.0)
     x, y = left + 0.04 * (right - left), bottom + 0.05 * (top - bottom)
-    ax.plot([x, x + length], [y, y], color="white", linewidth=5, solid_capstyle="butt", zorder=8)
-    ax.plot([x, x + length], [y, y], color=INK, linewidth=2.5, solid_capstyle="butt", zorder=9)
+    for colour, width, zorder in (("white", 5, 8), (INK, 2.5, 9)):
+        style: dict[str, Any] = {"solid_capstyle": "butt", "zorder": zorder}
+        ax.plot([x, x + length], [y, y], color=colour, linewidth=width, **style)
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
-    ax.annotate(
-        f"{length:g} m",
-        (x + length / 2, y),
-        (0, 5),
-        textcoords="offset points",
-        ha="center",
-        fontsize=8,
-        color=INK,
-        zorder=9,
-        bbox=box,
-    )
+    note(ax, f"{length:g} m", (x + length / 2, y), (0, 5), ha="center", zorder=9, bbox=box)
 
 
 def bare(ax: Axes) -> None:
     """Strip a map's axes: no numbers, a thin frame, the same scale along x and y."""
-    ax.set_aspect("equal")
-    ax.set_xticks([])
-    ax.set_yticks([])
-    for spine in ax.spines.values():
-        spine.set_color("#AAAAAA")
-        spine.set_linewidth(0.8)
+    ax.set(aspect="equal", xticks=[], yticks=[])
+    ax.spines[:].set(color="#AAAAAA", linewidth=0.8)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,9 @@ from tqdm import tqdm
 
 from predictor.infra.errors import LineError
 
-Frames = Callable[[int], NDArray[np.uint8]]
-"""Frame number → its picture, (height, width, 3)."""
-
+Picture = NDArray[np.uint8]
+"""(height, width, 3)."""
+Pictures = Iterator[Picture]
 LAST = 2000
 """How long a GIF rests on its last frame [ms]."""
 
@@ -41,11 +42,11 @@ def kind_for(wanted: str) -> str:
     return wanted
 
 
-def write_video(frames: Frames, count: int, rate: float, path: Path) -> None:
+def write_video(frames: Callable[[int], Picture], count: int, rate: float, path: Path) -> None:
     """Write frames whole or not at all, with a progress bar.
 
     Args:
-        frames: draws one.
+        frames: draws the one of a number.
         count: how many there are.
         rate: frames a second.
         path: its suffix, .gif or .mp4, says what is written.
@@ -56,81 +57,45 @@ def write_video(frames: Frames, count: int, rate: float, path: Path) -> None:
     if count == 0:
         raise VideoError(f"{path.name}: the drive has no ticks to show")
     part = path.with_name(f".{os.getpid()}.{path.name}")
+    pictures = (frames(i) for i in tqdm(range(count), desc=path.name, unit="frame"))
     try:
-        with tqdm(total=count, desc=path.name, unit="frame") as bar:
-            if path.suffix == ".mp4":
-                _write_mp4(_counted(frames, count, bar), rate, part)
-            else:
-                _write_gif(frames, count, rate, part, bar)
+        if path.suffix == ".mp4":
+            _write_mp4(pictures, rate, part)
+        else:
+            samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
+            _write_gif(pictures, samples, [round(1000 / rate)] * (count - 1) + [LAST], part)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
 
 
-def _counted(frames: Frames, count: int, bar: tqdm[Any]) -> Iterator[NDArray[np.uint8]]:
-    for number in range(count):
-        yield frames(number)
-        bar.update()
-
-
-def _write_gif(frames: Frames, count: int, rate: float, path: Path, bar: tqdm[Any]) -> None:
+def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: Path) -> None:
     # One palette for all frames: only what moves must then be stored anew.
-    samples = np.vstack([frames(number) for number in sorted({0, count // 2, count - 1})])
     palette = Image.fromarray(samples).quantize(255, dither=Image.Dither.NONE)
     pictures = (
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in _counted(frames, count, bar)
+        for frame in frames
     )
-    durations = [round(1000 / rate)] * (count - 1) + [LAST]
-    next(pictures).save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=pictures,
-        duration=durations,
-        loop=0,
-        optimize=False,
-    )
+    first, shown = next(pictures), {"duration": durations, "loop": 0, "optimize": False}
+    first.save(path, format="GIF", save_all=True, append_images=pictures, **shown)
 
 
-def _write_mp4(frames: Iterator[NDArray[np.uint8]], rate: float, path: Path) -> None:
+def _write_mp4(frames: Pictures, rate: float, path: Path) -> None:
     first = next(frames)
     # Its coding of colours wants even sides.
     height, width = (side - side % 2 for side in first.shape[:2])
-    command = [
-        "ffmpeg",
-        "-y",
-        "-loglevel",
-        "error",
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-s",
-        f"{width}x{height}",
-        "-r",
-        f"{rate:g}",
-        "-i",
-        "-",
-        "-pix_fmt",
-        "yuv420p",
-        "-movflags",
-        "+faststart",
-        "-f",
-        "mp4",
-        str(path),
-    ]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+    command = (
+        f"ffmpeg -y -loglevel error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} "
+        "-i - -pix_fmt yuv420p -movflags +faststart -f mp4"
+    )
+    process = subprocess.Popen(
+        [*command.split(), str(path)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+    )
     assert process.stdin is not None
-    assert process.stderr is not None
-    try:
-        process.stdin.write(first[:height, :width].tobytes())
-        for frame in frames:
+    # Where ffmpeg gives up, its own message follows.
+    with contextlib.suppress(BrokenPipeError):
+        for frame in itertools.chain([first], frames):
             process.stdin.write(frame[:height, :width].tobytes())
-        process.stdin.close()
-    except BrokenPipeError:
-        # ffmpeg gave up; its own message follows.
-        pass
-    message = process.stderr.read().decode(errors="replace").strip()
-    if process.wait() != 0:
+    message = process.communicate()[1].decode(errors="replace").strip()
+    if process.returncode != 0:
         raise VideoError(f"ffmpeg failed: {(message or 'no reason given').splitlines()[-1]}")
