@@ -51,7 +51,7 @@ def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Mea
         report: told what is being measured.
     """
     from benchmarks.timing import growth, rates, throughput
-    from benchmarks.timing.measurements import Measurement
+    from benchmarks.timing.measurements import Measurement, installed
     from benchmarks.timing.timing import closed_loop, spread
 
     def arm(name: str) -> dict[str, dict[str, float]]:
@@ -60,43 +60,33 @@ def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Mea
             stage: {**spread(taken), "threads": THREADS} for stage, taken in times.items() if taken
         }
 
-    seed = {"seed": args.seed}
-    found = [
-        Measurement(f"arms/{name}", {"drives": args.drives, **seed}, partial(arm, name))
-        for name in ARMS
-    ]
+    found: list[Measurement] = []
+
+    def add(name: str, measure: Callable[[], Any], **settings: Any) -> None:
+        found.append(Measurement(name, settings, measure))
+
+    seed = args.seed
+    for name in ARMS:
+        add(f"arms/{name}", partial(arm, name), drives=args.drives, seed=seed)
     for name in ("rays", "mapping", "distance", "risk"):
-        found.append(
-            Measurement(f"measures/{name}", seed, partial(getattr(rates, name), args.seed))
-        )
+        add(f"measures/{name}", partial(getattr(rates, name), seed), seed=seed)
     for jobs in (1, 2):
-        measure = partial(throughput.throughput, args.episodes, args.seed, jobs, report)
-        settings = {"episodes": args.episodes, **seed}
-        found.append(Measurement(f"measures/throughput {jobs}", settings, measure))
-    measure = partial(throughput.memory, args.memory, args.seed, report)
-    found.append(Measurement("measures/memory", {"drives": args.memory, **seed}, measure))
+        measure = partial(throughput.throughput, args.episodes, seed, jobs, report)
+        add(f"measures/throughput {jobs}", measure, episodes=args.episodes, seed=seed)
+    measure = partial(throughput.memory, args.memory, seed, report)
+    add("measures/memory", measure, drives=args.memory, seed=seed)
     for axis in growth.AXES:
-        found.append(
-            Measurement(f"growth/{axis}", seed, partial(growth.grown, axis, args.seed, report))
-        )
+        add(f"growth/{axis}", partial(growth.grown, axis, seed, report), seed=seed)
     if args.peers:
-        found += _peers(args.seed, report)
-    return found
+        from benchmarks.timing import peers, peers_mpc
 
-
-def _peers(seed: int, report: Callable[[str], None]) -> list[Measurement]:
-    from benchmarks.timing import peers, peers_mpc
-    from benchmarks.timing.measurements import Measurement, installed
-
-    packages = {"packages": installed(PEERS.values())}
-    found = [
-        Measurement(f"peers/{name}", {"seed": seed, **packages}, partial(peers.beside, name, seed))
-        for name in peers.STAGES
-    ]
-    for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
-        measure = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
-        settings = {"halls": HALLS, "ticks": HALL_TICKS, **packages}
-        found.append(Measurement(f"peers/{name}", settings, measure))
+        packages = installed(PEERS.values())
+        for name in peers.STAGES:
+            add(f"peers/{name}", partial(peers.beside, name, seed), seed=seed, packages=packages)
+        settings = {"halls": HALLS, "ticks": HALL_TICKS, "packages": packages}
+        for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
+            compare = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
+            add(f"peers/{name}", compare, **settings)
     return found
 
 

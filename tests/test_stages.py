@@ -165,7 +165,8 @@ def test_peers_are_measured_anew_when_one_of_them_is_another(monkeypatch):
     monkeypatch.setattr(
         "benchmarks.timing.measurements.installed", lambda packages: dict.fromkeys(packages, "1")
     )
-    of_peers = stages._peers(0, print)
+    parts = stages.measurements(stages.StageSettings(peers=True), print)
+    of_peers = [part for part in parts if part.name.startswith("peers/")]
     assert {"rays", "mpc"} <= {part.name.removeprefix("peers/") for part in of_peers}
     for part in of_peers:
         assert part.settings["packages"] == dict.fromkeys(stages.PEERS.values(), "1")

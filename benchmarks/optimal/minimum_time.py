@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, spline_filter
 
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.grid import GridFrame, paste
 from sim.car import DubinsCar
 from sim.task import Task
 
@@ -126,20 +127,12 @@ class MinimumTime:
             hit = hit or car.collides(self.task.world, state, control, guess.dt)
             state = car.step(state, control, guess.dt)
             states.append(state)
-        missed = math.dist(state[:2], self.task.goal)
+        arrives = math.dist(state[:2], self.task.goal) <= self.goal_radius
         driven = np.array(states)
         # The car's yaw is wrapped; between two states it would be anything.
         driven[:, 2] = np.unwrap(driven[:, 2])
-        return Drive(
-            guess.name,
-            guess.dt,
-            driven,
-            guess.controls,
-            status,
-            iterations,
-            hit,
-            missed <= self.goal_radius,
-        )
+        said = (status, iterations, hit, arrives)
+        return Drive(guess.name, guess.dt, driven, guess.controls, *said)
 
     def _solve(self, guess: Guess, margin: float, iterations: int, barrier: float) -> Drive:
         car, ticks = self.car, len(guess.controls)
@@ -234,10 +227,9 @@ class MinimumTime:
         first = np.floor((self.box[0] - frame.origin) / frame.resolution).astype(int) - 2
         last = np.ceil((self.box[1] - frame.origin) / frame.resolution).astype(int) + 2
         (col, row), (cols, rows) = first, last - first
-        solid = np.ones((rows, cols), dtype=bool)
-        a, b = max(0, row), max(0, col)
-        part = self.task.world.solid[a : row + rows, b : col + cols]
-        solid[a - row : a - row + part.shape[0], b - col : b - col + part.shape[1]] = part
+        corner = frame.origin[0] + col * frame.resolution, frame.origin[1] + row * frame.resolution
+        part = GridFrame(frame.resolution, corner, (int(rows), int(cols)))
+        solid = paste(frame, self.task.world.solid, part, np.bool_(True))
         distance = frame.resolution * np.minimum(signed_distance(solid), CAP / frame.resolution)
         # Coefficient k belongs to sample k, in the middle of knots k to k + 4.
         knots = [
@@ -256,11 +248,7 @@ def signed_distance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
     The distance is to the cells' squares, not to their centres: a lattice of half the spacing
     holds the corners and the sides' middles too, among which the nearest point always is.
     """
-    doubled = solid.repeat(2, axis=0).repeat(2, axis=1)
-    closed = np.zeros((doubled.shape[0] + 1, doubled.shape[1] + 1), dtype=bool)
-    closed[:-1, :-1] |= doubled
-    closed[1:, :-1] |= doubled
-    closed[:-1, 1:] |= doubled
-    closed[1:, 1:] |= doubled
+    doubled = np.pad(solid.repeat(2, axis=0).repeat(2, axis=1), 1)
+    closed = doubled[:-1, :-1] | doubled[1:, :-1] | doubled[:-1, 1:] | doubled[1:, 1:]
     distance = distance_transform_edt(~closed) - distance_transform_edt(closed)
     return np.asarray(0.5 * distance[1::2, 1::2], dtype=np.float64)

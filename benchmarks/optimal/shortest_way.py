@@ -31,7 +31,9 @@ ROUNDS = 4
 """Times that a way is pulled taut, at most."""
 
 Room = tuple[NDArray[np.bool_], NDArray[np.float64], float, NDArray[np.float64], float]
-"""What `sees` wants to know first: solid cells, clearance, resolution, origin, and the radius."""
+"""Where a disc moves: solid cells (rows, columns), clearance from each cell's centre to the nearest
+solid one's (rows, columns) [m], side of a cell [m], lower-left corner (2,) [m], and the disc's
+radius [m]."""
 
 
 class NoWayError(LineError):
@@ -87,9 +89,9 @@ def shortest_way(
     room: Room = (solid, world.clearance, frame.resolution, np.array(frame.origin), radius)
     ends = np.array([start[:2], goal], dtype=np.float64)
     for name, point in zip(("start", "goal"), ends, strict=True):
-        if not sees(*room, point, point):
+        if not sees(room, point, point):
             raise NoWayError(f"{world.name}: a disc of {radius:g} m does not fit at the {name}")
-    way = _any_angle(~_blocked(solid, radius / frame.resolution), *room, ends[0], ends[1])
+    way = _any_angle(~_blocked(solid, radius / frame.resolution), room, ends[0], ends[1])
     if len(way) == 0:
         raise NoWayError(f"{world.name}: no way for a disc of {radius:g} m")
     corners = _corners(world)
@@ -100,7 +102,7 @@ def shortest_way(
         length = way_length(way)
         near = corners[_distances(corners, way) < radius + NEAR]
         points = np.vstack([ends, way[1:-1], _around(near, room)])
-        way = points[_taut(points, length + 1e-9, *room)]
+        way = points[_taut(points, length + 1e-9, room)]
     return way
 
 
@@ -133,7 +135,7 @@ def _around(corners: NDArray[np.float64], room: Room) -> NDArray[np.float64]:
     reach = room[-1] / math.cos(math.pi / DIRECTIONS)
     ring = reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     points = (corners[:, None] + ring).reshape(-1, 2)
-    fits = [bool(sees(*room, point, point)) for point in points]
+    fits = [bool(sees(room, point, point)) for point in points]
     return points[np.array(fits, dtype=bool)]
 
 
@@ -163,18 +165,9 @@ def _meets(solid, resolution, origin, x, y, radius):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, nogil=True)
-def sees(solid, clearance, resolution, origin, radius, a, b):  # type: ignore[no-untyped-def]
-    """Return whether a disc can move straight from a to b, both (2,) [m].
-
-    Args:
-        solid: (rows, columns) bool.
-        clearance: from each cell's centre to the nearest solid one's, (rows, columns) [m].
-        resolution: side of a cell [m].
-        origin: x, y of the lower-left corner (2,) [m].
-        radius: of the disc [m].
-        a: where it starts.
-        b: where it ends.
-    """
+def sees(room, a, b):  # type: ignore[no-untyped-def]
+    """Return whether a disc can move straight from a to b, both (2,) [m], in a `Room`."""
+    solid, clearance, resolution, origin, radius = room
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     done = 0.0
     while True:
@@ -194,8 +187,9 @@ def sees(solid, clearance, resolution, origin, radius, a, b):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _any_angle(free, solid, clearance, resolution, origin, radius, start, goal):  # type: ignore[no-untyped-def]
+def _any_angle(free, room, start, goal):  # type: ignore[no-untyped-def]
     """Lazy Theta* over free cells: the way (n, 2) from start to goal, or none (0, 2)."""
+    _, _, resolution, origin, _ = room
     rows, cols = free.shape
     # The two first nodes are the start and the goal themselves, the others are cells.
     root, end = 0, 1
@@ -212,7 +206,7 @@ def _any_angle(free, solid, clearance, resolution, origin, radius, start, goal):
         _place(node, cols, resolution, origin, start, goal, a)
         if node != root:
             _place(parent[node], cols, resolution, origin, start, goal, b)
-            if not sees(solid, clearance, resolution, origin, radius, b, a):
+            if not sees(room, b, a):
                 # The straight line was hoped for; take the best closed neighbour instead.
                 best, at = np.inf, -1
                 row, col = _cell(a, resolution, origin)
@@ -222,9 +216,7 @@ def _any_angle(free, solid, clearance, resolution, origin, radius, start, goal):
                         if 0 <= i < rows and 0 <= j < cols and closed[other] and other != node:
                             _place(other, cols, resolution, origin, start, goal, b)
                             reached = cost[other] + math.hypot(a[0] - b[0], a[1] - b[1])
-                            if reached < best and sees(
-                                solid, clearance, resolution, origin, radius, b, a
-                            ):
+                            if reached < best and sees(room, b, a):
                                 best, at = reached, other
                 cost[node], parent[node] = best, at
                 if at < 0:
@@ -286,7 +278,7 @@ def _place(node, cols, resolution, origin, start, goal, out):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
-def _taut(points, limit, solid, clearance, resolution, origin, radius):  # type: ignore[no-untyped-def]
+def _taut(points, limit, room):  # type: ignore[no-untyped-def]
     """Shortest way among points (n, 2), from the first to the second: their indices (m,).
 
     Only ways shorter than `limit` [m] are followed; there must be one.
@@ -309,9 +301,7 @@ def _taut(points, limit, solid, clearance, resolution, origin, radius):  # type:
                 step = math.hypot(points[i, 0] - points[node, 0], points[i, 1] - points[node, 1])
                 ahead = math.hypot(points[1, 0] - points[i, 0], points[1, 1] - points[i, 1])
                 promising = cost[node] + step < min(cost[i], limit - ahead)
-                if promising and sees(
-                    solid, clearance, resolution, origin, radius, points[node], points[i]
-                ):
+                if promising and sees(room, points[node], points[i]):
                     cost[i], parent[i] = cost[node] + step, node
     order = [1]
     while order[-1] != 0:

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.recording.training_drives import seen_again
 from benchmarks.runs.drive import task_in
-from benchmarks.timing.sized_maps import along
+from benchmarks.timing.sized_maps import along, crops_along
+from benchmarks.timing.timing import OURS, beside_ours
 from planner.risk.distance_transform import distance_field
 from predictor.compact import Compact
 from predictor.mapping.car_limits import CarLimits
@@ -27,9 +27,6 @@ from sim.task import Task
 from sim.world import World
 
 Call = Callable[[int], Any]
-OURS = "ours"
-
-
 TOGETHER = 10
 """Calls of one program that follow one another."""
 
@@ -44,7 +41,7 @@ def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]
         repeats: calls of each that count, with 0, 1, …
 
     Returns:
-        Name → median_ms, mean_ms, p99_ms and ratio: its median over ours.
+        As `beside_ours`.
     """
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for first in range(0, repeats, TOGETHER):
@@ -54,16 +51,7 @@ def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]
                 started = time.perf_counter()
                 call(i)
                 taken[name].append(1e3 * (time.perf_counter() - started))
-    ours = float(np.median(taken[OURS]))
-    return {
-        name: {
-            "median_ms": float(np.median(times)),
-            "mean_ms": float(np.mean(times)),
-            "p99_ms": float(np.percentile(times, 99)),
-            "ratio": float(np.median(times)) / ours,
-        }
-        for name, times in taken.items()
-    }
+    return beside_ours(taken)
 
 
 STAGES = ("rays", "mapping", "distance transform", "prediction")
@@ -79,9 +67,7 @@ def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
         return compare(rays(task.world, poses), REPEATS)
     if stage == "mapping":
         return compare(mapping(task, poses), REPEATS)
-    states = np.column_stack([poses, np.zeros(REPEATS)])
-    seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
-    crops = [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
+    crops = crops_along(task, REPEATS)
     if stage == "prediction":
         return compare(predictions(crops, poses), REPEATS)
     return compare(distances([crop.free for crop in crops]), REPEATS)
@@ -89,6 +75,7 @@ def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
 
 def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
     """Cast one scan of 1081 beams, 270°, 20 m; octomap and raycast2D find the cell hit."""
+    import octomap
     from raycast2D import Lidar2D
 
     # At the robot's own centre, where the peers have it.
@@ -98,7 +85,7 @@ def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
     reach = round(lidar.config.range_max / frame.resolution)
     other = Lidar2D(lidar.config.beams, 270, reach, occupancy_grid=image)
     pixels = [frame.cell(x, y)[::-1] for x, y in poses[:, :2]]
-    tree = _octree(frame.resolution)
+    tree = octomap.OcTree(frame.resolution)
     rows, cols = np.nonzero(world.grid.occupied)
     xs, ys = frame.centres()
     for x, y in zip(xs[cols], ys[rows], strict=True):
@@ -164,6 +151,9 @@ def _irsim(
 
 def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
     """Integrate one scan into a map of 0.05 m, each cell once, with all 20 m of its rays."""
+    import octomap
+    import pyoctomap
+
     lidar, known = Lidar(), task.blank(60.0)
     resolution = known.frame.resolution
     scans = [lidar.scan(task.world, pose) for pose in poses]
@@ -175,24 +165,17 @@ def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
         flat = np.full(len(angle), 0.5 * resolution)
         clouds.append(np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle), flat]))
         origins.append(np.array([x, y, 0.5 * resolution]))
-    import pyoctomap
-
-    tree, other = _octree(resolution), pyoctomap.OcTree(resolution)
+    tree, other = octomap.OcTree(resolution), pyoctomap.OcTree(resolution)
+    once: dict[str, Any] = {"lazy_eval": True, "discretize": True}
     return {
         OURS: lambda i: known.integrate(scans[i], poses[i]),
         "octomap-python": lambda i: tree.insertPointCloud(
-            clouds[i], origins[i], maxrange=-1.0, lazy_eval=True, discretize=True
+            clouds[i], origins[i], maxrange=-1.0, **once
         ),
         "pyoctomap": lambda i: other.insertPointCloud(
-            clouds[i], origins[i], max_range=-1.0, lazy_eval=True, discretize=True
+            clouds[i], origins[i], max_range=-1.0, **once
         ),
     }
-
-
-def _octree(resolution: float) -> Any:
-    import octomap
-
-    return octomap.OcTree(resolution)
 
 
 def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:

@@ -49,6 +49,8 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
         high.extend(upper)
         names.extend((k, name, i) for i in range(len(lower)))
 
+    softest = [-car.braking, -car.max_curvature]
+    hardest = [car.acceleration, car.max_curvature]
     for k in range(n + 1):
         # Without κ.
         x = xs[k][:4]
@@ -59,16 +61,9 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
         if k == 0:
             constrain(k, "start", xs[0] - start[:5], [0.0] * 5, [0.0] * 5)
         if k < n:
-            constrain(
-                k, "lateral", problem.laterals(x, u), [-problem.lateral] * 2, [problem.lateral] * 2
-            )
-            constrain(
-                k,
-                "control",
-                u,
-                [-car.braking, -car.max_curvature],
-                [car.acceleration, car.max_curvature],
-            )
+            lateral, limit = problem.laterals(x, u), problem.lateral
+            constrain(k, "lateral", lateral, [-limit] * 2, [limit] * 2)
+            constrain(k, "control", u, softest, hardest)
             cost += problem.effort(u) + mpc.config.smoothness * (u[1] - xs[k][4]) ** 2
         constrain(k, "speed", x[3], [0.0], [car.v_max if k < n else 0.0])
         if k > 0:

@@ -21,6 +21,7 @@ from benchmarks.timing.hall import Drive, Solve, Solver, Tick, drive, pursuit, s
 from benchmarks.timing.peers_casadi import general
 from benchmarks.timing.peers_do_mpc import do_mpc
 from benchmarks.timing.peers_mppi import mppi
+from benchmarks.timing.timing import OURS, beside_ours
 from planner.mpc.mpc import MPC, MPCConfig
 from planner.navigator import AFRESH
 
@@ -30,7 +31,6 @@ COST_ONLY = MPCConfig(margin=-5.0, comfort=5.0 + CONSTRAINED.margin + CONSTRAINE
 """Nothing is required of the clearance, and it costs up to where it does in driving."""
 ASIDE = (0.0, 1.2, -1.2)
 """How far beside the hall's middle the ways run that further starts pursue, in turn [m]."""
-OURS, IN_TURN = "ours", "ours, starts in turn"
 
 
 def ours(mpc: MPC) -> Solver:
@@ -96,12 +96,11 @@ def compare(
         report: told what is being done.
 
     Returns:
-        Name → median_ms, p99_ms and ratio (its median over ours) of a solve, and mean_ms, which
-        what is not done in every tick shows in too; cost: of its drives,
-        summed; excess: cost above that of the same drive without posts, the mean over halls;
-        dearer_percent: than ours, the mean over halls, and dearer_low, dearer_high: its 95 %
-        interval, halls resampled; hits: drives that hit a post; failures: ticks in which no solve
-        succeeded, by the solver's own word.
+        Name → `beside_ours` of its solves, and cost: of its drives, summed; excess: cost above
+        that of the same drive without posts, the mean over halls; dearer_percent: cost above
+        that of ours, the mean over halls, and dearer_low, dearer_high: its 95 % interval, halls
+        resampled; hits: drives that hit a post; failures: ticks in which no solve succeeded, by
+        the solver's own word.
     """
     mpc = MPC(config=config)
     # casadi leaves what it compiles in the working directory, and needs it there.
@@ -109,23 +108,16 @@ def compare(
         drives = _drives(mpc, worlds, ticks, report)
         # do-mpc's objects know each other, and must be gone before their files are.
         gc.collect()
-    times = {name: [t for d in ds for t in d.times] for name, ds in drives.items()}
-    ours_ms = float(np.median(times[OURS]))
+    compared = beside_ours({name: [t for d in ds for t in d.times] for name, ds in drives.items()})
     reference = np.array([d.cost for d in drives[OURS]])
     # The cost's zero is arbitrary; what the posts add to it is not.
     unhindered = drive(mpc, ours(mpc), None, ticks).cost
-    compared = {}
     for name, ds in drives.items():
         costs = np.array([d.cost for d in ds])
         dearer = 100 * (costs - reference) / abs(reference)
         interval = grouped_mean(np.arange(worlds), dearer, np.ones(worlds))
         assert interval is not None
-        median = float(np.median(times[name]))
-        compared[name] = {
-            "median_ms": median,
-            "mean_ms": float(np.mean(times[name])),
-            "p99_ms": float(np.percentile(times[name], 99)),
-            "ratio": median / ours_ms,
+        compared[name] |= {
             "cost": float(costs.sum()),
             "excess": float((costs - unhindered).mean()),
             "dearer_percent": interval["value"],
@@ -145,7 +137,7 @@ def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
 
     return {
         OURS: lambda: ours(mpc),
-        IN_TURN: lambda: in_turn(mpc, ours(mpc), ours(mpc)),
+        "ours, starts in turn": lambda: in_turn(mpc, ours(mpc), ours(mpc)),
         "IPOPT": lambda: general(mpc, "ipopt", compiled=False),
         "IPOPT, compiled": lambda: general(mpc, "ipopt", compiled=True),
         "fatrop, compiled": fatrop,

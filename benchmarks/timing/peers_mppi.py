@@ -68,26 +68,16 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
         s = 0.5 * dt * (v + after)
         half = 0.5 * kappa * s
         chord = s * (1 - half.square() / 6)
-        return torch.stack(
-            [
-                x + chord * torch.cos(yaw + half),
-                y + chord * torch.sin(yaw + half),
-                yaw + 2 * half,
-                after,
-                a,
-                kappa,
-            ],
-            1,
-        )
+        x, y = x + chord * torch.cos(yaw + half), y + chord * torch.sin(yaw + half)
+        return torch.stack([x, y, yaw + 2 * half, after, a, kappa], 1)
 
     def cost(states: Any, _: Any) -> Any:
         x, y, yaw, _, a, kappa = states[0].unbind(-1)
         change = torch.diff(kappa, dim=1, prepend=now["last"].expand(config.samples, 1))
         ahead = torch.stack([torch.cos(yaw), torch.sin(yaw)], -1) * offset
         centre = torch.stack([x, y], -1)
-        places = (
-            torch.stack([centre + ahead, centre - ahead], -2) - now["origin"]
-        ) / RESOLUTION - 0.5
+        centres = torch.stack([centre + ahead, centre - ahead], -2)
+        places = (centres - now["origin"]) / RESOLUTION - 0.5
         value = grid_sample(
             now["field"],
             (2.0 / (SIDE - 1) * places - 1.0).reshape(1, config.samples, -1, 2),
@@ -102,12 +92,8 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
         broken = torch.clamp(mpc.required - value, min=0.0)
         end = 0.5 * (c.final[0] - c.contour) * y[:, -1].square()
         end += c.final[1] * (1 - torch.cos(yaw[:, -1]))
-        return (
-            total.sum(1)
-            + end
-            + 0.5 * c.closeness * near.square().sum(1)
-            + c.violation * broken.sum(1)
-        )
+        clearance = 0.5 * c.closeness * near.square().sum(1)
+        return total.sum(1) + end + clearance + c.violation * broken.sum(1)
 
     controller = MPPI(
         step,

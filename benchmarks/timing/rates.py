@@ -1,8 +1,4 @@
-"""How much the kernels of sensing and mapping do, and how exactly.
-
-Each measure is a value with its unit, the number of its samples, and its 99th percentile where it
-is a time.
-"""
+"""How much the kernels of sensing and mapping do, and how exactly; times have a 99th percentile."""
 
 from __future__ import annotations
 
@@ -15,23 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from benchmarks.recording.training_drives import seen_again
 from benchmarks.runs.drive import task_in
 from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
-from benchmarks.timing.timing import timed
+from benchmarks.timing.timing import Measure, measure, timed
 from planner.risk.distance_transform import distance_field
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
-from sim import Lidar, LidarConfig
+from sim import Lidar
 from sim.lidar import cast_rays
 from sim.world import World
 
-Measure = dict[str, Any]
-
 SCANS = 1000
 """Of a round in which rays are counted."""
+THREADS = (1, 2)
+"""Numbers of threads that rays are cast on."""
 ROUNDS = 25
 """Of which the median counts."""
 CHECKED_POSES, CHECKED_BEAMS = 20, 54
@@ -61,16 +56,15 @@ def rays(seed: int) -> dict[str, Measure]:
     for name, world in maps(seed).items():
         fresh = places.anywhere(world, SCANS)
         for where, poses in (("on ways", places.on_ways(world, SCANS)), ("fresh places", fresh)):
-            for threads, rate in _rates(lidar, world, poses, (1, 2)).items():
+            for threads, rate in _rates(lidar, world, poses).items():
                 found[f"rays, {where}, {name}, {threads} thread{'s' if threads > 1 else ''}"] = rate
         worst, compared = error(lidar, world, fresh[:CHECKED_POSES])
-        found[f"rays, {name}, largest error"] = {"value": worst, "unit": "m", "samples": compared}
+        found[f"rays, {name}, largest error"] = measure(worst, "m", compared)
     return found
 
 
-def _rates(
-    lidar: Lidar, world: World, poses: NDArray[np.float64], threads: tuple[int, ...]
-) -> dict[int, Measure]:
+def _rates(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> dict[int, Measure]:
+    """Measure rays a second on each number of `THREADS`."""
     config, frame = lidar.config, world.grid.frame
     angles = config.angle_min + config.angle_increment * np.arange(config.beams)
     beams = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -80,8 +74,8 @@ def _rates(
     def cast(own: NDArray[np.float64]) -> None:
         _casts(world.skips, world.grid.cells, own, beams, longest)
 
-    taken: dict[int, list[float]] = {count: [] for count in threads}
-    with ThreadPoolExecutor(max(threads)) as pool:
+    taken: dict[int, list[float]] = {count: [] for count in THREADS}
+    with ThreadPoolExecutor(max(THREADS)) as pool:
         # In turn, so that a machine that slows down slows them all; the first round does not count.
         for turn in range(ROUNDS + 1):
             for count, times in taken.items():
@@ -92,11 +86,9 @@ def _rates(
                     times.append(time.perf_counter() - started)
     once = len(starts) * config.beams
     return {
-        count: {
-            "value": 1e-6 * count * once / float(np.median(times)),
-            "unit": "million/s",
-            "samples": count * once * ROUNDS,
-        }
+        count: measure(
+            1e-6 * count * once / float(np.median(times)), "million/s", count * once * ROUNDS
+        )
         for count, times in taken.items()
     }
 
@@ -190,20 +182,14 @@ def mapping(seed: int) -> dict[str, Measure]:
             known.integrate(scans[i], poses[i])
 
         median = timed(integrate, REPEATS)["median_ms"]
-        found[f"mapping, {name}"] = {"value": 1e3 / median, "unit": "scans/s", "samples": REPEATS}
+        found[f"mapping, {name}"] = measure(1e3 / median, "scans/s", REPEATS)
     return found
 
 
 def distance(seed: int) -> dict[str, Measure]:
     """Time the distance transform of windows of 200 × 200 cells, as a drive sees them."""
     task = task_in("corridor", seed, CarLimits())
-    states = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
-    masks = [
-        ~known.crop(known.frame.square(state[0], state[1], 10.0)).free
-        for known, state in seen_again(
-            task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1
-        )
-    ]
+    masks = [~crop.free for crop in places.crops_along(task, REPEATS)]
     return {"distance transform 200²": _time(timed(lambda i: distance_field(masks[i]), len(masks)))}
 
 
@@ -214,9 +200,4 @@ def risk(seed: int) -> dict[str, Measure]:
 
 
 def _time(spread: dict[str, float]) -> Measure:
-    return {
-        "value": spread["median_ms"],
-        "p99": spread["p99_ms"],
-        "unit": "ms",
-        "samples": spread["samples"],
-    }
+    return measure(spread["median_ms"], "ms", int(spread["samples"]), p99=spread["p99_ms"])

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.recording.training_drives import seen_again
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from sim import LidarConfig
 from sim.task import Task
 from sim.world import World
 
@@ -23,6 +25,13 @@ def along(task: Task, count: int) -> NDArray[np.float64]:
     at = np.linspace(1, len(way) - 2, count).astype(int)
     ahead = way[at + 1] - way[at]
     return np.column_stack([way[at], np.arctan2(ahead[:, 1], ahead[:, 0])])
+
+
+def crops_along(task: Task, count: int) -> list[Grid]:
+    """Return what a drive along a task's route knows at each pose, a square of 10 m around it."""
+    states = np.column_stack([along(task, count), np.zeros(count)])
+    seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
+    return [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
 
 
 def anywhere(world: World, count: int) -> NDArray[np.float64]:

@@ -6,6 +6,18 @@ from typing import Any
 
 from predictor.infra.markdown import markdown
 
+PEERS_COLUMNS = {
+    "median_ms": ("median [ms]", ".3f"),
+    "mean_ms": ("mean [ms]", ".3f"),
+    "p99_ms": ("p99 [ms]", ".3f"),
+    "ratio": ("times ours", ".2f"),
+    "excess": ("cost of the posts", ".2f"),
+    "dearer_percent": ("cost above ours", "+.3f"),
+    "hits": ("hits", ".0f"),
+    "failures": ("failures", ".0f"),
+}
+"""Measure → its column's head and format."""
+
 
 def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     """Return the times of each arm's stages."""
@@ -21,34 +33,13 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     """Return the times of other programs beside each stage; "" if none was measured."""
     if not found:
         return ""
-    rows = [
-        [
-            "stage",
-            "program",
-            "median [ms]",
-            "mean [ms]",
-            "p99 [ms]",
-            "times ours",
-            "cost of the posts",
-            "cost above ours",
-            "hits",
-            "failures",
-        ]
-    ]
-    form = {
-        "median_ms": ".3f",
-        "mean_ms": ".3f",
-        "p99_ms": ".3f",
-        "ratio": ".2f",
-        "excess": ".2f",
-        "dearer_percent": "+.3f",
-        "hits": ".0f",
-        "failures": ".0f",
-    }
-    dearer = list(form).index("dearer_percent")
+    heads, forms = zip(*PEERS_COLUMNS.values(), strict=True)
+    rows = [["stage", "program", *heads]]
+    dearer = list(PEERS_COLUMNS).index("dearer_percent")
     for stage, of_stage in found.items():
         for name, s in of_stage.items():
-            cells = [format(s[key], f) if key in s else "" for key, f in form.items()]
+            told = zip(PEERS_COLUMNS, forms, strict=True)
+            cells = [format(s[key], form) if key in s else "" for key, form in told]
             if "dearer_low" in s:
                 cells[dearer] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
             cells[dearer] += " %" if cells[dearer] else ""
@@ -65,9 +56,8 @@ def measures_table(found: dict[str, dict[str, Any]]) -> str:
         value = f"{m['value']:.4g}"
         if "low" in m:
             value += f" ({m['low']:.4g} to {m['high']:.4g})"
-        rows.append(
-            [name, value, f"{m['p99']:.4g}" if "p99" in m else "", m["unit"], str(m["samples"])]
-        )
+        p99 = f"{m['p99']:.4g}" if "p99" in m else ""
+        rows.append([name, value, p99, m["unit"], str(m["samples"])])
     return markdown(rows)
 
 

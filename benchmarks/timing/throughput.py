@@ -11,16 +11,15 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
+from benchmarks.timing.timing import Measure, measure
 from predictor.infra.workers import WorkersError, follow_parent
 from sim.task import NoTaskError
 
-Measure = dict[str, Any]
 Item = tuple[int, str]
 
 
@@ -58,17 +57,11 @@ def throughput(
     wall = sum(d.wall for d in drives)
     minutes = 1000 * len(settings.arms) * wall / len(drives) / jobs / 60
     by = f"{jobs} process{'es' if jobs > 1 else ''}"
+    rate = sum(d.simulated for d in drives) / wall
+    arms = len(settings.arms)
     return {
-        f"throughput, {by}": {
-            "value": sum(d.simulated for d in drives) / wall,
-            "unit": "simulated s/s a core",
-            "samples": len(drives),
-        },
-        f"1,000 episodes of {len(settings.arms)} arms, {by}": {
-            "value": minutes,
-            "unit": "min",
-            "samples": len(drives),
-        },
+        f"throughput, {by}": measure(rate, "simulated s/s a core", len(drives)),
+        f"1,000 episodes of {arms} arms, {by}": measure(minutes, "min", len(drives)),
     }
 
 
@@ -91,21 +84,12 @@ def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, M
     series = np.array([d.memory for d in done])
     late = np.arange(len(series) // 2, len(series))
     line = linregress(late, series[late])
-    half = float(t.ppf(0.975, len(late) - 2) * line.stderr)
+    slope, half = float(line.slope), float(t.ppf(0.975, len(late) - 2) * line.stderr)
+    ends = {"low": 1000 * (slope - half), "high": 1000 * (slope + half)}
+    peak = measure(max(d.peak for d in done), "MiB", len(done))
     return {
-        "worker, peak memory": {
-            "value": max(d.peak for d in done),
-            "unit": "MiB",
-            "samples": len(done),
-            "after_each_drive": [round(float(m), 1) for m in series],
-        },
-        "worker, growth of memory": {
-            "value": 1000 * float(line.slope),
-            "low": 1000 * (float(line.slope) - half),
-            "high": 1000 * (float(line.slope) + half),
-            "unit": "MiB/1,000 drives",
-            "samples": len(late),
-        },
+        "worker, peak memory": peak | {"after_each_drive": [round(float(m), 1) for m in series]},
+        "worker, growth of memory": measure(1000 * slope, "MiB/1,000 drives", len(late), **ends),
     }
 
 

@@ -12,8 +12,20 @@ from numpy.typing import NDArray
 from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
 
+OURS = "ours"
+"""The name of this project's program among others."""
 WARM_UP = 10
 """Ticks at the start of a drive that do not count: caches fill, the predictor is loaded."""
+
+
+Measure = dict[str, Any]
+"""A value with its unit and the number of its samples, and what tells how far it is to be
+trusted: p99, or low and high."""
+
+
+def measure(value: float, unit: str, samples: int, **bounds: float) -> Measure:
+    """Return a measure, as it is written into the results."""
+    return {"value": value, **bounds, "unit": unit, "samples": samples}
 
 
 def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
@@ -24,6 +36,24 @@ def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
         "p95_ms": float(p95),
         "p99_ms": float(p99),
         "samples": len(times),
+    }
+
+
+def beside_ours(times: dict[str, list[float]]) -> dict[str, dict[str, float]]:
+    """Return what is told of each program's times [ms].
+
+    Returns:
+        Name → median_ms, mean_ms, p99_ms and ratio: its median over that of `OURS`.
+    """
+    ours = float(np.median(times[OURS]))
+    return {
+        name: {
+            "median_ms": float(np.median(taken)),
+            "mean_ms": float(np.mean(taken)),
+            "p99_ms": float(np.percentile(taken, 99)),
+            "ratio": float(np.median(taken)) / ours,
+        }
+        for name, taken in times.items()
     }
 
 
