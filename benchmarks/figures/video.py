@@ -57,13 +57,14 @@ def write_video(frames: Callable[[int], Picture], count: int, rate: float, path:
     if count == 0:
         raise VideoError(f"{path.name}: the drive has no ticks to show")
     part = path.with_name(f".{os.getpid()}.{path.name}")
-    pictures = (frames(i) for i in tqdm(range(count), desc=path.name, unit="frame"))
     try:
-        if path.suffix == ".mp4":
-            _write_mp4(pictures, rate, part)
-        else:
-            samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
-            _write_gif(pictures, samples, [round(1000 / rate)] * (count - 1) + [LAST], part)
+        with tqdm(range(count), desc=path.name, unit="frame") as numbers:
+            pictures = (frames(i) for i in numbers)
+            if path.suffix == ".mp4":
+                _write_mp4(pictures, rate, part)
+            else:
+                samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
+                _write_gif(pictures, samples, [round(1000 / rate)] * (count - 1) + [LAST], part)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
