@@ -16,9 +16,9 @@ from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
 from planner.risk.ask_predictor import Asker, LateError, RaisedError
 from planner.risk.risk_map import RiskMap
+from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
-from planner.safety.swept_cells import swept_cells
 from predictor.mapping.car_limits import CarLimits, check_finite
 from predictor.mapping.grid import OccupancyGrid
 from predictor.mapping.scan import Scan
@@ -282,12 +282,7 @@ class Navigator:
     ) -> None:
         """Request a path, or a way out if the car has not moved on for a while.
 
-        Args:
-            state: x, y, yaw, v now, (4,).
-            ahead: planned states, from now on, (n, 4).
-            risk: the newest map around the car.
-            steering: a prediction that may change the route, or None.
-            faults: list to which failures are appended.
+        The planned states `ahead` begin with the present one.
         """
         if math.dist(state[:2], self._place) > 0.1:
             self._place, self._lingered = (float(state[0]), float(state[1])), 0

@@ -20,27 +20,6 @@ if TYPE_CHECKING:
     from predictor.prediction import BadPredictionError, Prediction, Predictor, checked
     from predictor.registry import PredictorError, available, load_predictor
 
-HOMES = {
-    "FREE": "mapping.grid",
-    "OCCUPIED": "mapping.grid",
-    "UNKNOWN": "mapping.grid",
-    "BadPredictionError": "prediction",
-    "Body": "mapping.body",
-    "Grid": "mapping.grid",
-    "GridFrame": "mapping.grid",
-    "NoPrediction": "none",
-    "OccupancyGrid": "mapping.grid",
-    "Prediction": "prediction",
-    "Predictor": "prediction",
-    "PredictorError": "registry",
-    "Scan": "mapping.scan",
-    "available": "registry",
-    "check_predictor": "checking",
-    "checked": "prediction",
-    "load_predictor": "registry",
-}
-"""Name → the module of this package that defines it."""
-
 __all__ = [
     "FREE",
     "OCCUPIED",
@@ -61,15 +40,14 @@ __all__ = [
     "load_predictor",
 ]
 
+HOMES = ("mapping.grid", "mapping.body", "mapping.scan", "prediction", "none", "checking")
+"""Modules that define these names, the quickest to import first; `registry` defines the rest."""
+
 
 def _refuse_hidden_packages() -> None:
-    """Say in one line which file of the user's hides a package of this project.
+    """Refuse to go on where a file of the user's, such as `sim.py`, hides a package of ours.
 
-    `python -m` looks into the working folder first, where a `sim.py` may lie.
-
-    Raises:
-        ImportError: if one does and this is no command.
-        SystemExit: if one does and this is a command.
+    `python -m` looks into the working folder first. A command says so in one line and exits.
     """
     root = Path(__file__).resolve().parents[1]
     for name in ("planner", "sim", "benchmarks"):
@@ -90,9 +68,12 @@ _refuse_hidden_packages()
 
 
 def __getattr__(name: str) -> Any:
-    if name not in HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{HOMES[name]}"), name)
+    if name in __all__:
+        for module in (*HOMES, "registry"):
+            found = importlib.import_module(f"{__name__}.{module}")
+            if hasattr(found, name):
+                return getattr(found, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

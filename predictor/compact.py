@@ -18,16 +18,16 @@ from predictor.mapping.context import CELLS, SIDE, context_of
 from predictor.mapping.grid import Grid
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
 from predictor.networks.room import question, widened
-from predictor.prediction import Prediction
+from predictor.prediction import Prediction, check_question, with_observed
 from predictor.runtime import Run, runner
 from predictor.weights import load_weights
 
-SHIPPED = Path(__file__).with_name("compact.safetensors")
-"""Weights that come with the package; the file beside them describes them."""
-LOGS = Path(__file__).with_name("compact-logs.safetensors")
-"""Weights fine-tuned on simulated logs."""
-PAPER = Path(__file__).with_name("compact-paper.safetensors")
-"""Weights fine-tuned on buildings as in the paper alone."""
+SHIPPED, LOGS, PAPER = (
+    Path(__file__).with_name(f"{name}.safetensors")
+    for name in ("compact", "compact-logs", "compact-paper")
+)
+"""Weights that come with the package, and those fine-tuned on simulated logs and on buildings as
+in the paper alone; a file beside each describes them."""
 RESOLUTION = 0.05
 """Resolution of the maps that the network was trained on [m]; others are resampled to it."""
 SUREST = 0.9999
@@ -75,10 +75,7 @@ class Compact:
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
-        if known.cells.size == 0:
-            raise ValueError("the window is empty: there is no cell to predict")
-        if not np.isfinite(pose).all():
-            raise ValueError(f"pose is {pose}, it must be finite")
+        check_question(known, pose)
         turns = quarters(float(pose[2]))
         codes, rows, cols = _resampled(known)
         inputs: list[NDArray[Any]] = [np.rot90(codes, turns)]
@@ -92,14 +89,7 @@ class Compact:
         if known.unknown.all():
             # With nothing observed, the network has no evidence for its answer.
             confidence[:] = 0.0
-        seen = ~known.unknown
-        for values, observed in (
-            (p_free, known.free),
-            (p_occupied, known.occupied),
-            (confidence, True),
-        ):
-            np.copyto(values, observed, where=seen)
-        return Prediction(known.frame, p_free, p_occupied, confidence)
+        return with_observed(known, p_free, p_occupied, confidence)
 
     def _outputs(
         self, codes: NDArray[Any], context: NDArray[Any] | None = None
@@ -149,7 +139,9 @@ class _Answers(nn.Module):
         shares = None if context is None else 0.01 * context.float()
         logits = self.net(known.contiguous(memory_format=torch.channels_last), shares)
         classes = torch.softmax(logits[:, :ROOM], dim=1)
-        room = _likeliest(torch.sigmoid(logits[:, ROOM]), codes)
+        # The highest probability of a free square that holds each cell.
+        _, asked = question(codes)
+        room = widened(torch.where(asked, torch.sigmoid(logits[:, ROOM]), 0.0))
         confidence = (1.0 - classes[:, FREE] + room).clamp(max=SUREST)
         return torch.stack([classes[:, FREE], classes[:, OCCUPIED], confidence], dim=1)
 
@@ -158,25 +150,12 @@ class _Answers(nn.Module):
 def _loaded(
     weights: Path, changed: int, runtime: str | None
 ) -> tuple[Run, CompactConfig, dict[str, Any]]:
-    """Return a function that runs the network, the network's shape, and its facts.
-
-    It is cached, since each drive makes a predictor of its own.
-    """
+    """Return a function that runs the network, the network's shape, and its facts."""
+    # Cached, since each drive makes a predictor of its own.
     net, facts = load_weights(weights, CompactNet)
     shapes = [(80, 120), (2, CELLS, CELLS)][: 1 + bool(net.config.context)]
     run, runs_on = runner(_Answers(net.folded()), runtime, *shapes)
     return run, net.config, facts | {"runtime": runs_on}
-
-
-def _likeliest(room: Tensor, codes: Tensor) -> Tensor:
-    """Return the highest probability of a free square that holds each cell, (B, H, W).
-
-    Args:
-        room: probability that the square around a cell is free, (B, H, W).
-        codes: codes of what was observed, (B, H, W).
-    """
-    _, asked = question(codes)
-    return widened(torch.where(asked, room, 0.0))
 
 
 def _middle(known: Grid) -> tuple[float, float]:
@@ -186,12 +165,8 @@ def _middle(known: Grid) -> tuple[float, float]:
 
 
 def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
-    """Resample a map to the network's resolution.
-
-    Returns:
-        Codes 0 free, 1 occupied, 2 unobserved; and for each row and each column of the map its
-        row and its column in them.
-    """
+    """Return a map's codes (0 free, 1 occupied, 2 unobserved) at the network's resolution, and
+    for each row and each column of the map its row and its column in them."""
     # Where several cells become one, the highest wins: free, unobserved, occupied.
     rank = known.unknown + np.int8(2) * known.occupied
     rows: Index = slice(None)

@@ -31,8 +31,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "buildings and more in others; with --log from real robots' logs. Interrupted, it goes on "
         "where it was: give the same command.",
     )
-    add = parser.add_argument
-    add(
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",

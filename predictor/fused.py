@@ -68,14 +68,12 @@ class Fused:
     def facts(self) -> dict[str, Any]:
         """Fingerprints, runtime and buildings of all networks together."""
         every = [part.facts for part in self.parts]
-        return {
-            "fingerprint": "+".join(facts["fingerprint"] for facts in every),
-            "runtime": every[0]["runtime"],
-            "worlds": [world for facts in every for world in facts.get("worlds", ())],
-            "validation_worlds": [
-                world for facts in every for world in facts.get("validation_worlds", ())
-            ],
+        worlds = {
+            name: [world for facts in every for world in facts.get(name, ())]
+            for name in ("worlds", "validation_worlds")
         }
+        prints = "+".join(facts["fingerprint"] for facts in every)
+        return {"fingerprint": prints, "runtime": every[0]["runtime"], **worlds}
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict the unobserved part of a window.

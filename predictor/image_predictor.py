@@ -17,7 +17,7 @@ from predictor.networks.grey_map import level_of
 from predictor.networks.image import image_of, pixels_at_cells
 from predictor.networks.image_config import WINDOW, ImageConfig
 from predictor.networks.image_net import ImageNet
-from predictor.prediction import Prediction
+from predictor.prediction import Prediction, check_question, with_observed
 from predictor.runtime import Run, runner
 from predictor.weights import load_weights
 
@@ -85,10 +85,7 @@ class ImagePredictor:
         self, known: Grid, pose: NDArray[np.float64]
     ) -> tuple[GridFrame, NDArray[np.float32]]:
         """Return the predicted square, and the greys of the network there."""
-        if known.cells.size == 0:
-            raise ValueError("the window is empty: there is no cell to predict")
-        if not np.isfinite(pose).all():
-            raise ValueError(f"pose is {pose}, it must be finite")
+        check_question(known, pose)
         x, y = float(pose[0]), float(pose[1])
         square = known.frame.square(x, y, WINDOW * self.config.expansion)
         if self.config.given == "crop":
@@ -104,11 +101,7 @@ def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
     """Make a prediction of `ImagePredictor.printed`; observed cells stay as observed."""
     _, p_free, p_occupied, said = printed
     sure = said * np.float32(0.0 if known.unknown.all() else SUREST)
-    parts = [
-        np.where(known.unknown, values, observed).astype(np.float32)
-        for values, observed in ((p_free, known.free), (p_occupied, known.occupied), (sure, True))
-    ]
-    return Prediction(known.frame, parts[0], parts[1], parts[2])
+    return with_observed(known, p_free, p_occupied, sure)
 
 
 class _Printed(nn.Module):
@@ -128,10 +121,8 @@ class _Printed(nn.Module):
 def _loaded(
     weights: Path, changed: int, runtime: str | None
 ) -> tuple[Run, ImageConfig, NDArray[np.float32], dict[str, Any]]:
-    """Return a function that runs the network, its configuration, meaning of greys, and facts.
-
-    It is cached, since each drive makes a predictor of its own.
-    """
+    """Return a function that runs the network, its configuration, meaning of greys, and facts."""
+    # Cached, since each drive makes a predictor of its own.
     net, facts = load_weights(weights, ImageNet)
     run, runs_on = runner(_Printed(net).eval(), runtime, (net.config.side, net.config.side))
     return run, net.config, net.chances.numpy(), facts | {"runtime": runs_on}

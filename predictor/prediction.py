@@ -73,6 +73,34 @@ class BadPredictionError(LineError):
     """A predictor returned something that breaks its contract."""
 
 
+def with_observed(
+    known: Grid,
+    p_free: NDArray[np.float32],
+    p_occupied: NDArray[np.float32],
+    confidence: NDArray[np.float32],
+    nan_cells: int = 0,
+) -> Prediction:
+    """Return a prediction in which observed cells are as observed, with a confidence of 1."""
+    observed = known.free, known.occupied, ~known.unknown
+    p_free, p_occupied, confidence = (
+        np.where(known.unknown, *pair).astype(np.float32, copy=False)
+        for pair in zip((p_free, p_occupied, confidence), observed, strict=True)
+    )
+    return Prediction(known.frame, p_free, p_occupied, confidence, nan_cells)
+
+
+def check_question(known: Grid, pose: NDArray[np.float64]) -> None:
+    """Check that a map can be predicted around a pose.
+
+    Raises:
+        ValueError: if the map is empty or the pose not finite.
+    """
+    if known.cells.size == 0:
+        raise ValueError("the window is empty: there is no cell to predict")
+    if not np.isfinite(pose).all():
+        raise ValueError(f"pose is {pose}, it must be finite")
+
+
 def checked(prediction: Prediction, known: Grid) -> Prediction:
     """Check a predictor's answer, and set observed cells to what was observed.
 
@@ -113,11 +141,8 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         unusable = np.isnan(sum_)
         nan_cells = int((unusable & known.unknown).sum())
         fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
-    seen = {"p_free": known.free, "p_occupied": known.occupied, "confidence": ~known.unknown}
-    for name, observed in seen.items():
-        kept = np.where(known.unknown, fields[name], observed)
-        fields[name] = kept.astype(np.float32, copy=False)
-    return Prediction(known.frame, **fields, nan_cells=nan_cells)
+    p_free, p_occupied, confidence = fields.values()
+    return with_observed(known, p_free, p_occupied, confidence, nan_cells)
 
 
 def context_side(predictor: Predictor) -> float:

@@ -7,7 +7,7 @@ import inspect
 import os
 import sys
 from functools import partial
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -35,7 +35,7 @@ class PredictorError(LineError):
 
 def available() -> tuple[str, ...]:
     """Return the names that `load_predictor` knows, sorted."""
-    return tuple(sorted(_offered()))
+    return tuple(sorted(entry_points(group=GROUP).names))
 
 
 def load_predictor(spec: str) -> Predictor:
@@ -54,7 +54,7 @@ def load_predictor(spec: str) -> Predictor:
     if spec.endswith(SUFFIX):
         factory: Any = partial(_of_weights, Path(spec))
     elif spec.startswith(FUSED):
-        factory = partial(_fused, spec.removeprefix(FUSED))
+        factory = partial(Fused.of_study, spec.removeprefix(FUSED))
     else:
         factory = _imported(spec) if ":" in spec else _named(spec)
     if not callable(factory):
@@ -78,15 +78,11 @@ def load_predictor(spec: str) -> Predictor:
     return loaded
 
 
-def _offered() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
-
-
 def _named(name: str) -> Any:
-    offered = _offered()
-    if name not in offered:
+    offered = entry_points(group=GROUP)
+    if name not in offered.names:
         raise PredictorError(
-            f"no predictor is named {name!r}: choose one of {', '.join(sorted(offered))}, "
+            f"no predictor is named {name!r}: choose one of {', '.join(available())}, "
             f"or give package.module:Class, or a file of weights, FILE{SUFFIX}"
         )
     try:
@@ -106,10 +102,6 @@ def _of_weights(path: Path) -> Predictor:
         return ImagePredictor(path)
     known = ", ".join((*CompactNet.ARCHITECTURES, *ImageNet.ARCHITECTURES))
     raise WeightsError(f"{path} holds weights of {architecture!r}, known are {known}")
-
-
-def _fused(spec: str) -> Predictor:
-    return Fused.of_study(spec)
 
 
 def _imported(spec: str) -> Any:

@@ -1,6 +1,6 @@
 """The simulator: maps, generated buildings, the LIDAR, the car, the task, the closed loop."""
 
-from sim.car import DubinsCar, PaperCar, collides
+from sim.car import DubinsCar, collides
 from sim.families import empty_straight, generate
 from sim.lidar import Lidar, LidarConfig, cast_rays
 from sim.map_server import MapError, load_world, save_world
@@ -13,7 +13,6 @@ __all__ = [
     "LidarConfig",
     "MapError",
     "NoTaskError",
-    "PaperCar",
     "Task",
     "World",
     "cast_rays",

@@ -48,23 +48,16 @@ def arc_ways(
     offsets, circle = body.circles()
     # A cell's clearance runs from centre to centre, up to a diagonal more than what is free.
     needed = circle + clearance + math.sqrt(2.0) * frame.resolution
-    return explore(
-        world.clearance,
-        frame.resolution,
-        frame.origin,
-        np.array(start),
-        radius,
-        offsets,
-        needed,
-        comfort,
-        longest,
-    )
+    turning = np.array(start), radius, offsets, needed
+    return explore(world.clearance, *frame.lattice, *turning, comfort, longest)
 
 
 @njit(cache=True, nogil=True)
 def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: ignore[no-untyped-def]
-    """Return the least clearance of the body's circles beyond what they need; negative in a
-    collision."""
+    """Return by how much the clearance of all circles exceeds what they need [m].
+
+    It is negative in a collision.
+    """
     cos, sin = math.cos(yaw), math.sin(yaw)
     spare = np.inf
     for offset in offsets:
@@ -80,22 +73,21 @@ def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: i
 def explore(  # type: ignore[no-untyped-def]
     clearance, resolution, origin, start, radius, offsets, needed, comfort, longest
 ):
-    """Find the cheapest ways from a start pose, over arcs to the left, straight on, and to the
-    right.
+    """Find the cheapest ways from a pose, over arcs to the left, straight on and to the right.
 
-    Dijkstra with a ring of buckets, since costs are small whole numbers. Poses stay exact: the
-    lattice only decides which of them count as the same, so every way found can be driven. Arcs
-    near a wall cost more, so that the ways keep to the middle where there is one.
+    This is Dijkstra's algorithm with a ring of buckets, since costs are small whole numbers. Poses
+    are exact: the lattice only decides which of them count as the same, so the car can drive every
+    way found. Arcs near a wall cost more, so that ways keep to the middle where there is room.
 
     Args:
         clearance: distance to the nearest solid cell, (rows, columns) [m].
         resolution: side of a cell [m].
         origin: x, y of the lower-left corner [m].
         start: x, y, yaw.
-        radius: of the arcs [m]; an arc turns by one of `HEADINGS`.
-        offsets: of the circles along the body, (n,) [m].
+        radius: radius of the arcs [m]; an arc turns by one of `HEADINGS`.
+        offsets: positions of the circles along the body, (n,) [m].
         needed: clearance that each circle needs [m].
-        comfort: clearance beyond it at which a wall stops mattering [m].
+        comfort: clearance beyond that at which a wall stops mattering [m].
         longest: ways longer than this are not followed [m].
 
     Returns:

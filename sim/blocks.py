@@ -71,8 +71,7 @@ def _lines(count: int, rng: np.random.Generator) -> tuple[list[float], list[floa
 
 
 def _joined(rng: np.random.Generator) -> list[tuple[Node, Node]]:
-    """Draw the pairs of neighbouring crossings that a path joins: a spanning tree, and some of the
-    rest."""
+    """Draw which neighbouring crossings a path joins: a spanning tree, and some other pairs."""
     nodes = [(column, row) for column in range(COLUMNS) for row in range(ROWS)]
     pairs = [
         (one, other)

@@ -77,10 +77,9 @@ class Canvas:
     def _around(
         self, centre: Point, reach: float
     ) -> tuple[tuple[slice, slice], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the cells within reach of a point, and their offsets from it: (1, n) and (m, 1)
-        [m].
+        """Return the cells within reach of a point, and their x (1, n) and y (m, 1) from it [m].
 
-        The canvas keeps a rim as thick as a wall, in which nothing is carved.
+        They leave out the rim of the canvas, as thick as a wall, in which nothing is carved.
         """
         rows, cols = self.frame.shape
         row, col = self.frame.cell(centre[0] - reach, centre[1] - reach)

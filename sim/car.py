@@ -1,4 +1,4 @@
-"""The simulated car: the model with bounded acceleration, the paper's, and collisions.
+"""The simulated car: its motion with bounded acceleration, and its collisions.
 
 It does not use the planner's model of the car (`planner.motion.dynamics`), so that each can be
 tested against the other.
@@ -78,8 +78,10 @@ class DubinsCar:
     def _arc(
         self, state: ArrayLike, control: ArrayLike, dt: float
     ) -> tuple[float, float, float, float, float, float]:
-        """Return the start x, y, yaw, the arc's signed length, the speed at its end, and its
-        curvature."""
+        """Return x, y, yaw at the start of a step's arc, and its length, end speed and curvature.
+
+        The length is negative in reverse.
+        """
         x, y, yaw, v = (float(value) for value in np.asarray(state, dtype=np.float64))
         acceleration, curvature, *rest = np.asarray(control, dtype=np.float64).tolist()
         if not math.isfinite(x + y + yaw + v + acceleration + curvature + dt):
@@ -107,20 +109,6 @@ class DubinsCar:
             what = f"speed {v} m/s is negative" if v < 0 else "gear is -1"
             raise ValueError(f"{what}, but the car has no reverse gear")
         return asked if abs(v) < REST else math.copysign(1.0, v)
-
-
-class PaperCar:
-    """The paper's Dubins car: state [x, y, θ], control [v, dθ/dt] (Katyal et al. 2018)."""
-
-    def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
-        """Return the exact state (3,) after `dt` [s] of constant control (2,)."""
-        x, y, yaw = (float(value) for value in np.asarray(state, dtype=np.float64))
-        v, turn = (float(value) for value in np.asarray(control, dtype=np.float64))
-        chord = v * dt * sinc(0.5 * turn * dt)
-        heading = yaw + 0.5 * turn * dt
-        return np.array(
-            [x + chord * math.cos(heading), y + chord * math.sin(heading), wrap(yaw + turn * dt)]
-        )
 
 
 def travel(v: float, acceleration: float, dt: float, v_max: float) -> tuple[float, float]:
@@ -178,7 +166,4 @@ def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -
     frame = world.grid.frame
     grown = body.inflated(0.5 * spacing)
     array = np.atleast_2d(np.asarray(poses, dtype=np.float64))
-    contact = first_contact(
-        world.solid, frame.resolution, frame.origin, array, grown.half_length, grown.half_width
-    )
-    return bool(contact >= 0)
+    return bool(first_contact(world.solid, *frame.lattice, array, *grown.halves) >= 0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -100,7 +99,6 @@ def run_episode(
     lidar: Lidar,
     config: EpisodeConfig,
     rng: np.random.Generator,
-    on_tick: Callable[[int], None] | None = None,
 ) -> Episode:
     """Drive until the goal, a collision, the time limit, or until the car no longer moves.
 
@@ -111,16 +109,13 @@ def run_episode(
         lidar: takes the scans.
         config: when the drive ends.
         rng: source of the LIDAR's noise.
-        on_tick: called with the number of each tick before it.
     """
     world, dt = task.world, config.dt
     states = [np.array([*task.start, 0.0])]
     recorder = Recorder(world)
     outcome, impact = Outcome.TIMED_OUT, None
     limit_time = config.timeout * task.path_length / car.limits.v_max
-    for tick in range(math.ceil(limit_time / dt)):
-        if on_tick is not None:
-            on_tick(tick)
+    for _ in range(math.ceil(limit_time / dt)):
         started = time.perf_counter()
         scan = lidar.scan(world, states[-1], rng)
         scan_ms = 1e3 * (time.perf_counter() - started)
@@ -157,9 +152,8 @@ def run_episode(
 def _is_stuck(states: list[NDArray[np.float64]], config: EpisodeConfig) -> bool:
     """Return whether the car has hardly moved in the last `config.stuck_time`."""
     ticks = round(config.stuck_time / config.dt)
-    if len(states) <= ticks:
-        return False
-    return _length(np.array(states[-ticks - 1 :])) < config.stuck_distance
+    recent = np.array(states[-ticks - 1 :])
+    return len(recent) > ticks and _length(recent) < config.stuck_distance
 
 
 def _length(states: NDArray[np.float64]) -> float:

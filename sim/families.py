@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from predictor.mapping.families import FAMILIES
 from sim.blocks import block_size, draw_blocks
@@ -57,10 +58,14 @@ def empty_straight(length: float = 60.0, width: float = 4.0) -> World:
     return canvas.world(f"straight-{length:g}x{width:g}")
 
 
+def _network(config: NetworkConfig, rng: np.random.Generator) -> tuple[Canvas, list[Segment]]:
+    canvas, segments = Canvas(config.size, config.size), grow(config, rng)
+    carve(canvas, segments)
+    return canvas, segments
+
+
 def _corridor(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(CORRIDOR.size, CORRIDOR.size)
-    carve(canvas, grow(CORRIDOR, rng))
-    return canvas
+    return _network(CORRIDOR, rng)[0]
 
 
 def _paper(rng: np.random.Generator) -> Canvas:
@@ -77,9 +82,7 @@ def _office(rng: np.random.Generator) -> Canvas:
 
 
 def _narrow(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(NARROW.size, NARROW.size)
-    segments = grow(NARROW, rng)
-    carve(canvas, segments)
+    canvas, segments = _network(NARROW, rng)
     for segment in segments:
         if segment.length > 5.0 and rng.random() < 0.6:
             at = rng.uniform(0.35, 0.65) * segment.length
@@ -106,12 +109,11 @@ def _side_room(canvas: Canvas, segment: Segment, side: int, rng: np.random.Gener
         return
     at = rng.uniform(0.5 * wide, segment.length - 0.5 * wide)
     wall = 0.5 * segment.width + 0.2
-    # The room, the walls around it, and nothing else there yet.
-    for along in np.arange(-0.5 * wide - 0.3, 0.5 * wide + 0.31, 0.1):
-        for across in np.arange(wall - 0.14, wall + deep + 0.31, 0.1):
-            x, y = segment.at(at + along, side * across)
-            if not 0.5 < min(x, y) <= max(x, y) < NARROW.size - 0.5 or canvas.is_free(x, y):
-                return
+    # The room and the walls around it.
+    along = at + np.arange(-0.5 * wide - 0.3, 0.5 * wide + 0.31, 0.1)
+    across = side * np.arange(wall - 0.14, wall + deep + 0.31, 0.1)
+    if not _is_solid(canvas, NARROW, segment, along, across):
+        return
     canvas.box(segment.at(at, side * (wall + 0.5 * deep)), (wide, deep), segment.yaw, free=True)
     door = at + rng.uniform(-0.5, 0.5) * (wide - 1.2)
     canvas.box(
@@ -119,10 +121,21 @@ def _side_room(canvas: Canvas, segment: Segment, side: int, rng: np.random.Gener
     )
 
 
+def _is_solid(
+    canvas: Canvas,
+    config: NetworkConfig,
+    segment: Segment,
+    along: NDArray[np.float64],
+    aside: NDArray[np.float64],
+) -> bool:
+    """Return whether nothing is carved at some points beside a segment, all inside the square."""
+    points = [segment.at(s, a) for s in along for a in aside]
+    low, high = np.min(points), np.max(points)
+    return low > 0.5 and high < config.size - 0.5 and not any(canvas.is_free(*p) for p in points)
+
+
 def _trap(rng: np.random.Generator) -> Canvas:
-    canvas = Canvas(TRAP.size, TRAP.size)
-    segments = grow(TRAP, rng)
-    carve(canvas, segments)
+    canvas, segments = _network(TRAP, rng)
     for segment in segments:
         if segment.parent >= 0:
             parent = segments[segment.parent]
@@ -160,10 +173,10 @@ def _false_end(canvas: Canvas, segment: Segment, rng: np.random.Generator) -> No
     depth = rng.uniform(1.2, 3.0)
     width = min(segment.width, 3.0)
     at = segment.length - 0.5 * width
-    for along in np.arange(-0.5 * width - 0.4, 0.5 * width + 0.41, 0.2):
-        for across in np.arange(0.5 * segment.width + 0.1, 0.5 * segment.width + depth + 0.5, 0.2):
-            x, y = segment.at(at + along, side * across)
-            if not 0.5 < min(x, y) <= max(x, y) < TRAP.size - 0.5 or canvas.is_free(x, y):
-                return
-    middle = segment.at(at, side * (0.5 * segment.width + 0.5 * depth - 0.1))
+    wall = 0.5 * segment.width
+    along = at + np.arange(-0.5 * width - 0.4, 0.5 * width + 0.41, 0.2)
+    across = side * np.arange(wall + 0.1, wall + depth + 0.5, 0.2)
+    if not _is_solid(canvas, TRAP, segment, along, across):
+        return
+    middle = segment.at(at, side * (wall + 0.5 * depth - 0.1))
     canvas.box(middle, (width, depth + 0.2), segment.yaw, free=True)

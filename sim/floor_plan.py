@@ -286,7 +286,7 @@ def _furnish(
     half = 0.5 * style.wall
     low = (space.low[0] + half, space.low[1] + half)
     high = (space.high[0] - half, space.high[1] - half)
-    furnish(canvas, Room(low, high, door[0], (0.0, 1.0)), rng)
+    furnish(canvas, Room(low, high, door[0]), rng)
 
 
 def _leaf(canvas: Canvas, door: Door, rng: np.random.Generator) -> None:

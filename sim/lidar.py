@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,14 +102,9 @@ class Lidar:
         )
         sx, sy, bearing = blank.sensor_pose(x, y, yaw)
         frame = world.grid.frame
+        place, longest = frame.in_cells(sx, sy), config.range_max / frame.resolution
         ranges = frame.resolution * cast_rays(
-            world.skips,
-            world.grid.cells,
-            (sx - frame.origin[0]) / frame.resolution,
-            (sy - frame.origin[1]) / frame.resolution,
-            bearing,
-            self._beams,
-            config.range_max / frame.resolution,
+            world.skips, world.grid.cells, *place, bearing, self._beams, longest
         )
         if discs is not None and len(discs):
             ranges = self._blocked(ranges, (sx, sy, bearing), discs)
@@ -117,9 +112,7 @@ class Lidar:
             if rng is None:
                 raise ValueError("a sensor with noise or dropout needs an rng")
             ranges = self._disturbed(ranges, rng)
-        return Scan(
-            ranges, config.angle_min, config.angle_increment, config.range_max, config.mount
-        )
+        return replace(blank, ranges=ranges)
 
     def _blocked(
         self,
@@ -143,6 +136,7 @@ class Lidar:
     def _disturbed(
         self, ranges: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64]:
+        """Return the ranges with noise, and NaN where a beam dropped out."""
         # Both are drawn for every beam, so that what one beam meets does not shift the others.
         noise = rng.normal(0.0, self.config.range_noise, ranges.shape)
         dropped = rng.random(ranges.shape) < self.config.dropout

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
-import tempfile
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from predictor.infra import plain_yaml
+from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError, one_line
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
@@ -87,45 +86,33 @@ def load_world(path: str | Path) -> World:
     return World(path.stem, Grid(GridFrame(meta.resolution, meta.origin, (rows, cols)), cells))
 
 
-def save_world(world: World, path: str | Path, mode: str = "trinary") -> None:
-    """Write a world as a map_server map: the YAML file and, beside it, its image.
+def save_world(world: World, path: str | Path) -> None:
+    """Write a world as a map_server map: the YAML file and, beside it, a binary PGM.
 
-    The image is a binary PGM, in scale mode a PNG, which needs transparency. Each file appears
-    whole or not at all, the YAML after the image that it names.
+    Each file appears whole or not at all, the YAML after the image that it names.
 
     Raises:
-        MapError: if the mode is unknown or the files cannot be written.
+        MapError: if the files cannot be written.
     """
-    if mode not in MODES:
-        raise MapError(f"mode is {mode!r}, it must be one of {', '.join(MODES)}")
     path = Path(path)
     if path.suffix not in (".yaml", ".yml"):
         raise MapError(f"{path}: a map is saved under the name of its .yaml file")
-    cells = world.grid.cells[::-1]
-    shades = {"trinary": (254, 0, 205), "scale": (255, 0, 128), "raw": (0, 100, 255)}[mode]
-    pixels = np.choose((cells == OCCUPIED) + 2 * (cells == UNKNOWN), shades).astype(np.uint8)
-    if mode == "scale":
-        alpha = np.where(cells == UNKNOWN, 0, 255).astype(np.uint8)
-        pixels = np.stack([pixels, alpha], axis=-1)
-    frame = world.grid.frame
-    image = path.with_suffix(".png" if mode == "scale" else ".pgm")
-    text = yaml.safe_dump(
-        {
-            "image": image.name,
-            "mode": mode,
-            "resolution": float(frame.resolution),
-            "origin": [float(frame.origin[0]), float(frame.origin[1]), 0.0],
-            "negate": 0,
-            "occupied_thresh": 0.65,
-            "free_thresh": 0.196,
-        },
-        sort_keys=False,
-    )
-    encoded = io.BytesIO()
-    Image.fromarray(pixels).save(encoded, "PNG" if mode == "scale" else "PPM")
+    frame, cells = world.grid.frame, world.grid.cells[::-1]
+    shades = np.choose((cells == OCCUPIED) + 2 * (cells == UNKNOWN), (254, 0, 205))
+    image, encoded = path.with_suffix(".pgm"), io.BytesIO()
+    Image.fromarray(shades.astype(np.uint8)).save(encoded, "PPM")
+    facts = {
+        "image": image.name,
+        "mode": "trinary",
+        "resolution": float(frame.resolution),
+        "origin": [float(frame.origin[0]), float(frame.origin[1]), 0.0],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
     try:
-        _write(image, encoded.getvalue())
-        _write(path, text.encode())
+        write_whole(image, encoded.getvalue())
+        write_whole(path, yaml.safe_dump(facts, sort_keys=False).encode())
     except OSError as error:
         raise MapError(f"{path}: cannot be written: {one_line(error)}") from error
 
@@ -151,6 +138,7 @@ def read_yaml(path: Path) -> MapFile:
 
 
 def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
+    """Check the values of a YAML file that has all needed keys."""
     image, mode, origin = said["image"], said.get("mode", "trinary"), said["origin"]
     if not isinstance(image, str) or not image or "\0" in image:
         raise MapError(f"{path}: image is {short(image)}, it must be a path")
@@ -181,8 +169,7 @@ def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
 
 
 def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.int8]:
-    """Return the nav_msgs/OccupancyGrid values of an image: 0–100, −1 unknown; row 0 is the lowest
-    y.
+    """Return an image as nav_msgs/OccupancyGrid: 0–100, −1 unknown; row 0 has the lowest y.
 
     Args:
         pixels: (height, width, channels) uint8 or uint16, top row first; one or three channels of
@@ -199,17 +186,17 @@ def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.
 
 
 def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
-    """Return `occupancy` of some rows of pixels in [0, 1], top row first."""
+    """Return `occupancy` of some rows of pixels in [0, 1], with the top row first."""
     alpha = pixels.shape[2] in (2, 4)
     colours = pixels[:, :, :-1] if alpha else pixels
     if alpha and meta.mode == "trinary":
-        # Here map_server averages alpha in, to grey's three equal channels as their fourth.
+        # In this mode map_server averages all four channels; grey counts as three equal ones.
         colours = pixels[:, :, [0, 0, 0, 1]] if pixels.shape[2] == 2 else pixels
     shade = colours.mean(axis=2)
     if meta.mode == "raw":
         value = np.round(255 * shade)
         return np.where(value <= 100, value, UNKNOWN)
-    # Rounded, so that a shade equal to a threshold such as 0.8 = 204/255 is neither side of it.
+    # Rounded, so that a shade equal to a threshold, such as 0.8 = 204/255, is on neither side.
     black = np.round(shade if meta.negate else 1.0 - shade, 12)
     between = np.full(black.shape, float(UNKNOWN))
     if meta.mode == "scale":
@@ -244,6 +231,7 @@ def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
 
 
 def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
+    """Return the pixels of an open image with one channel of grey or three of colour, and alpha."""
     if image.mode.startswith("I"):
         return np.asarray(image).astype(np.uint16)[:, :, None]
     if image.mode == "F":
@@ -256,7 +244,7 @@ def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
 
 
 def _number(path: Path, key: str, value: object) -> float:
-    # YAML 1.1 reads 5e-2 as a string, which map_server takes for the number that it is.
+    """Return a finite number; like map_server, also one that YAML 1.1 reads as text (5e-2)."""
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
@@ -266,18 +254,3 @@ def _number(path: Path, key: str, value: object) -> float:
     except (ValueError, OverflowError) as error:
         raise MapError(f"{path}: {key} holds {short(value)}, it must be a finite number") from error
     return number
-
-
-def _write(path: Path, content: bytes) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        # mkstemp makes files that only their owner may read.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise

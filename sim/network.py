@@ -15,13 +15,13 @@ class NetworkConfig:
     """Settings of a network's growth.
 
     Attributes:
-        size: the square it must stay in [m].
-        width: narrowest and widest corridor [m].
-        length: shortest and longest segment [m].
-        segments: when to stop.
-        oblique: share of bends that are no right angles.
-        gap: least solid ground between corridors that do not meet [m].
-        reach: length of the longest way through it, at least [m].
+        size: side of the square that the network must lie in [m].
+        width: smallest and largest width of a corridor [m].
+        length: smallest and largest length of a segment [m].
+        segments: number of segments at which the growth stops.
+        oblique: share of bends that are not right angles.
+        gap: smallest width of solid ground between corridors that do not meet [m].
+        reach: smallest length of the longest way through the network [m].
     """
 
     size: float
@@ -35,7 +35,11 @@ class NetworkConfig:
 
 @dataclass
 class Segment:
-    """A straight corridor; `parent` is the one that it starts from, `depth` the way to its end."""
+    """A straight corridor.
+
+    `parent` is the number of the segment that it starts from, or -1; `depth` is the length of the
+    way from the first segment's start to its end [m]; `children` are the segments that start here.
+    """
 
     start: Point
     yaw: float
@@ -74,11 +78,10 @@ def grow(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
 
 
 def carve(canvas: Canvas, segments: list[Segment]) -> None:
-    """Carve corridors into a canvas; a right-angled corner is square, any other is round."""
+    """Carve corridors into a canvas, with square corners at right angles and round ones else."""
     for segment in segments:
         canvas.passage(segment.start, segment.end, segment.width)
-        children = [segments[i] for i in segment.children]
-        for child in children:
+        for child in (segments[i] for i in segment.children):
             if abs(math.sin(2 * (child.yaw - segment.yaw))) < 1e-6:
                 widest = max(child.width, segment.width)
                 depth = min(child.width, segment.width)
@@ -90,10 +93,11 @@ def carve(canvas: Canvas, segments: list[Segment]) -> None:
 
 
 def _grow_once(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
+    """Grow segments from the ends of others, until there are enough or no end is left."""
     first = _first(config, rng)
     segments, open_ends = [first], [0]
     while open_ends and len(segments) < config.segments:
-        # The newest end first, mostly: long ways rather than bushes.
+        # Mostly the newest end is continued, which gives long ways and few bushes.
         pick = -1 if rng.random() < 0.7 else int(rng.integers(len(open_ends)))
         index = open_ends.pop(pick)
         for turn in _turns(config, rng):
@@ -106,6 +110,7 @@ def _grow_once(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]
 
 
 def _first(config: NetworkConfig, rng: np.random.Generator) -> Segment:
+    """Draw the first segment, which starts at a side of the square and leads inwards."""
     tilt = rng.uniform(-math.pi / 4, math.pi / 4) if rng.random() < config.oblique else 0.0
     length, width = rng.uniform(*config.length), rng.uniform(*config.width)
     side, along = int(rng.integers(4)), rng.uniform(0.25, 0.75) * config.size
@@ -115,7 +120,7 @@ def _first(config: NetworkConfig, rng: np.random.Generator) -> Segment:
 
 
 def _turns(config: NetworkConfig, rng: np.random.Generator) -> list[float]:
-    """Draw the directions in which a corridor goes on from its end: a bend, a T, a crossing."""
+    """Draw the turns [rad] of the corridors that go on from an end; none at a dead end."""
     right = math.pi / 2
     kind = rng.choice(6, p=[0.34, 0.14, 0.2, 0.16, 0.12, 0.04])
     turns = [[right], [0.0], [right, -right], [0.0, right], [0.0, right, -right], []][kind]
@@ -133,25 +138,25 @@ def _child(
     index: int,
     turn: float,
 ) -> Segment | None:
+    """Draw a segment that starts at the end of another and fits in; None if none is found."""
     parent = segments[index]
-    narrow, wide = config.width
     for _ in range(6):
-        # Mostly as wide as before: real corridors are.
-        width = parent.width if rng.random() < 0.5 else rng.uniform(narrow, wide)
+        # Half of them keep the width, as most corridors of real buildings do.
+        width = parent.width if rng.random() < 0.5 else rng.uniform(*config.width)
         length = rng.uniform(*config.length)
-        start = parent.end
-        child = Segment(start, parent.yaw + turn, length, width, index, parent.depth + length)
+        child = Segment(parent.end, parent.yaw + turn, length, width, index, parent.depth + length)
         if _fits(config, segments, child):
             return child
     return None
 
 
 def _fits(config: NetworkConfig, segments: list[Segment], child: Segment) -> bool:
+    """Return whether a segment lies in the square and keeps its distance from the others."""
     edge = 0.5 * child.width + 0.5
     if not all(edge <= value <= config.size - edge for value in child.end):
         return False
     parent = segments[child.parent]
-    # Near its start it must touch its parent and siblings; from here on it is on its own.
+    # Up to this distance from its start it overlaps its parent and siblings.
     skip = 0.5 * (parent.width + child.width) + config.gap
     if child.length < skip + 1.0:
         return False
@@ -165,6 +170,7 @@ def _fits(config: NetworkConfig, segments: list[Segment], child: Segment) -> boo
 
 
 def _distance(point: Point, segment: Segment) -> float:
+    """Return the distance from a point to a segment's middle line [m]."""
     dx, dy = point[0] - segment.start[0], point[1] - segment.start[1]
     along = dx * math.cos(segment.yaw) + dy * math.sin(segment.yaw)
     return math.dist(point, segment.at(min(max(along, 0.0), segment.length)))

@@ -19,12 +19,16 @@ CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 @dataclass(frozen=True)
 class Room:
-    """An axis-aligned room; its door is at `door`, in the wall towards `side` (±1 in y, or x)."""
+    """An axis-aligned room between two corners, and the middle of its door [m]."""
 
     low: Point
     high: Point
     door: Point
-    side: Point
+
+    @property
+    def middle(self) -> Point:
+        """Its middle [m]."""
+        return 0.5 * (self.low[0] + self.high[0]), 0.5 * (self.low[1] + self.high[1])
 
 
 def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
@@ -45,7 +49,7 @@ def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
     for low, high in rows:
         canvas.room((edge, low), (edge + size[0], high))
     for low, high in cols:
-        # From the first corridor to the last: what sticks out would eat the rooms behind.
+        # Only from the first corridor to the last, so that the rooms outside keep their space.
         canvas.room((low, rows[0][0]), (high, rows[-1][1]))
     for index, (low, high) in enumerate(rows):
         above = rows[index + 1][0] if index + 1 < len(rows) else top
@@ -54,14 +58,11 @@ def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
         down = (0.5 * (low + below) if index else below, low)
         for span, side in ((up, -1.0), (down, 1.0)):
             outer = (index == len(rows) - 1 and side < 0) or (index == 0 and side > 0)
-            cuts = [edge, edge + size[0]] if outer else _between(edge, edge + size[0], cols)
+            # Starts and ends of the stretches that the crossing corridors leave.
+            crossing = () if outer else cols
+            cuts = [edge, *(end for corridor in crossing for end in corridor), edge + size[0]]
             for left, right in zip(cuts[::2], cuts[1::2], strict=True):
                 _room_row(canvas, (left, right), span, side, rng)
-
-
-def _between(low: float, high: float, corridors: list[tuple[float, float]]) -> list[float]:
-    """Return the ends of the stretches that corridors leave of a span: start, end, start, end, …"""
-    return [low, *(value for corridor in corridors for value in corridor), high]
 
 
 def _corridors(
@@ -71,7 +72,7 @@ def _corridors(
     between: tuple[float, float],
     ends: tuple[float, float],
 ) -> list[tuple[float, float]]:
-    """Draw parallel corridors across a span: (low, high) of each."""
+    """Draw parallel corridors across a span, and return where each begins and ends [m]."""
     found: list[tuple[float, float]] = []
     at = low + rng.uniform(*ends)
     while True:
@@ -89,7 +90,7 @@ def _room_row(
     side: float,
     rng: np.random.Generator,
 ) -> None:
-    """Carve rooms side by side in a stretch, their doors towards `side` in y."""
+    """Carve rooms side by side between two x and two y, with doors at the high y if side > 0."""
     count = max(1, round((x[1] - x[0]) / rng.uniform(3.2, 6.5)))
     inner = np.sort(rng.uniform(-0.2, 0.2, count - 1)) + np.arange(1, count)
     cuts = x[0] + (x[1] - x[0]) * np.concatenate([[0], inner, [count]]) / count
@@ -103,12 +104,11 @@ def _room_row(
         at = rng.uniform(low[0] + 0.3 + 0.5 * width, high[0] - 0.3 - 0.5 * width)
         wall = y[1] if side > 0 else y[0]
         canvas.box((at, wall), (width, 3 * WALL), free=True)
-        room = Room(low, high, (at, wall), (0.0, side))
-        furnish(canvas, room, rng)
+        furnish(canvas, Room(low, high, (at, wall)), rng)
 
 
 def furnish(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
-    """Put furniture into a room, none of it in front of its door."""
+    """Furnish a room, and keep its door clear; leave some rooms empty."""
     kind = rng.random()
     if kind < 0.15:
         return
@@ -127,10 +127,10 @@ def _desk(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
     centre, size = _at_wall(room, (rng.uniform(1.2, 1.8), rng.uniform(0.7, 0.8)), rng)
     if not _put(canvas, room, (centre, size)):
         return
-    middle = (0.5 * (room.low[0] + room.high[0]), 0.5 * (room.low[1] + room.high[1]))
-    # The side of the desk that faces the room is a long one.
+    # The chair stands at the long side that faces the middle of the room.
     axis = 0 if size[0] < size[1] else 1
-    away = math.copysign(0.5 * size[axis] + rng.uniform(0.3, 0.5), middle[axis] - centre[axis])
+    off = room.middle[axis] - centre[axis]
+    away = math.copysign(0.5 * size[axis] + rng.uniform(0.3, 0.5), off)
     chair = list(centre)
     chair[axis] += away
     if math.dist(chair, room.door) > 1.2:
@@ -138,12 +138,13 @@ def _desk(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
 
 
 def _meeting_table(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
+    """Put a table in the middle of a room, with chairs along a rectangular one."""
     wide, deep = room.high[0] - room.low[0], room.high[1] - room.low[1]
     size = (wide - 2.6, deep - 2.6)
     if min(size) < 0.6:
         return
     size = (min(size[0], 3.5), min(size[1], 3.5))
-    centre = (0.5 * (room.low[0] + room.high[0]), 0.5 * (room.low[1] + room.high[1]))
+    centre = room.middle
     if min(size) > 1.4 and rng.random() < 0.4:
         canvas.disc(centre, 0.5 * min(size))
         return
@@ -159,7 +160,7 @@ def _meeting_table(canvas: Canvas, room: Room, rng: np.random.Generator) -> None
 
 
 def _at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, Point]:
-    """Draw centre and extent of a box (long, deep) whose long side stands at a wall of a room."""
+    """Draw the centre and the extent of a box of (long, deep) with its long side at a wall."""
     axis, end = int(rng.integers(2)), int(rng.integers(2))
     extent = (size[1], size[0]) if axis == 0 else size
     wall = (room.low, room.high)[end][axis]
@@ -172,7 +173,7 @@ def _at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, 
 
 
 def _put(canvas: Canvas, room: Room, thing: tuple[Point, Point]) -> bool:
-    """Fill a box unless it blocks the door or stands on something; whether it was filled."""
+    """Fill a box, unless it blocks the door or overlaps something; return whether it was filled."""
     centre, size = thing
     dx = max(abs(centre[0] - room.door[0]) - 0.5 * size[0], 0.0)
     dy = max(abs(centre[1] - room.door[1]) - 0.5 * size[1], 0.0)

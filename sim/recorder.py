@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import GridFrame, OccupancyGrid
+from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
 from sim.driver import Decision
 from sim.world import World
 
 EARLY_TICK, FEW_CELLS = 40, 40
 """Tick that is kept in full where no tick before it relied on at least so many unseen cells."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Tick:
-    """The record of a tick; see `sim.episode.Episode.trace`."""
-
-    control: NDArray[np.float64]
-    gear: int
-    plan: NDArray[np.float16]
-    limit: str
-    emergency: bool
-    unsolved: bool
-    relied_cells: NDArray[np.int16]
-    relied_trust: NDArray[np.uint8]
-    kept: int
-    times: list[float]
 
 
 class Recorder:
@@ -44,7 +27,7 @@ class Recorder:
         self.world = world
         self.faults: Counter[str] = Counter()
         self._first_seen = np.zeros(world.grid.frame.shape, dtype=np.int16)
-        self._ticks: list[_Tick] = []
+        self._ticks: list[dict[str, Any]] = []
         self._time_names: list[str] = []
         self._moment: tuple[int, int, Decision] | None = None
 
@@ -62,18 +45,18 @@ class Recorder:
         times = {"scan": scan_ms, **decision.times}
         self._time_names = list(times)
         self._ticks.append(
-            _Tick(
-                control=decision.control[:2],
-                gear=decision.plan.gear,
-                plan=decision.plan.controls.astype(np.float16),
-                limit=str(decision.limit),
-                emergency=decision.emergency,
-                unsolved="no_safe_solution" in decision.faults,
-                relied_cells=cells,
-                relied_trust=np.rint(255 * decision.relied_trust).astype(np.uint8),
-                kept=kept,
-                times=list(times.values()),
-            )
+            {
+                "control": decision.control[:2],
+                "gear": decision.plan.gear,
+                "plan": decision.plan.controls.astype(np.float16),
+                "limit": str(decision.limit),
+                "emergency": decision.emergency,
+                "unsolved": "no_safe_solution" in decision.faults,
+                "relied_cells": cells,
+                "relied_trust": np.rint(255 * decision.relied_trust).astype(np.uint8),
+                "kept": kept,
+                "times": list(times.values()),
+            }
         )
         self._see(tick, decision.plan.states[0], known)
         # The tick for a picture: the one that relied on most cells, or else an early one.
@@ -83,21 +66,27 @@ class Recorder:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the trace but for the states; see `sim.episode.Episode.trace`."""
-        ticks = self._ticks
-        names = sorted({tick.limit for tick in ticks})
-        out: dict[str, NDArray[Any]] = {
-            "controls": np.array([tick.control for tick in ticks], dtype=np.float32),
-            "gears": np.array([tick.gear for tick in ticks], dtype=np.int8),
-            "plans": _padded([tick.plan for tick in ticks]),
-            "limits": np.array([names.index(tick.limit) for tick in ticks], dtype=np.uint8),
+
+        def column(name: str, kind: type) -> NDArray[Any]:
+            return np.array([tick[name] for tick in self._ticks], dtype=kind)
+
+        plans, cells = ([tick[name] for tick in self._ticks] for name in ("plan", "relied_cells"))
+        # Plans in reverse have fewer steps, after which the car rests.
+        longest = max(map(len, plans))
+        names = sorted({tick["limit"] for tick in self._ticks})
+        out = {
+            "controls": column("control", np.float32),
+            "gears": column("gear", np.int8),
+            "plans": np.array([np.pad(p, ((0, longest - len(p)), (0, 0))) for p in plans]),
+            "limits": np.array([names.index(t["limit"]) for t in self._ticks], dtype=np.uint8),
             "limit_names": np.array(names),
-            "emergency": np.array([tick.emergency for tick in ticks], dtype=bool),
-            "unsolved": np.array([tick.unsolved for tick in ticks], dtype=bool),
-            "relied_count": np.array([len(tick.relied_cells) for tick in ticks], dtype=np.int32),
-            "relied_cells": np.concatenate([tick.relied_cells for tick in ticks]),
-            "relied_trust": np.concatenate([tick.relied_trust for tick in ticks]),
-            "kept": np.array([tick.kept for tick in ticks], dtype=np.int8),
-            "times": np.array([tick.times for tick in ticks], dtype=np.float32),
+            "emergency": column("emergency", bool),
+            "unsolved": column("unsolved", bool),
+            "relied_count": np.array(list(map(len, cells)), dtype=np.int32),
+            "relied_cells": np.concatenate(cells),
+            "relied_trust": np.concatenate([tick["relied_trust"] for tick in self._ticks]),
+            "kept": column("kept", np.int8),
+            "times": column("times", np.float32),
             "time_names": np.array(self._time_names),
             "first_seen": self._first_seen,
         }
@@ -107,10 +96,7 @@ class Recorder:
         return out
 
     def _relied_upon(self, decision: Decision) -> tuple[NDArray[np.int16], int]:
-        """Return the unseen cells that a plan sweeps, (k, 2), and whether they are free.
-
-        The second is 1 if nothing solid is among them, 0 if something is, -1 if there are none.
-        """
+        """Return the unseen cells that a plan sweeps, (k, 2), and `kept` of the trace."""
         frame, solid = self.world.grid.frame, self.world.solid
         cells = np.floor((decision.relied - np.array(frame.origin)) / frame.resolution)
         cells = cells[:, ::-1].astype(np.int16)
@@ -124,23 +110,10 @@ class Recorder:
         """Note the tick in cells of the LIDAR's window that are known for the first time."""
         frame = self.world.grid.frame
         window = known.frame.square(state[0], state[1], known.window)
-        row, col = known.frame.offset(window)
-        top, left = frame.offset(window)
-        # The part of the window that both the known grid and the world hold.
-        a = max(0, -row, -top)
-        b = max(0, -col, -left)
-        c = min(window.shape[0], known.frame.shape[0] - row, frame.shape[0] - top)
-        d = min(window.shape[1], known.frame.shape[1] - col, frame.shape[1] - left)
-        if a < c and b < d:
-            part = self._first_seen[top + a : top + c, left + b : left + d]
-            seen = known.log_odds[row + a : row + c, col + b : col + d] != 0
-            part[seen & (part == 0)] = tick + 1
-
-
-def _padded(plans: list[NDArray[np.float16]]) -> NDArray[np.float16]:
-    """Return plans as one array: those in reverse have fewer steps, after which the car rests."""
-    longest = max(len(plan) for plan in plans)
-    return np.array([np.pad(plan, ((0, longest - len(plan)), (0, 0))) for plan in plans])
+        here, there = frame.overlap(window)
+        part = self._first_seen[here]
+        seen = paste(known.frame, known.log_odds, window, np.int8(0))[there] != 0
+        part[seen & (part == 0)] = tick + 1
 
 
 def _moment(tick: int, decision: Decision) -> dict[str, NDArray[Any]]:

@@ -204,15 +204,9 @@ def _ways(
     roomy: NDArray[np.bool_],
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:
-    """Find where a car gets to from a pose: poses (n, 3), parents, lengths [m], and which may be
-    goals.
+    """Find where a car gets to from a pose: poses (n, 3), parents, lengths [m], possible goals.
 
-    Args:
-        world: the building.
-        start: x, y, yaw.
-        car: body and turning radius.
-        roomy: where a drive may end.
-        longest: ways longer than this are not followed [m].
+    Goals must be `roomy`; ways longer than `longest` [m] are not followed.
     """
     radius = SLACK * car.turning_radius
     poses, parents, arcs, first = arc_ways(
@@ -232,8 +226,7 @@ def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) 
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     # Every solid cell as one that returns: the body minds UNKNOWN as much as walls.
     cells = np.where(world.solid, np.int8(OCCUPIED), np.int8(FREE))
-    u, v = ((x - frame.origin[0]) / frame.resolution, (y - frame.origin[1]) / frame.resolution)
-    ranges = cast_rays(world.skips, cells, u, v, 0.0, beams, math.inf)
+    ranges = cast_rays(world.skips, cells, *frame.in_cells(x, y), 0.0, beams, math.inf)
     best = np.argsort(-np.nan_to_num(ranges), kind="stable")[:8]
     return wrap(float(angles[rng.choice(best)]))
 
@@ -242,10 +235,9 @@ def _trace(
     poses: NDArray[np.float64], parents: NDArray[np.int32], node: int
 ) -> NDArray[np.float64]:
     """Return the poses (n, 3) from the start to a node."""
-    order = []
-    while node >= 0:
-        order.append(node)
-        node = int(parents[node])
+    order = [node]
+    while parents[order[-1]] >= 0:
+        order.append(int(parents[order[-1]]))
     return poses[order[::-1]]
 
 

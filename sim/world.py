@@ -44,12 +44,12 @@ class World:
         )
 
     def truth(self, frame: GridFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return what is free, and what is surface, inside a frame on this lattice: (rows,
-        columns)."""
-        mine, nothing = self.grid.frame, np.bool_(False)
-        return paste(mine, self.grid.free, frame, nothing), paste(
-            mine, self.surface, frame, nothing
+        """Return what is free, and what is surface, in a frame on this lattice: (rows, columns)."""
+        free, surface = (
+            paste(self.grid.frame, cells, frame, np.bool_(False))
+            for cells in (self.grid.free, self.surface)
         )
+        return free, surface
 
     @cached_property
     def clearance(self) -> NDArray[np.float64]:
@@ -65,12 +65,10 @@ class World:
 
 
 def sealed(world: World) -> World:
-    """Return the same building with unknown slivers between free space and a wall made part of the
-    wall.
+    """Return the same building with unknown cells between free space and a wall made occupied.
 
-    Maps built by robots often have one cell of unknown before their walls. Taken literally such a
-    cell ends a ray without a return, and the building is invisible; the body's collisions are the
-    same either way.
+    Maps that robots have built often have one unknown cell before a wall. It would end a ray
+    without a return, and make the building invisible. Collisions of the body stay the same.
     """
     around = np.ones((3, 3), dtype=bool)
     grid = world.grid
@@ -83,8 +81,7 @@ def sealed(world: World) -> World:
 
 @njit(cache=True, nogil=True)
 def empty_squares(solid):  # type: ignore[no-untyped-def]
-    """Compute the side of the largest empty square whose corner a cell is, for each of four
-    quadrants.
+    """Compute the side of the largest empty square with each cell as its corner, by quadrant.
 
     Quadrant 2·(dy < 0) + (dx < 0) holds the squares that reach along the signs of dx and dy. One
     plane a quadrant: a ray stays in one, and neighbouring beams read neighbouring bytes.

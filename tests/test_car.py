@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from sim.car import DubinsCar, PaperCar, collides
+from sim.car import DubinsCar, collides
 from sim.lidar import Lidar, LidarConfig
 from sim.world import World
 
@@ -241,7 +241,10 @@ def test_misuse_says_what_is_wrong():
 
 @given(st.floats(-3, 3), st.floats(-2, 2), st.floats(0, 3))
 def test_the_papers_car_drives_the_same_arc_as_the_other(yaw, v, dt):
+    # The paper's car has state [x, y, θ] and control [v, dθ/dt] (Katyal et al. 2018).
     v = abs(v) + 0.1
     turn = 0.3 * v
-    paper = PaperCar().step((1, 2, yaw), (v, turn), dt)
-    assert same_pose(paper, CAR.step((1, 2, yaw, v), (0, 0.3), dt)[:3])
+    end = yaw + turn * dt
+    x = 1 + v / turn * (math.sin(end) - math.sin(yaw))
+    y = 2 - v / turn * (math.cos(end) - math.cos(yaw))
+    assert same_pose((x, y, end), CAR.step((1, 2, yaw, v), (0, 0.3), dt)[:3])

@@ -166,7 +166,7 @@ def test_a_set_killed_without_warning_goes_on(folder, tmp_path):
 def test_another_recipe_in_the_folder_is_refused(folder, capsys):
     before = contents(folder)
     assert main(["--out", str(folder), "--jobs", "1", *ARGUMENTS[:-1], "11"]) == 2
-    assert "holds a set with another settings" in capsys.readouterr().err
+    assert "holds a run with length 10; choose another place" in capsys.readouterr().err
     assert contents(folder) == before
 
 

@@ -13,7 +13,7 @@ import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
 from planner.motion.plan import Plan
-from planner.mpc.solution import Solution, Status
+from planner.mpc.mpc import Solution, Status
 from predictor import Prediction, Scan
 from sim import DubinsCar
 from sim.episode import EpisodeConfig, Outcome

@@ -17,6 +17,7 @@ from predictor.data.frames import (
     checksum,
 )
 from predictor.data.squares import cells_of, codes_of
+from predictor.infra.command_line import UsageError
 
 NAMES = ["train-000", "train-001", "test-000"]
 
@@ -240,9 +241,9 @@ def test_a_damaged_trajectory_is_made_again(folder):
 
 def test_another_set_in_the_folder_is_not_overwritten(folder):
     before = (folder / MANIFEST).read_bytes()
-    with pytest.raises(FramesError, match="another settings"):
+    with pytest.raises(UsageError, match="with a 1; choose another"):
         FrameSet(folder, "simulated", {"a": 2}, NAMES)
-    with pytest.raises(FramesError, match="another kind"):
+    with pytest.raises(UsageError, match="with kind simulated; choose another"):
         FrameSet(folder, "physical", {"a": 1}, NAMES)
     assert (folder / MANIFEST).read_bytes() == before
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from planner.motion.dynamics import rollout, stage_functions
 from planner.motion.path import Path
 from planner.mpc.initial_guess import shifted
-from planner.mpc.mpc import MPC, stop_controls
-from planner.mpc.solution import Solution, Status
+from planner.mpc.mpc import MPC, Solution, Status, stop_controls
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame

@@ -8,11 +8,11 @@ import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
 from planner.motion.path import Path as Way
-from planner.mpc.solution import Solution, Status
+from planner.mpc.mpc import Solution, Status
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
+from planner.safety.collision import swept_cells
 from planner.safety.plan_choice import Situation
-from planner.safety.swept_cells import swept_cells
 from predictor import FREE, OCCUPIED, Grid, GridFrame, Prediction
 from predictor.mapping.car_limits import CarLimits
 from sim import DubinsCar, generate, sample_task

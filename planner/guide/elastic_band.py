@@ -83,18 +83,9 @@ def lines_along(
         way[passed], tether[passed] = goal, config.hold
     guess = _begun(way, pose)
     for comfort in config.comfort:
+        weights = config.bending, config.push, comfort
         yield relax(
-            guess,
-            way,
-            tether,
-            clearance,
-            frame.resolution,
-            frame.origin,
-            config.bending,
-            config.push,
-            comfort,
-            config.iterations,
-            tightest,
+            guess, way, tether, clearance, *frame.lattice, *weights, config.iterations, tightest
         )
 
 
@@ -110,8 +101,7 @@ def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.fl
 
 @njit(cache=True, nogil=True)
 def curvatures(points):  # type: ignore[no-untyped-def]
-    """Return the signed curvature at each point of a polyline, (n,) [1/m]; an end has its
-    neighbour's."""
+    """Return the signed curvature at each point of a polyline, (n,) [1/m]; ends take the next."""
     n = points.shape[0]
     out = np.zeros(n)
     for i in range(1, n - 1):

@@ -223,8 +223,7 @@ class Guide:
             self._legs = []
 
     def _is_held(self) -> bool:
-        """Return whether the car follows arcs of the hybrid search, which it has to end before it
-        replans."""
+        """Return whether the car still has to end arcs of the hybrid search before it replans."""
         path = self._whole
         if path is None or path.source != "hybrid" or self.path is not path:
             return False
@@ -291,8 +290,7 @@ class Guide:
         return fresh if prices[0] < self.config.better * prices[1] else kept
 
     def _kept(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
-        """Return the present path, smoothed again from a pose; None where it no longer leads to the
-        goal."""
+        """Return the present path, smoothed again from a pose; None if it misses the goal."""
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":
             return None
@@ -328,17 +326,8 @@ class Guide:
         self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
     ) -> Path | None:
         """Search for a path over forward arcs; from its end it follows the route."""
-        forward = replace(self.car, reverse=0.0)
-        legs = find_legs(
-            cost,
-            known,
-            pose,
-            self.goal,
-            self.config.onward,
-            self._stuck,
-            forward,
-            self.config.hybrid,
-        )
+        c, forward = self.config, replace(self.car, reverse=0.0)
+        legs = find_legs(cost, known, pose, self.goal, c.onward, self._stuck, forward, c.hybrid)
         return self._onward(cost, legs[0]) if legs else None
 
     def _onward(self, cost: CostMap, leg: Leg) -> Path:
@@ -352,8 +341,7 @@ class Guide:
     def _still_to_go(
         self, given: NDArray[np.float64], position: tuple[float, float]
     ) -> NDArray[np.float64]:
-        """Return the rest of the prescribed route, (n, 2), and note how far the car has come along
-        it."""
+        """Return the rest of the prescribed route, (n, 2), and note where on it the car is."""
         reach = round(self.config.join / SPACING) + 10
         at, _, square = project(given, *position, self._given_at - 10, self._given_at + reach)
         # A part farther away may lie behind a wall, and is not reached yet.
@@ -364,12 +352,8 @@ class Guide:
     def _along(
         self, way: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
     ) -> NDArray[np.float64] | None:
-        """Return a route (n, 2) that joins the prescribed one some metres ahead and follows it to
-        its end.
-
-        It is searched for, for the straight line to the way may lead through a wall; None where
-        there is none.
-        """
+        """Return a route (n, 2) that joins the prescribed one some metres ahead, or None."""
+        # It is searched for: the straight line to the way may lead through a wall.
         last = min(round(self.config.join / SPACING), len(way) - 1)
         route = find_route(cost, position, (float(way[last, 0]), float(way[last, 1])))
         return None if route is None else np.vstack([route, way[last + 1 :]])

@@ -97,7 +97,7 @@ def find_legs(
     field = cost_to_go(cost, goal)
     if field is None:
         return []
-    costs = cost.density, cost.frame.resolution, cost.frame.origin
+    costs = cost.density, *cost.frame.lattice
     prices = config.reversing, config.shift, config.steering
     start = np.asarray(pose, dtype=np.float64)[:3]
     cells = known.cells
@@ -108,8 +108,7 @@ def find_legs(
     curvature = 1.0 / (config.slack * car.turning_radius)
     for margin in config.margin:
         body = car.body.inflated(margin)
-        seen = cells, known.frame.resolution, known.frame.origin
-        halves = body.half_length, body.half_width
+        seen, halves = (cells, *known.frame.lattice), body.halves
         poses, gears = _search(
             start, goal, ahead, field, costs, seen, halves, curvature, both, prices, config.nodes
         )
@@ -235,14 +234,10 @@ def _trace(node, poses, parents, gears, shares, curvature):  # type: ignore[no-u
     for i in range(steps - 1, -1, -1):
         before = parents[node]
         chosen[i] = gears[node]
+        x, y, yaw = poses[before, 0], poses[before, 1], poses[before, 2]
         for check in range(1, CHECKS + 1):
-            way[CHECKS * i + check] = pose_along(
-                poses[before, 0],
-                poses[before, 1],
-                poses[before, 2],
-                shares[node] * curvature,
-                gears[node] * STEP * check / CHECKS,
-            )
+            part = gears[node] * STEP * check / CHECKS
+            way[CHECKS * i + check] = pose_along(x, y, yaw, shares[node] * curvature, part)
         node = before
     return way, chosen
 

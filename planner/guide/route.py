@@ -27,12 +27,7 @@ def find_route(
     cells = _trace(towards, coarse.shape[1] + 2, *ends[0], *ends[1])
     if len(cells) == 0:
         return None
-    points = np.column_stack(
-        [
-            cost.frame.origin[0] + (cells[:, 1] + 0.5) * step,
-            cost.frame.origin[1] + (cells[:, 0] + 0.5) * step,
-        ]
-    )
+    points = np.array(cost.frame.origin) + (cells[:, ::-1] + 0.5) * step
     # Moving averages take the staircase out without leaving the cells' neighbourhood.
     if len(points) > 4:
         padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
@@ -60,8 +55,7 @@ def cost_to_go(
 
 
 def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
-    """Return the costs of cells of twice the size, infinite where the body does not fit, and their
-    side."""
+    """Return the costs and the side of cells of twice the size; infinite where no body fits."""
     rows, cols = (n // 2 * 2 for n in cost.frame.shape)
     fits = cost.clearance[:rows, :cols] >= cost.required
     density = np.where(fits, cost.density[:rows, :cols], np.inf)
@@ -73,16 +67,12 @@ def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
 def _open_cell(
     cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
 ) -> tuple[int, int] | None:
+    """Return the open cell that is nearest to a point [m], within 0.6 m, or None."""
     row = math.floor((point[1] - cost.frame.origin[1]) / step)
     col = math.floor((point[0] - cost.frame.origin[0]) / step)
-    return _nearest_open(coarse, row, col, math.ceil(0.6 / step))
-
-
-def _nearest_open(
-    cost: NDArray[np.float32], row: int, col: int, reach: int
-) -> tuple[int, int] | None:
+    reach = math.ceil(0.6 / step)
     r0, c0 = max(0, row - reach), max(0, col - reach)
-    part = cost[r0 : row + reach + 1, c0 : col + reach + 1]
+    part = coarse[r0 : row + reach + 1, c0 : col + reach + 1]
     rows, cols = np.nonzero(np.isfinite(part))
     if len(rows) == 0:
         return None
@@ -92,18 +82,11 @@ def _nearest_open(
 
 @njit(cache=True, nogil=True)
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Find the cheapest 8-connected ways to a goal, until the start is reached.
+    """Find the cheapest 8-connected ways to a goal, from a start, or from everywhere if it is -1.
 
-    Args:
-        cost: of a cell, above 0, and infinite where there is no way, (rows, columns).
-        start_row: of the start; -1: the ways from everywhere are wanted.
-        start_col: likewise.
-        goal_row: of the goal.
-        goal_col: likewise.
-
-    Returns:
-        Over the map with a border one cell wide, flat: what is left to go, in cells' costs; and the
-        next cell on the way, -1 where there is none.
+    The costs of cells are above 0, and infinite where there is no way. Return, flat and over the
+    map with a border of one cell: the cost that is left to go from each cell, in cells' costs, and
+    the next cell on the way, -1 where there is none.
     """
     rows, cols = cost.shape
     # With a border that nothing enters, so that every cell has eight neighbours.

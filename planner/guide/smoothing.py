@@ -53,19 +53,11 @@ class Smoother:
             pose: x, y, yaw where the path begins, (3,).
             source: who found the way.
         """
-        cost, frame = self.cost, self.cost.frame
+        cost, tightest = self.cost, 0.95 * self.car.max_curvature
         way = self._run_out(way)
-        lines = lines_along(
-            way,
-            pose,
-            cost.room,
-            frame,
-            cost.unsure,
-            self.goal,
-            0.95 * self.car.max_curvature,
-            self.config,
-        )
-        for line in lines:
+        for line in lines_along(
+            way, pose, cost.room, cost.frame, cost.unsure, self.goal, tightest, self.config
+        ):
             if self._is_drivable(line):
                 path = Path.through(np.vstack([line, way[len(line) :]]), source)
                 return replace(path, drivable=min(len(line), len(path.points)))
@@ -82,14 +74,7 @@ class Smoother:
         """
         car, points = self.car, path.points
         head = points[: max(2, min(path.drivable or 120, len(points)))]
-        v = speeds(
-            head,
-            max(speed, SLOWEST),
-            car.v_max,
-            car.acceleration,
-            car.braking,
-            car.planned_cornering,
-        )
+        v = speeds(head, max(speed, SLOWEST), *car.driving)
         slowness = np.ones(len(points))
         slowness[: len(head)] = car.v_max / np.maximum(v, SLOWEST)
         return self.cost.along(points, slowness)

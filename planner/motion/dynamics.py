@@ -76,8 +76,7 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
 
 @njit(cache=True, nogil=True)
 def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):  # type: ignore[no-untyped-def]
-    """Return the states (N+1, 4) that controls (N, 2) lead to, and the controls clipped to the
-    limits."""
+    """Return the states (N+1, 4) that controls (N, 2) lead to, and these clipped to the limits."""
     stages = controls.shape[0]
     states = np.empty((stages + 1, 4))
     applied = np.empty((stages, 2))
@@ -120,10 +119,8 @@ def swept(states, controls, dt, spacing):  # type: ignore[no-untyped-def]
     i = 1
     for k in range(stages):
         s = states[k, 3] * dt + 0.5 * controls[k, 0] * dt * dt
-        kappa = controls[k, 1]
+        x, y, yaw, kappa = states[k, 0], states[k, 1], states[k, 2], controls[k, 1]
         for j in range(1, counts[k] + 1):
-            poses[i] = pose_along(
-                states[k, 0], states[k, 1], states[k, 2], kappa, s * j / counts[k]
-            )
+            poses[i] = pose_along(x, y, yaw, kappa, s * j / counts[k])
             i += 1
     return poses

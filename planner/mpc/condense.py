@@ -1,7 +1,8 @@
 """The kernels of the SQP: from stage derivatives to one dense QP in the controls.
 
-Row and column order of the QP's variables: a_0, κ_0, a_1, κ_1, … Sensitivities are those of the
-states to the controls. Array layouts are casadi's: one stage after the other, columns first.
+The QP's variables are a_0, κ_0, a_1, κ_1, … in this order. Sensitivities are derivatives of the
+states by the controls. The arrays are laid out as casadi writes them: stage after stage, each in
+column-major order.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from predictor.mapping.kernels import njit
 def clearances(field, resolution, origin, states, offset):  # type: ignore[no-untyped-def]
     """Compute the clearance of two circles at ± `offset` [m] along the heading of each state.
 
-    The field is read by cubic convolution (Keys 1981): continuous with its gradient, and needs
-    no prefilter. Beyond the field's border its border counts.
+    The field is interpolated by cubic convolution (Keys 1981), which makes its gradient continuous
+    and needs no prefilter. Outside the field the values at its border hold.
 
     Returns:
         Values (n, 2) [m], and gradients by x, y, yaw (n, 2, 3).
@@ -63,14 +64,16 @@ def merit(  # type: ignore[no-untyped-def]
     Args:
         states: (N+1, 4).
         controls: (N, 2).
-        last: curvature before the first [1/m].
-        costs: of the states after the first, by their references (N,).
-        value: clearance of their circles (N, 2) [m].
-        needed: clearance that is required [m]; `comfort` more costs nothing.
-        effort: weights of a², κ².
+        last: curvature that was driven before the plan [1/m].
+        costs: cost of each state after the first by its reference on the path, (N,).
+        value: clearance of the two circles at these states, (N, 2) [m].
+        needed: required clearance [m].
+        comfort: clearance beyond that from which on closeness costs nothing [m].
+        effort: weights of a² and of κ².
         smoothness: weight of a squared change of κ.
-        closeness: weight of a squared metre of comfort lacking.
-        violation: weight of a metre lacking of what is required, and of 0.1 m/s at the end.
+        closeness: weight of a squared metre by which comfort is missed.
+        violation: weight of a metre by which the required clearance is missed; ten times that for
+            each m/s at the plan's end.
     """
     total = 10.0 * violation * states[-1, 3]
     before = last
@@ -88,6 +91,7 @@ def merit(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
+    """Write the weights of four neighbours at a fraction t of a cell, and their derivatives."""
     weight[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
     weight[1] = (1.5 * t - 2.5) * t * t + 1.0
     weight[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
@@ -100,7 +104,7 @@ def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def add_closeness(gradient, lacking, normal, weight):  # type: ignore[no-untyped-def]
-    """Add to gradients (n, 6) that of weight/2 · lacking², in place."""
+    """Add the gradient of the cost weight/2 · lacking² to gradients (n, 6), in place."""
     for k in range(lacking.shape[0]):
         for i in range(2):
             for j in range(3):
@@ -109,7 +113,7 @@ def add_closeness(gradient, lacking, normal, weight):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-def]
-    """Add to Hessians (n, 6, 6) Gauss-Newton's of weight/2 · lacking², in place."""
+    """Add the Gauss-Newton Hessian of that cost to Hessians (n, 6, 6), in place."""
     for k in range(lacking.shape[0]):
         for i in range(2):
             if lacking[k, i] > 0.0:
@@ -120,8 +124,7 @@ def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-untyped-def]
-    """Compute the multipliers of the dynamics, backwards: out[k] is of the step from k to k+1, (n,
-    4)."""
+    """Compute the multipliers (n, 4) of the dynamics backwards; row k is of the step k to k+1."""
     last = out.shape[0] - 1
     here = np.zeros(4)
     for k in range(last, 0, -1):
@@ -194,8 +197,7 @@ def make_positive(matrices, least):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
-    """Return whether all eigenvalues are above `least`, that is, whether a - least·1 has a Cholesky
-    factor."""
+    """Return whether all eigenvalues exceed `least`: whether a - least·1 has a Cholesky factor."""
     m = a.shape[0]
     for j in range(m):
         for i in range(j, m):
@@ -215,11 +217,12 @@ def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def condense_gradient(jacobian, gradient):  # type: ignore[no-untyped-def]
-    """Compute the gradient (2N,) by the controls alone from that (N+1, 6) by the stages' variables.
+    """Compute the gradient by the controls alone, (2N,), by eliminating the states.
 
     Args:
-        jacobian: (N+1, 6, 4): of stage k, by state and control, transposed; the last is unused.
-        gradient: (N+1, 6).
+        jacobian: transposed Jacobians of the dynamics by state and control, (N+1, 6, 4); the last
+            is not used.
+        gradient: gradients of the stages' costs by state and control, (N+1, 6).
     """
     n = jacobian.shape[0] - 1
     g = np.empty(2 * n)
@@ -243,8 +246,8 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
     """Eliminate the states, in O(N²) (Andersson 2013, PhD thesis, §4.3).
 
     Args:
-        jacobian: as of `condense_gradient`.
-        hessian: (N+1, 6, 6).
+        jacobian: as for `condense_gradient`.
+        hessian: Hessians of the stages' Lagrangians, (N+1, 6, 6).
 
     Returns:
         Hessian (2N, 2N), sensitivities of the states (N+1, 4, 2N).
@@ -255,7 +258,7 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
     h = np.zeros((size, size))
     here, weighted, above = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
     for j in range(n):
-        # How all states depend on the controls of stage j, …
+        # Forwards, how the later states depend on the controls of stage j.
         for i in range(4):
             s[j + 1, i, 2 * j] = jacobian[j, 4, i]
             s[j + 1, i, 2 * j + 1] = jacobian[j, 5, i]
@@ -266,7 +269,7 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
                     for m in range(4):
                         total += jacobian[k, m, i] * s[k, m, 2 * j + u]
                     s[k + 1, i, 2 * j + u] = total
-        # … and, backwards, the gradient's dependence: the Hessian's columns.
+        # Backwards, how the gradient depends on them: two columns of the Hessian.
         weighted[:] = 0.0
         for k in range(n, j, -1):
             for m in range(4):
@@ -301,7 +304,7 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def add_smoothness_gradient(g, controls, last, weight):  # type: ignore[no-untyped-def]
-    """Add the gradient of the cost of changing curvature, weight · Σ (κ_k - κ_{k-1})², in place."""
+    """Add the gradient of weight · Σ (κ_k - κ_{k-1})², the cost of changing curvature, in place."""
     before = last
     for k in range(controls.shape[0]):
         i = 2 * k + 1
@@ -314,7 +317,7 @@ def add_smoothness_gradient(g, controls, last, weight):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def add_smoothness(h, weight):  # type: ignore[no-untyped-def]
-    """Add that cost's Hessian, in place."""
+    """Add the Hessian of the cost of changing curvature, in place."""
     for i in range(1, h.shape[0], 2):
         h[i, i] += 2 * weight
         if i > 1:

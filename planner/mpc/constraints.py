@@ -12,8 +12,7 @@ from predictor.mapping.kernels import njit
 
 @njit(cache=True, nogil=True)
 def nearby(value, limit):  # type: ignore[no-untyped-def]
-    """Return which states and circles (rows, 2) have less clearance than a limit [m], but for the
-    first state."""
+    """Return which later states, and which circle, have less clearance than a limit [m]: (n, 2)."""
     which = np.empty((value.size, 2), dtype=np.int64)
     count = 0
     for k in range(1, value.shape[0]):
@@ -67,8 +66,7 @@ def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True, inline="always")
 def _faster_end(controls, k):  # type: ignore[no-untyped-def]
-    """Return the state of a step, its first or its last, at which lateral acceleration v²κ is
-    larger."""
+    """Return the state at the faster end of a step, where the lateral acceleration is larger."""
     return k + 1 if controls[k, 0] > 0 else k
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import daqp
 import numpy as np
@@ -27,7 +28,6 @@ from planner.motion.path import SPACING, Path, references
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
 from planner.mpc.codegen import compiled
-from planner.mpc.solution import Solution, Status
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import TICK
@@ -74,6 +74,35 @@ class MPCConfig:
     trust: float = 0.6
     iterations: int = 10
     tolerance: float = 1e-4
+
+
+class Status(StrEnum):
+    """How a solve ended."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "iteration_limit"
+    QP_FAILED = "qp_failed"
+    NOT_FINITE = "not_finite"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The result of a solve.
+
+    Attributes:
+        plan: the best plan found, which may be unsafe.
+        cost: value of the plan's merit; lower is better.
+        status: how the solve ended.
+    """
+
+    plan: Plan
+    cost: float
+    status: Status
+
+    @property
+    def failed(self) -> bool:
+        """Whether the solver itself reports a failure."""
+        return self.status in (Status.QP_FAILED, Status.NOT_FINITE)
 
 
 @dataclass
@@ -135,14 +164,9 @@ class MPC:
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
         # Arguments of `rollout`.
-        self.driving = (
-            c.dt,
-            car.v_max,
-            car.acceleration,
-            car.braking,
-            car.planned_cornering,
-            car.max_curvature,
-        )
+        self.driving = (c.dt, *car.driving, car.max_curvature)
+        # Number of a path's segments that one step may advance.
+        self._reach = math.ceil(2.0 * car.v_max * c.dt / SPACING) + 2
         self._io = {
             "z": np.zeros((n, 6)),
             "multiplier": np.zeros((n, NX)),
@@ -226,21 +250,12 @@ class MPC:
         problem = _Problem(plan.states[0], path, segment, risk, last_curvature)
         return self._merit(problem, plan.states, plan.controls)
 
-    def _reach(self) -> int:
-        return math.ceil(2.0 * self.limits.v_max * self.config.dt / SPACING) + 2
-
     def _references(
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        c = self.config
+        c, points = self.config, problem.path.points
         refs, costs = references(
-            problem.path.points,
-            problem.segment,
-            states,
-            self._reach(),
-            c.progress,
-            c.contour,
-            *c.final,
+            points, problem.segment, states, self._reach, c.progress, c.contour, *c.final
         )
         return refs, costs
 
@@ -248,9 +263,9 @@ class MPC:
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the two circles' clearance at each state (n, 2), and its gradient (n, 2, 3)."""
-        f = problem.risk.frame
+        risk = problem.risk
         value, gradient = condense.clearances(
-            problem.risk.clearance, f.resolution, f.origin, states, self._offset
+            risk.clearance, *risk.frame.lattice, states, self._offset
         )
         return value, gradient
 
@@ -260,18 +275,9 @@ class MPC:
         c = self.config
         _, costs = self._references(problem, states[1:])
         value, _ = self._clearances(problem, states[1:])
+        weights = c.comfort, c.effort, c.smoothness, c.closeness, c.violation
         return condense.merit(
-            states,
-            controls,
-            problem.last_curvature,
-            costs,
-            value,
-            self.required,
-            c.comfort,
-            c.effort,
-            c.smoothness,
-            c.closeness,
-            c.violation,
+            states, controls, problem.last_curvature, costs, value, self.required, *weights
         )
 
     def _search(
@@ -282,8 +288,7 @@ class MPC:
         merit: float,
         step: _Step,
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-        """Find the largest share of a step that lowers the merit; return it, and states, controls
-        and merit after it."""
+        """Return the largest share of a step that lowers the merit, with what follows from it."""
         for length in (1.0, 0.5, 0.2, 0.05):
             trial = rollout(problem.state, controls + length * step.controls, *self.driving)
             value = self._merit(problem, *trial)
@@ -298,13 +303,9 @@ class MPC:
         controls: NDArray[np.float64],
         last: _Step | None,
     ) -> tuple[_QP, _Step | None]:
-        """Build and solve the QP at some controls; the step is None if that fails.
+        """Build and solve the QP at some controls, which `last` led to if they are no guess.
 
-        Args:
-            problem: of the tick.
-            states: (N+1, 4).
-            controls: (N, 2), that lead to them.
-            last: the step that led to them; None: they are a guess.
+        The step is None if that fails.
         """
         c, io = self.config, self._io
         g, value, normal, lacking = self._first_order(problem, states, controls)

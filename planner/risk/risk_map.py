@@ -74,16 +74,10 @@ class RiskMap:
             believed = np.nan_to_num(prediction.confidence * prediction.p_free, nan=0.0)
             # A NaN compares false.
             blocked = (prediction.p_free < 0.5) & (prediction.confidence > 0.0)
-            row, col = prediction.frame.offset(known.frame)
-            rows, cols = known.frame.shape
-            r0, r1 = max(0, row), min(prediction.frame.shape[0], row + rows)
-            c0, c1 = max(0, col), min(prediction.frame.shape[1], col + cols)
-            if r0 < r1 and c0 < c1:
-                here = (slice(r0 - row, r1 - row), slice(c0 - col, c1 - col))
-                part = trust[here]
-                unseen = known.unknown[here]
-                part[unseen] = believed[r0:r1, c0:c1][unseen]
-                barred[here] |= unseen & blocked[r0:r1, c0:c1]
+            there, here = prediction.frame.overlap(known.frame)
+            unseen = known.unknown[here]
+            trust[here][unseen] = believed[there][unseen]
+            barred[here] |= unseen & blocked[there]
 
         def relied(risk: float) -> NDArray[np.bool_]:
             # A single-precision product of ones must still count at its face value.

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from planner.motion.contact import first_meeting, leads_on
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.body import Body
+from predictor.mapping.body import Body, covered
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import GridFrame
+from predictor.mapping.kernels import njit
 
 CONTACT_SPACING = 0.02
 """Distance between the poses at which a plan is tested [m]."""
@@ -67,7 +68,7 @@ class CollisionChecker:
     def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
         """Return what `planner.motion.contact` needs of the cells that the body must not meet."""
         # Half the spacing, and what a corner swings out on the tightest arc within it.
-        return _place(blocked, frame, self.car.body.inflated(0.75 * CONTACT_SPACING))
+        return blocked, *frame.lattice, *self.car.body.inflated(0.75 * CONTACT_SPACING).halves
 
     def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
         """Return the arguments of `planner.motion.contact.leads_on` besides the pose.
@@ -77,7 +78,7 @@ class CollisionChecker:
             cells that are barred.
         """
         car = self.car
-        place = _place(risk.barred, risk.frame, car.body.inflated(ONWARD_MARGIN))
+        place = risk.barred, *risk.frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves
         return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
 
     def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
@@ -85,5 +86,23 @@ class CollisionChecker:
         return bool(leads_on(pose, *self.arcs_in(risk)))
 
 
-def _place(blocked: NDArray[np.bool_], frame: GridFrame, body: Body) -> Place:
-    return blocked, frame.resolution, frame.origin, body.half_length, body.half_width
+def swept_cells(
+    plan: Plan, dt: float, body: Body, frame: GridFrame, among: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns of the cells `among` (rows, columns) that a body meets on a plan."""
+    poses = plan.poses(dt, 2 * frame.resolution)
+    rows, cols = np.nonzero(_sweep(among, *frame.lattice, poses, *body.halves))
+    return rows, cols
+
+
+@njit(cache=True, nogil=True)
+def _sweep(among, resolution, origin, poses, half_length, half_width):  # type: ignore[no-untyped-def]
+    met = np.zeros(among.shape, dtype=np.bool_)
+    for i in range(poses.shape[0]):
+        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
+        cells = covered(among.shape, resolution, origin, x, y, yaw, half_length, half_width)
+        for j in range(cells.shape[0]):
+            row, col = cells[j, 0], cells[j, 1]
+            if among[row, col]:
+                met[row, col] = True
+    return met

@@ -76,27 +76,18 @@ class LastResort:
         risk: RiskMap,
         onward: bool,
     ) -> tuple[int, int] | None:
-        """Return the number of the first acceleration after which a way to stop is left, and that
-        way's number.
+        """Return the numbers of the first acceleration that leaves a way to stop, and of that way.
 
-        Args:
-            state: (4,).
-            levels: accelerations, the harder the later [m/s²].
-            curvature: of the first step [1/m].
-            ways: to stop after it, (n, N, 2).
-            risk: whose certain cells they must lie in.
-            onward: whether the car must be able to go on from where they end.
+        The later accelerations brake harder. With `onward` the car must be able to go on from the
+        way's end.
         """
         place = self.checker.body_in(~risk.certain, risk.frame)
         arcs = self.checker.arcs_in(risk)
 
         def way_after(level: int) -> int:
-            first = np.array([levels[level], curvature])
-            return int(
-                first_free(
-                    state, first, ways, self.mpc.driving, CONTACT_SPACING, place, onward, arcs
-                )
-            )
+            first, driving = np.array([levels[level], curvature]), self.mpc.driving
+            way = first_free(state, first, ways, driving, CONTACT_SPACING, place, onward, arcs)
+            return int(way)
 
         way = way_after(0)
         if way >= 0:
@@ -135,8 +126,8 @@ class LastResort:
         return ways if self.controls is None else np.concatenate([self.controls[None], ways])
 
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
-        """Return the speeds at which a way meets occupied cells, leaves the safe set, leaves the
-        certain cells, and ends."""
+        """Return the speeds at which a way meets occupied cells, leaves what is safe and what is
+        certain, and ends."""
         met = (
             self.checker.contact(stop, blocked, risk.frame)
             for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain)

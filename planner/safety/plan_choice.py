@@ -217,6 +217,7 @@ class PlanChooser:
     def _pursuit(self, now: Situation, path: Path) -> NDArray[np.float64]:
         """Return controls that follow a path as far as that is safe."""
         mpc, car = self.mpc, self.mpc.limits
+        limits = car.v_max, car.acceleration, car.braking, car.lateral_acceleration
         free = math.inf
         controls = np.zeros((mpc.stages, 2))
         for _ in range(2):
@@ -226,10 +227,7 @@ class PlanChooser:
                 now.state,
                 mpc.stages,
                 mpc.config.dt,
-                car.v_max,
-                car.acceleration,
-                car.braking,
-                car.lateral_acceleration,
+                *limits,
                 car.max_curvature,
                 min(free, 1e6),
             )

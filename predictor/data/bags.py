@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +120,6 @@ class _Bag:
         poses = np.column_stack([positions[:, :2], yaw])
         order = np.argsort(times, kind="stable")
         order = order[known[order]]
-        # A laser mounted upside down turns the other way round.
         kept = [scans[i] if matrices[i, 2, 2] > 0 else _mirrored(scans[i]) for i in order]
         skipped = {"bad ranges": bad, "scans without a pose": int((~known).sum())}
         name = self.path.name.removesuffix(self.path.suffix)
@@ -195,11 +194,7 @@ class _Bag:
         return POSED
 
     def _chosen(self, wanted: str | None, kinds: tuple[str, ...], what: str, flag: str) -> str:
-        """Return the topic asked for, else the only one of some kinds.
-
-        Raises:
-            LogError: if there is none, or several; the message lists all topics.
-        """
+        """Return the topic asked for, else the only one of some kinds."""
         have = ", ".join(f"{t} ({kind})" for t, kind in sorted(self.kinds.items())) or "none"
         fitting = [topic for topic, kind in sorted(self.kinds.items()) if kind in kinds]
         if wanted is not None:
@@ -226,4 +221,5 @@ def _seconds(stamp: Any) -> float:
 
 
 def _mirrored(scan: Scan) -> Scan:
-    return Scan(scan.ranges, -scan.angle_min, -scan.angle_increment, scan.range_max)
+    """Return the scan of a laser that is mounted upside down, as the robot sees it."""
+    return replace(scan, angle_min=-scan.angle_min, angle_increment=-scan.angle_increment)

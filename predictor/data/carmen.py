@@ -39,23 +39,23 @@ ENDINGS = (".log", ".clf", ".carmen")
 """Endings of a log's file before .gz; in a folder of logs all such files are logs."""
 COMMON = (180, 181, 360, 361)
 """Usual numbers of beams of a SICK's scan."""
+ANGLES = ("angle_min_deg", "angle_inc_deg")
+"""Keys of the first beam's direction, and of the angle from one beam to the next."""
 
 
 @dataclass(frozen=True)
 class Sidecar:
-    """Facts that the lines of a log do not contain; None: unknown.
+    """Facts that the lines of a log do not contain.
 
     Attributes:
-        angle_min: direction of the first beam [rad].
-        angle_increment: from one beam to the next [rad].
+        beams: direction of the first beam, and angle from one to the next [rad]; None: unknown.
         no_return: range from which on there was no return [m].
         clock: whether the times can be used.
     """
 
-    angle_min: float | None = None
-    angle_increment: float | None = None
-    no_return: float | None = None
-    clock: bool | None = None
+    beams: tuple[float, float] | None = None
+    no_return: float = NO_RETURN
+    clock: bool = True
 
     @classmethod
     def beside(cls, path: Path) -> Sidecar:
@@ -68,29 +68,20 @@ class Sidecar:
         if not beside.is_file():
             return cls()
         try:
-            facts = loads(beside.read_text(encoding="utf-8"))
-            first, step, no_return = (
-                None if facts.get(key) is None else float(facts[key])
-                for key in ("angle_min_deg", "angle_inc_deg", "no_return_at_or_above_m")
-            )
-            clock = facts.get("timestamps_usable")
+            said = loads(beside.read_text(encoding="utf-8")).items()
+            facts = {key: value for key, value in said if value is not None}
+            angles = {key: float(facts[key]) for key in ANGLES if key in facts}
+            no_return = float(facts.get("no_return_at_or_above_m", NO_RETURN))
         except (OSError, ValueError, TypeError, AttributeError) as error:
             raise LogError(f"{beside} cannot be read: {error}") from error
-        angles = [angle for angle in (first, step) if angle is not None]
-        if (
-            (no_return is not None and not no_return > 0)
-            or step == 0
-            or not all(map(math.isfinite, angles))
-        ):
+        sense = angles.get(ANGLES[1]) != 0 and all(map(math.isfinite, angles.values()))
+        if not (no_return > 0 and sense):
             raise LogError(f"{beside}: its angles or ranges make no sense")
         if len(angles) == 1:
-            raise LogError(f"{beside} says one of angle_min_deg and angle_inc_deg: say both")
-        return cls(
-            None if first is None else math.radians(first),
-            None if step is None else math.radians(step),
-            no_return,
-            None if clock is None else bool(clock),
-        )
+            raise LogError(f"{beside} says one of {' and '.join(ANGLES)}: say both")
+        first, step = (math.radians(angles.get(key, 0.0)) for key in ANGLES)
+        clock = bool(facts.get("timestamps_usable", True))
+        return cls((first, step) if angles else None, no_return, clock)
 
 
 def name_of(path: Path) -> str:
@@ -116,7 +107,6 @@ def read_carmen(path: Path) -> LaserLog:
         LogError: if the log is cut off or damaged, or has no FLASER line.
     """
     sidecar = Sidecar.beside(path)
-    no_return = NO_RETURN if sidecar.no_return is None else sidecar.no_return
     scans: list[Scan] = []
     poses: list[NDArray[np.float64]] = []
     times: list[float] = []
@@ -142,17 +132,17 @@ def read_carmen(path: Path) -> LaserLog:
         ranges, wrong = cleaned(values[:count], 0.0)
         bad += wrong
         # A SICK answers so where it saw no end, and also where a wall is black, or glass.
-        ranges = np.where(ranges >= no_return, np.nan, ranges)
-        first, step = _beams(path, number, count, sidecar)
-        scans.append(Scan(ranges, first, step, no_return))
+        ranges = np.where(ranges >= sidecar.no_return, np.nan, ranges)
+        beams = sidecar.beams or _beams(path, number, count)
+        scans.append(Scan(ranges, *beams, sidecar.no_return))
         poses.append(values[count : count + 3])
         times.append(float(values[-1]))
     if not scans:
         found = ", ".join(kind[:20] for kind, _ in kinds.most_common(8)) or "none"
         raise LogError(f"{path} has no FLASER line; its lines are: {found}")
-    return LaserLog(
-        name_of(path), tuple(scans), np.array(poses), _clock(times, sidecar), {"bad ranges": bad}
-    )
+    usable = sidecar.clock and bool((np.diff(times) > 0).all())
+    clock = np.array(times) if usable else None
+    return LaserLog(name_of(path), tuple(scans), np.array(poses), clock, {"bad ranges": bad})
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -161,11 +151,7 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
     try:
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
-        with (
-            gzip.open(path, "rt", encoding="ascii")
-            if packed
-            else path.open(encoding="ascii") as file
-        ):
+        with (gzip.open if packed else open)(path, "rt", encoding="ascii") as file:
             for number, line in enumerate(file, 1):
                 yield number, line
     except EOFError:
@@ -206,20 +192,11 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
     return values
 
 
-def _beams(path: Path, number: int, count: int, sidecar: Sidecar) -> tuple[float, float]:
-    """Return the direction of the first beam, and the angle from one to the next [rad]."""
-    if sidecar.angle_min is not None and sidecar.angle_increment is not None:
-        return sidecar.angle_min, sidecar.angle_increment
+def _beams(path: Path, number: int, count: int) -> tuple[float, float]:
+    """Return a SICK's first direction, and the angle from one beam to the next [rad]."""
     if count not in COMMON:
         raise LogError(
-            f"{path}, line {number}: where do {count} beams look? Say so by angle_min_deg and "
-            f"angle_inc_deg in {name_of(path)}.json beside it"
+            f"{path}, line {number}: where do {count} beams look? Say so by "
+            f"{' and '.join(ANGLES)} in {name_of(path)}.json beside it"
         )
     return math.radians(-90.0), math.radians(1.0 if count < HALF_DEGREE else 0.5)
-
-
-def _clock(times: list[float], sidecar: Sidecar) -> NDArray[np.float64] | None:
-    """Return the times of the scans; None if they do not increase, or the sidecar rejects them."""
-    clock = np.array(times)
-    forwards = bool((np.diff(clock) > 0).all())
-    return clock if forwards and sidecar.clock is not False else None

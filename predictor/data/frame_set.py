@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.frames import (
+    ARRAYS,
     CROP,
     FORMAT,
     MANIFEST,
@@ -23,8 +23,9 @@ from predictor.data.frames import (
 )
 from predictor.data.samples import RECIPE
 from predictor.data.squares import codes_of, middle
-from predictor.infra.atomic_file import clear, write_whole
+from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import commit
+from predictor.infra.resumable import ResumableFolder, refuse_other_settings, write_arrays
 from predictor.mapping.grid import GridFrame, OccupancyGrid
 
 WINDOW = 5.0
@@ -46,7 +47,9 @@ class FrameSet:
             another log counts as missing.
 
     Raises:
-        FramesError: if the folder holds another set, or a damaged manifest.
+        UsageError: if the folder holds a set of another kind or with other settings, or cannot be
+            used.
+        FramesError: if it holds samples, or a damaged manifest.
     """
 
     def __init__(
@@ -60,7 +63,7 @@ class FrameSet:
         self.folder, self.names, self.sources = folder, names, sources or {}
         if (folder / RECIPE).exists():
             raise FramesError(f"{folder} holds samples of predictor.drives: choose another folder")
-        folder.mkdir(parents=True, exist_ok=True)
+        ResumableFolder(folder)
         self._facts = {
             "format": FORMAT,
             "kind": kind,
@@ -71,16 +74,14 @@ class FrameSet:
         self.done: dict[str, dict[str, Any]] = {}
         if (folder / MANIFEST).exists():
             theirs = read_manifest(folder)
-            other = [k for k in ("kind", "settings") if theirs.get(k) != self._facts[k]]
-            if other and theirs["trajectories"]:
-                raise FramesError(
-                    f"{folder} holds a set with another {' and '.join(other)}: "
-                    "choose another folder"
-                )
+            if theirs["trajectories"]:
+                there = theirs.get("settings")
+                there = there if isinstance(there, dict) else {"settings": there}
+                mine = {"kind": kind} | settings
+                refuse_other_settings(folder, mine, {"kind": theirs.get("kind")} | there)
             kept = {Path(facts["file"]).stem: facts for facts in theirs["trajectories"]}
             self.done = {name: kept[name] for name in names if self._is_whole(name, kept)}
             self._write()
-        clear(folder)
 
     @property
     def missing(self) -> list[str]:
@@ -116,10 +117,7 @@ class Recording:
 
     def __init__(self, frame: GridFrame, truth: NDArray[np.uint8]) -> None:
         self.frame, self.truth = frame, truth
-        self._rows: dict[str, list[NDArray[Any]]] = {
-            name: []
-            for name in ("estimated", "remembered", "states", "actions", "times", "corners")
-        }
+        self._rows: dict[str, list[NDArray[Any]]] = {name: [] for name in ARRAYS}
 
     def __len__(self) -> int:
         return len(self._rows["times"])
@@ -142,13 +140,16 @@ class Recording:
             time: [s].
         """
         square = self.frame.square(float(state[0]), float(state[1]), SIDE * RESOLUTION)
-        rows = self._rows
-        rows["estimated"].append(middle(codes_of(whole.crop(square).cells), CROP))
-        rows["remembered"].append(codes_of(near.crop(square).cells))
-        rows["states"].append(np.asarray(state, dtype=np.float64))
-        rows["actions"].append(np.asarray(action, dtype=np.float64))
-        rows["times"].append(np.array(time, dtype=np.float64))
-        rows["corners"].append(np.array(self.frame.offset(square), dtype=np.int32))
+        row = {
+            "estimated": middle(codes_of(whole.crop(square).cells), CROP),
+            "remembered": codes_of(near.crop(square).cells),
+            "states": state,
+            "actions": action,
+            "times": time,
+            "corners": self.frame.offset(square),
+        }
+        for name, value in row.items():
+            self._rows[name].append(np.array(value, dtype=ARRAYS[name][0]))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return all arrays of a trajectory's file."""
@@ -169,12 +170,7 @@ def write_trajectory(
         arrays: all arrays of the file, see `predictor.data.frames`.
         about: split, map, world and other facts.
     """
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **arrays)
     path = folder / f"{name}.npz"
-    write_whole(path, buffer.getvalue())
-    return (
-        {"file": path.name}
-        | about
-        | {"count": len(arrays["states"]), "commit": commit(), "sha256": checksum(path)}
-    )
+    write_arrays(path, arrays)
+    made = {"count": len(arrays["states"]), "commit": commit(), "sha256": checksum(path)}
+    return {"file": path.name} | about | made

@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -38,6 +37,7 @@ from numpy.typing import NDArray
 from predictor.data.squares import NOTHING, Square
 from predictor.infra.errors import LineError
 from predictor.infra.plain_json import loads
+from predictor.infra.resumable import UNREADABLE
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -54,17 +54,10 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
     "corners": ("<i4", (2,)),
 }
 """Arrays of a trajectory's file with one entry for each frame: type and shape of an entry."""
-NEEDED: dict[str, type] = {
-    "file": str,
-    "split": str,
-    "map": str,
-    "world": str,
-    "count": int,
-    "sha256": str,
-}
+ROWS = ("states", "actions", "times", "corners")
+"""Those that are read at once, since they are no images."""
+NEEDED = dict.fromkeys(("file", "split", "map", "world", "sha256"), str) | {"count": int}
 """Facts that the manifest must give of a trajectory, with their types."""
-DAMAGE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error)
-"""Exceptions that reading a damaged archive raises."""
 
 
 class FramesError(LineError):
@@ -112,7 +105,13 @@ class Frames:
             FramesError: if there is no set, it is unfinished, damaged or of another format, or
                 has no such split.
         """
-        about = _about(folder)
+        manifest = read_manifest(folder)
+        about, planned = manifest["trajectories"], manifest["planned"]
+        if not about or len(about) < planned:
+            raise FramesError(
+                f"{folder} is unfinished, it has {len(about)} of {planned} trajectories: give the "
+                "command that began it again"
+            )
         if split is not None:
             splits = sorted({facts["split"] for facts in about})
             about = [facts for facts in about if facts["split"] == split]
@@ -124,12 +123,9 @@ class Frames:
             folder=folder,
             about=about,
             trajectory=np.repeat(np.arange(len(about), dtype=np.intp), counts),
-            states=np.concatenate([part["states"] for part in parts]),
-            actions=np.concatenate([part["actions"] for part in parts]),
-            times=np.concatenate([part["times"] for part in parts]),
-            corners=np.concatenate([part["corners"] for part in parts]),
             maps=[part["map"] for part in parts],
             origins=np.array([part["origin"] for part in parts]),
+            **{name: np.concatenate([part[name] for part in parts]) for name in ROWS},
         )
 
     def __len__(self) -> int:
@@ -179,16 +175,13 @@ class Frames:
     def alone(self, number: int) -> Frames:
         """Return the frames of one trajectory; only its images are read on access."""
         of_it = self.trajectory == number
-        rows = {
-            name: getattr(self, name)[of_it] for name in ("states", "actions", "times", "corners")
-        }
         return Frames(
             folder=self.folder,
             about=[self.about[number]],
             maps=[self.maps[number]],
             trajectory=np.zeros(of_it.sum(), dtype=np.intp),
             origins=self.origins[number : number + 1],
-            **rows,
+            **{name: getattr(self, name)[of_it] for name in ROWS},
         )
 
     @property
@@ -215,7 +208,7 @@ class Frames:
             try:
                 with np.load(path, allow_pickle=False) as file:
                     images = file[name]
-            except DAMAGE as error:
+            except UNREADABLE as error:
                 raise _damaged(path, str(error)) from error
             if images.max(initial=0) > NOTHING:
                 raise _damaged(path, f"{name} holds codes other than 0, 1, 2")
@@ -266,38 +259,22 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def _about(folder: Path) -> list[dict[str, Any]]:
-    """Return the facts of each trajectory from the manifest of a finished set."""
-    manifest = read_manifest(folder)
-    about: list[dict[str, Any]] = manifest["trajectories"]
-    if not about or len(about) < manifest["planned"]:
-        raise FramesError(
-            f"{folder} is unfinished, it has {len(about)} of {manifest['planned']} "
-            "trajectories: give the command that began it again"
-        )
-    return about
-
-
 def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray[Any]]:
-    """Read a trajectory without its images, of which types and shapes are checked."""
+    """Read a trajectory without its images, of which only types and shapes are checked."""
     if not path.is_file():
         raise FramesError(f"{path} is missing: the command that made the set makes it again")
     if checksum(path) != facts["sha256"]:
         raise _damaged(path, "its checksum is another than the manifest's")
     try:
         with np.load(path, allow_pickle=False) as file:
-            part = {
-                name: file[name]
-                for name in (*ARRAYS, "map", "origin")
-                if name not in ("estimated", "remembered")
-            }
+            part = {name: file[name] for name in (*ROWS, "map", "origin")}
         heads = {name: _head(path, name) for name in ARRAYS}
-    except DAMAGE as error:
+    except UNREADABLE as error:
         raise _damaged(path, str(error)) from error
-    wanted = {name: (kind, (facts["count"], *shape)) for name, (kind, shape) in ARRAYS.items()}
-    for name in ARRAYS:
-        if heads[name] != wanted[name]:
-            raise _damaged(path, f"{name} is {heads[name]}, not {wanted[name]}")
+    for name, (kind, shape) in ARRAYS.items():
+        wanted = kind, (facts["count"], *shape)
+        if heads[name] != wanted:
+            raise _damaged(path, f"{name} is {heads[name]}, not {wanted}")
     cells, origin, corners = part["map"], part["origin"], part["corners"]
     if cells.ndim != 2 or cells.dtype != np.uint8 or cells.max(initial=0) > NOTHING:
         raise _damaged(path, "its map is none")

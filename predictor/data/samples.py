@@ -18,11 +18,9 @@ none.
 from __future__ import annotations
 
 import hashlib
-import io
-import json
-import zipfile
 import zlib
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.squares import Square, codes_of, joined, middle, parted
-from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
+from predictor.infra.resumable import UNREADABLE, as_bytes, write_arrays
 from predictor.mapping.context import CELLS, context_of
 from predictor.mapping.grid import Grid
 
@@ -79,17 +77,13 @@ def write_samples(
         samples: each as `encoded` makes it, with the pose of the robot, (3,).
         about: facts of the drive.
     """
-    buffer = io.BytesIO()
-    text = json.dumps({"format": FORMAT, "side": SIDE} | about)
-    np.savez(
-        buffer,
-        allow_pickle=False,
-        codes=np.frombuffer(b"".join(sample for sample, _ in samples), dtype=np.uint8),
-        ends=np.cumsum([len(sample) for sample, _ in samples], dtype=np.int64),
-        poses=np.array([pose for _, pose in samples], dtype=np.float64).reshape(-1, 3),
-        about=np.frombuffer(text.encode(), dtype=np.uint8),
-    )
-    write_whole(path, buffer.getvalue())
+    arrays: dict[str, NDArray[Any]] = {
+        "codes": np.frombuffer(b"".join(sample for sample, _ in samples), dtype=np.uint8),
+        "ends": np.cumsum([len(sample) for sample, _ in samples], dtype=np.int64),
+        "poses": np.array([pose for _, pose in samples], dtype=np.float64).reshape(-1, 3),
+        "about": as_bytes({"format": FORMAT, "side": SIDE} | about),
+    }
+    write_arrays(path, arrays, compress=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +127,7 @@ class Samples:
                 block, ends, facts = _drive(path)
             except SamplesError:
                 raise
-            except (
-                OSError,
-                ValueError,
-                KeyError,
-                TypeError,
-                EOFError,
-                zlib.error,
-                NotImplementedError,
-                zipfile.BadZipFile,
-            ) as error:
+            except UNREADABLE as error:
                 raise SamplesError(
                     f"{path} is damaged ({one_line(error)}); delete it and make it again"
                 ) from error
@@ -214,12 +199,7 @@ class Samples:
 
 
 def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, Any]]:
-    """Read the codes of a drive, where each sample ends in them, and its facts.
-
-    Raises:
-        SamplesError: if it is of another format.
-        OSError, ValueError, KeyError, …: if it is damaged.
-    """
+    """Read the codes of a drive, where each sample ends in them, and its facts."""
     with np.load(path, allow_pickle=False) as file:
         facts, block, ends = loads(bytes(file["about"])), file["codes"], file["ends"]
     if not isinstance(facts, dict):
@@ -246,9 +226,7 @@ def check_apart(splits: dict[str, Samples]) -> None:
     Raises:
         SamplesError: if one is.
     """
-    names = list(splits)
-    for number, one in enumerate(names):
-        for other in names[number + 1 :]:
-            both = splits[one].worlds & splits[other].worlds
-            if both:
-                raise SamplesError(f"{len(both)} buildings are both in {one} and in {other}")
+    for one, other in combinations(splits, 2):
+        both = splits[one].worlds & splits[other].worlds
+        if both:
+            raise SamplesError(f"{len(both)} buildings are both in {one} and in {other}")

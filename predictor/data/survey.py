@@ -24,9 +24,7 @@ from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.frames import RESOLUTION, checksum
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.squares import cells_of, truth_codes
-from predictor.mapping.beams import trace_beams
-from predictor.mapping.grid import GridFrame, OccupancyGrid, world_hash
-from predictor.mapping.kernels import njit
+from predictor.mapping.grid import GridFrame, OccupancyGrid, marks_of, world_hash
 from predictor.mapping.scan import Scan
 
 HITS = 0.25
@@ -161,19 +159,13 @@ def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) ->
     """
     hits, crossings = (np.zeros(frame.shape, dtype=np.int32) for _ in range(2))
     for scan, pose in zip(scans, poses, strict=True):
-        x, y, yaw = scan.sensor_pose(*(float(value) for value in pose))
+        where = (float(pose[0]), float(pose[1]), float(pose[2]))
+        x, y, _ = scan.sensor_pose(*where)
         square = frame.square(x, y, 2 * scan.range_max + 4 * frame.resolution)
-        marks = np.zeros(square.shape, dtype=np.uint8)
-        trace_beams(
-            marks,
-            (x - square.origin[0]) / frame.resolution,
-            (y - square.origin[1]) / frame.resolution,
-            yaw + scan.angle_min,
-            scan.angle_increment,
-            scan.ranges / frame.resolution,
-            scan.range_max / frame.resolution,
-        )
-        _count(hits, crossings, marks, *frame.offset(square))
+        marks = marks_of(scan, where, square)
+        here, there = frame.overlap(square)
+        hits[here] += marks[there] == 2
+        crossings[here] += marks[there] == 1
     occupied = (hits > 0) & (hits >= HITS * (hits + crossings))
     free = (crossings > 0) & ~occupied
     surface = occupied & binary_dilation(free, np.ones((3, 3), dtype=bool))
@@ -192,9 +184,8 @@ def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
     low = np.floor((poses[:, :2].min(axis=0) - reach) / RESOLUTION) - 4
     high = np.ceil((poses[:, :2].max(axis=0) + reach) / RESOLUTION) + 4
     cols, rows = (high - low).astype(int)
-    return GridFrame(
-        RESOLUTION, (float(low[0] * RESOLUTION), float(low[1] * RESOLUTION)), (int(rows), int(cols))
-    )
+    x, y = (low * RESOLUTION).tolist()
+    return GridFrame(RESOLUTION, (x, y), (int(rows), int(cols)))
 
 
 def clipped(scan: Scan, reach: float) -> Scan:
@@ -208,14 +199,3 @@ def fingerprint(path: Path) -> str:
     beside = sidecar_of(path)
     digests = [checksum(file) for file in [*files, *([beside] if beside.is_file() else [])]]
     return hashlib.sha256("".join(digests).encode()).hexdigest()
-
-
-@njit(cache=True, nogil=True)
-def _count(hits, crossings, marks, row, col):  # type: ignore[no-untyped-def]
-    """Add one scan's marks (0 nothing, 1 crossed, 2 hit), which lie at a row and column."""
-    for i in range(marks.shape[0]):
-        for j in range(marks.shape[1]):
-            if marks[i, j] == 1:
-                crossings[row + i, col + j] += 1
-            elif marks[i, j] == 2:
-                hits[row + i, col + j] += 1

@@ -34,9 +34,20 @@ UNREADABLE = (
     zipfile.BadZipFile,
 )
 """What reading a damaged file may raise."""
-
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 """Facts, fit for JSON, and named arrays."""
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compress: bool = True) -> None:
+    """Write arrays to a NumPy archive, whole or not at all."""
+    buffer = io.BytesIO()
+    (np.savez_compressed if compress else np.savez)(buffer, allow_pickle=False, **arrays)
+    write_whole(path, buffer.getvalue())
+
+
+def as_bytes(facts: Mapping[str, Any]) -> NDArray[np.uint8]:
+    """Return facts that are fit for JSON as an array of bytes, to be kept beside arrays."""
+    return np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
 
 
 class ResumableFolder:
@@ -110,11 +121,9 @@ class ResumableFolder:
             facts: fit for JSON.
             arrays: by name.
         """
-        path, buffer = self.folder / name, io.BytesIO()
-        text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
-        np.savez_compressed(buffer, allow_pickle=False, facts=text, **arrays)
+        path = self.folder / name
         path.parent.mkdir(exist_ok=True)
-        write_whole(path, buffer.getvalue())
+        write_arrays(path, {"facts": as_bytes(facts), **arrays})
 
     def read(self, name: str) -> Part | None:
         """Return a part, or None if it is missing or damaged; a damaged one is set aside."""

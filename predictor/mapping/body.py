@@ -34,6 +34,11 @@ class Body:
         return 0.5 * self.width
 
     @property
+    def halves(self) -> tuple[float, float]:
+        """Half the length and half the width [m]: what kernels take of a body."""
+        return self.half_length, self.half_width
+
+    @property
     def radius(self) -> float:
         """Radius of the circle around the whole body [m]."""
         return math.hypot(self.half_length, self.half_width)
@@ -58,10 +63,9 @@ class Body:
 
 @njit(cache=True, nogil=True, inline="always")
 def _overlaps(dx, dy, cos, sin, half_length, half_width, half):  # type: ignore[no-untyped-def]
-    """Return whether a rectangle meets an axis-aligned square whose centre lies at dx, dy from its
-    own.
+    """Return whether a rectangle meets or touches an axis-aligned square centred at dx, dy from it.
 
-    Separating axes of the two boxes (Gottschalk et al. 1996); touching is meeting.
+    By the separating axes of the two boxes (Gottschalk et al. 1996).
     """
     reach = half * (abs(cos) + abs(sin))
     return (
@@ -108,16 +112,8 @@ def first_contact(blocked, resolution, origin, poses, half_length, half_width): 
         half_width: half its extent across [m].
     """
     for i in range(poses.shape[0]):
-        if meets(
-            blocked,
-            resolution,
-            origin,
-            poses[i, 0],
-            poses[i, 1],
-            poses[i, 2],
-            half_length,
-            half_width,
-        ):
+        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
+        if meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):
             return i
     return -1
 

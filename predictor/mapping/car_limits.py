@@ -48,6 +48,11 @@ class CarLimits:
         return 0.99 * self.lateral_acceleration
 
     @property
+    def driving(self) -> tuple[float, float, float, float]:
+        """Top speed, acceleration, braking and planned cornering: what kernels take of a car."""
+        return self.v_max, self.acceleration, self.braking, self.planned_cornering
+
+    @property
     def max_curvature(self) -> float:
         """Curvature of the tightest arc [1/m]."""
         return 1.0 / self.turning_radius

@@ -44,16 +44,23 @@ class GridFrame:
     shape: tuple[int, int]
 
     @property
+    def lattice(self) -> tuple[float, tuple[float, float]]:
+        """Side of a cell, and x, y of the lower-left corner [m]: what kernels take of a frame."""
+        return self.resolution, self.origin
+
+    @property
     def size(self) -> tuple[float, float]:
         """Extent along x and along y [m]."""
         return self.shape[1] * self.resolution, self.shape[0] * self.resolution
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """Return row and column of the cell that holds a point [m]; it may lie outside the grid."""
-        return (
-            math.floor((y - self.origin[1]) / self.resolution),
-            math.floor((x - self.origin[0]) / self.resolution),
-        )
+        u, v = self.in_cells(x, y)
+        return math.floor(v), math.floor(u)
+
+    def in_cells(self, x: float, y: float) -> tuple[float, float]:
+        """Return a point [m] along the columns and along the rows [cells]."""
+        return (x - self.origin[0]) / self.resolution, (y - self.origin[1]) / self.resolution
 
     def centre(self, row: float, col: float) -> tuple[float, float]:
         """Return the centre x, y of a cell [m]."""
@@ -94,6 +101,22 @@ class GridFrame:
         if not math.isclose(self.resolution, other.resolution, rel_tol=1e-6) or not on_lattice:
             raise ValueError(f"{other} is not on the lattice of {self}: same cells are needed")
         return round(row), round(col)
+
+    def overlap(self, other: GridFrame) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+        """Return the cells that two frames share, as slices of this one and as slices of `other`.
+
+        Raises:
+            ValueError: if the two frames do not share one lattice.
+        """
+        mine, theirs = [], []
+        for start, length, their_length in zip(
+            self.offset(other), self.shape, other.shape, strict=True
+        ):
+            low = max(0, start)
+            high = max(low, min(length, start + their_length))
+            mine.append(slice(low, high))
+            theirs.append(slice(low - start, high - start))
+        return (mine[0], mine[1]), (theirs[0], theirs[1])
 
     def square(self, x: float, y: float, side: float) -> GridFrame:
         """Return the square of a given side [m] around a point [m], snapped to this lattice."""
@@ -144,13 +167,31 @@ def paste(
     frame: GridFrame, values: NDArray[Any], into: GridFrame, fill: np.generic
 ) -> NDArray[Any]:
     """Return values of one frame on another frame of the same lattice, with `fill` elsewhere."""
-    row, col = frame.offset(into)
+    here, there = frame.overlap(into)
     out = np.full(into.shape, fill, dtype=values.dtype)
-    r0, r1 = max(0, row), min(frame.shape[0], row + into.shape[0])
-    c0, c1 = max(0, col), min(frame.shape[1], col + into.shape[1])
-    if r0 < r1 and c0 < c1:
-        out[r0 - row : r1 - row, c0 - col : c1 - col] = values[r0:r1, c0:c1]
+    out[there] = values[here]
     return out
+
+
+def marks_of(scan: Scan, pose: tuple[float, float, float], frame: GridFrame) -> NDArray[np.uint8]:
+    """Return which cells of a frame a scan crosses (1) and ends in (2), else 0: (rows, columns).
+
+    Args:
+        scan: the scan.
+        pose: x, y, yaw of the robot [m, m, rad].
+        frame: where the cells lie.
+    """
+    x, y, yaw = scan.sensor_pose(*pose)
+    marks = np.zeros(frame.shape, dtype=np.uint8)
+    trace_beams(
+        marks,
+        *frame.in_cells(x, y),
+        yaw + scan.angle_min,
+        scan.angle_increment,
+        scan.ranges / frame.resolution,
+        scan.range_max / frame.resolution,
+    )
+    return marks
 
 
 class OccupancyGrid:
@@ -211,57 +252,35 @@ class OccupancyGrid:
         if not all(map(math.isfinite, beams)):
             raise ValueError(f"angle_min, angle_increment and mount are {beams}, not all finite")
         window = self.cover(self.frame.square(x, y, self.window))
-        sx, sy, bearing = scan.sensor_pose(x, y, yaw)
-        row, col = self.frame.offset(window)
-        marks = np.zeros(window.shape, dtype=np.uint8)
-        trace_beams(
-            marks,
-            (sx - window.origin[0]) / window.resolution,
-            (sy - window.origin[1]) / window.resolution,
-            bearing + scan.angle_min,
-            scan.angle_increment,
-            scan.ranges / window.resolution,
-            scan.range_max / window.resolution,
-        )
-        _update(self.log_odds[row : row + window.shape[0], col : col + window.shape[1]], marks)
+        here, _ = self.frame.overlap(window)
+        _update(self.log_odds[here], marks_of(scan, (x, y, yaw), window))
 
     def mark_free(self, pose: ArrayLike, body: Body, around: float) -> None:
         """Count a body's footprint and the space `around` it [m] as seen free (a start)."""
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         grown = body.inflated(around)
         self.cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
-        inside = covered(
-            self.frame.shape,
-            self.frame.resolution,
-            self.frame.origin,
-            x,
-            y,
-            yaw,
-            grown.half_length,
-            grown.half_width,
-        )
-        region = self.log_odds[tuple(inside.T)]
-        self.log_odds[tuple(inside.T)] = np.where(region == 0, MISS, region)
+        cells = covered(self.frame.shape, *self.frame.lattice, x, y, yaw, *grown.halves)
+        inside = tuple(cells.T)
+        self.log_odds[inside] = np.where(self.log_odds[inside] == 0, MISS, self.log_odds[inside])
 
     def cover(self, wanted: GridFrame) -> GridFrame:
         """Grow, if need be, by whole windows until a frame fits; return that frame."""
-        row, col = self.frame.offset(wanted)
-        rows, cols = self.frame.shape
         # A multiple of 60, so that maps of 2, 3, 4 or 5 times coarser cells keep their lattice.
         step = 60 * math.ceil(max(wanted.shape[0], 100) / 60)
-        before = [math.ceil(max(0, -start) / step) * step for start in (row, col)]
-        after = [
-            math.ceil(max(0, start + length - have) / step) * step
-            for start, length, have in zip((row, col), wanted.shape, (rows, cols), strict=True)
-        ]
-        if any(before) or any(after):
-            self.log_odds = np.pad(self.log_odds, list(zip(before, after, strict=True)))
-            origin = (
-                self.frame.origin[0] - before[1] * self.frame.resolution,
-                self.frame.origin[1] - before[0] * self.frame.resolution,
+        missing = [
+            (max(0, -start), max(0, start + length - have))
+            for start, length, have in zip(
+                self.frame.offset(wanted), wanted.shape, self.frame.shape, strict=True
             )
-            shape = (self.log_odds.shape[0], self.log_odds.shape[1])
-            self.frame = GridFrame(self.frame.resolution, origin, shape)
+        ]
+        if any(map(any, missing)):
+            width = np.ceil(np.array(missing) / step).astype(int) * step
+            self.log_odds = np.pad(self.log_odds, width)
+            (x, y), resolution = self.frame.origin, self.frame.resolution
+            origin = (float(x - width[1, 0] * resolution), float(y - width[0, 0] * resolution))
+            rows, cols = self.log_odds.shape
+            self.frame = GridFrame(resolution, origin, (rows, cols))
         return wanted
 
 

@@ -15,8 +15,7 @@ NONE, OPEN, WALL = 0, 1, 2
 
 
 def main_direction(cells: NDArray[np.int8], default: float) -> float:
-    """Return the direction of most walls seen [rad], in [0, pi/2); buildings have two, at right
-    angles.
+    """Return the direction of most walls seen, modulo a right angle, in [0, pi/2) [rad].
 
     Args:
         cells: a map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
@@ -63,11 +62,9 @@ def look_back(
 
 @njit(cache=True, nogil=True)
 def _wall_angles(cells):  # type: ignore[no-untyped-def]
-    """Return a histogram of the directions of seen walls modulo a right angle, one bin a degree,
-    (90,).
+    """Return a histogram of the walls' directions modulo a right angle, one bin a degree, (90,).
 
-    Each occupied cell votes for the principal axis of the occupied cells around it, weighted by
-    how stretched these are.
+    Each occupied cell votes for the principal axis of those around it, by how stretched they are.
     """
     rows, cols = cells.shape
     reach = 8
@@ -155,8 +152,7 @@ def _look(cells, slope, backwards, memory, kind, distance, support):  # type: ig
 
 @njit(cache=True, nogil=True)
 def nearness(cells, value, length):  # type: ignore[no-untyped-def]
-    """Return exp(-distance / length) to the nearest cell of a value, with the (3, 4) chamfer
-    distance [cells]."""
+    """Return exp(-distance / length) to the nearest cell of a value, by (3, 4) chamfer distance."""
     rows, cols = cells.shape
     out = np.zeros((rows, cols), dtype=np.float32)
     straight, diagonal = math.exp(-1.0 / length), math.exp(-4.0 / 3.0 / length)
