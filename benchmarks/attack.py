@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.drive_file import DriveFile
@@ -44,13 +43,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     AttackSettings.add_to(parser)
     parser.add_jobs()
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results/attack.json"),
-        metavar="FILE",
-        help="file of the drives (default: %(default)s)",
-    )
+    parser.add_out("results/attack.json", "file of the drives")
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from functools import cached_property
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.figures.speed_profile import speed_profile
-from benchmarks.runs.drive import car_of, drive_task, task_in
-from benchmarks.runs.saved_run import Run
+from benchmarks.runs.drive import car_of, task_in
+from benchmarks.runs.drive import drive as drive_episode
+from benchmarks.runs.saved_run import Archive, Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
-from benchmarks.runs.trace import Archive
 from predictor.mapping.conventions import TICK
 from sim.task import sample_task
 from sim.world import World
@@ -44,38 +43,13 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
     task = task_in(world, seed, car) if isinstance(world, str) else sample_task(world, seed, car)
     results, arrays = [], dict[str, NDArray[Any]]()
     for arm in chosen.arms:
-        result, found = drive_task(chosen, task, 0, arm)
+        result, found = drive_episode(chosen, 0, arm, task)
         results.append(result)
         arrays |= found
-    return Run(
-        Path(name),
-        asdict(chosen) | {"dt": TICK},
-        summarise(results, chosen.arms),
-        results,
-        InMemory(Path(name), arrays),
-    )
+    told, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
+    return Run(Path(name), told, summary, results, Archive(Path(name), arrays))
 
 
 def plot(run: Run) -> Figure:
     """Draw the speed over the distance driven for each arm, and what limited the speed."""
     return speed_profile([run])
-
-
-@dataclass(frozen=True, eq=False)
-class InMemory(Archive):
-    """Traces that are in no file.
-
-    Attributes:
-        arrays: by the names that they have in a file.
-    """
-
-    arrays: dict[str, NDArray[Any]]
-
-    @cached_property
-    def names(self) -> frozenset[str]:
-        """Names of all arrays."""
-        return frozenset(self.arrays)
-
-    def array(self, name: str) -> NDArray[Any]:
-        """Return one array."""
-        return self.arrays[name]

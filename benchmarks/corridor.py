@@ -48,10 +48,7 @@ class Place(Options):
         parse=Path,
     )
     out: Path = option(
-        Path("results/corridor"),
-        "folder of results.json, traces.npz and the figures",
-        "DIR",
-        parse=Path,
+        Path("results/corridor"), "folder of results.json, traces.npz and the figures", "DIR"
     )
 
 
@@ -62,10 +59,10 @@ def main(argv: list[str] | None = None) -> int:
         The exit status: 0 if it ran, whatever the outcome; 1 if drives are missing, because
         processes died or the disk is full; 2 for bad arguments or input; 130 if interrupted.
     """
-    return run_command("benchmarks.corridor", lambda: _run(*_parsed(argv)))
+    return run_command("benchmarks.corridor", lambda: _run(argv))
 
 
-def _parsed(argv: list[str] | None) -> tuple[Settings, Place]:
+def _run(argv: list[str] | None) -> int:
     parser = OneLineParser(
         prog="benchmarks.corridor",
         description="Drive a car through buildings that it has never seen, with and without a "
@@ -79,10 +76,6 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Place]:
     settings, place = Settings.of(args), Place.of(args)
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
-    return settings, place
-
-
-def _run(settings: Settings, place: Place) -> int:
     # Here and not above, so that --help and bad arguments answer at once.
     from benchmarks.figures.all_figures import draw_all
     from benchmarks.runs.drive import check_maps
@@ -135,10 +128,10 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
         if (index, arm) not in done and index not in store.skipped
     ]
     total = settings.episodes * len(settings.arms)
+    work = partial(attempt, settings, weights)
     with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
-            drives = finished(partial(attempt, settings, weights), todo, place.jobs, place.dask)
-            for (index, arm), driven in drives:
+            for (index, arm), driven in finished(work, todo, place.jobs, place.dask):
                 if isinstance(driven, str):
                     store.skipped[index] = driven
                 else:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.drive_file import DriveFile
-from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
+from predictor.infra.command_line import OneLineParser, UsageError, run_command
 from predictor.infra.options import Options, option
 
 if TYPE_CHECKING:
@@ -34,6 +34,23 @@ class InterruptSettings(Options):
     seed: int = option(0, "seed of the moments", "N", low=0, high=2**31)
 
 
+@dataclass(frozen=True)
+class Place(Options):
+    """Where the trials run; none of it decides a result."""
+
+    disk: Path | None = option(
+        None,
+        "empty folder on a file system of its own with some 100 MB, which is filled up (mount -t "
+        "tmpfs -o size=100m tmpfs DIR); without it no disk is filled",
+        "DIR",
+        parse=Path,
+    )
+    jobs: int = option(1, "trials at a time; each uses 2 processes", "N", low=1, high=10_000)
+    work: Path = option(
+        Path("results/interrupt"), "data, uninterrupted runs, and what failed trials left", "DIR"
+    )
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if a trial went wrong, 2 for bad input, 130 if interrupted."""
     parser = OneLineParser(
@@ -44,67 +61,33 @@ def main(argv: list[str] | None = None) -> int:
         "can be interrupted and continued.",
     )
     InterruptSettings.add_to(parser)
-    add = parser.add_argument
-    add(
-        "--disk",
-        type=Path,
-        metavar="DIR",
-        help="empty folder on a file system of its own with "
-        "some 100 MB, which is filled up (mount -t tmpfs -o size=100m tmpfs DIR); without it no "
-        "disk is filled",
-    )
-    add(
-        "--jobs",
-        type=between(1, 10_000),
-        default=1,
-        metavar="N",
-        help="trials at a time; each uses 2 processes (default: %(default)s)",
-    )
-    add(
-        "--work",
-        type=Path,
-        default=Path("results/interrupt"),
-        metavar="DIR",
-        help="data, uninterrupted runs, and what failed trials left (default: %(default)s)",
-    )
-    add(
-        "--out",
-        type=Path,
-        default=Path("results/interrupt.json"),
-        metavar="FILE",
-        help="file of the trials (default: %(default)s)",
-    )
+    Place.add_to(parser)
+    parser.add_out("results/interrupt.json", "file of the trials")
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _run(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from benchmarks.robustness.interruptions import (
-        CASES,
-        KINDS,
-        good,
-        interrupted,
-        references,
-        table,
-    )
+    from benchmarks.robustness import interruptions
     from predictor.infra.environment import commit
 
-    if args.disk is not None and not os.path.ismount(args.disk):
-        raise UsageError(f"--disk: {args.disk} is no file system of its own")
-    kinds = [kind for kind in KINDS if kind != "disk full" or args.disk is not None]
+    place = Place.of(args)
+    if place.disk is not None and not os.path.ismount(place.disk):
+        raise UsageError(f"--disk: {place.disk} is no file system of its own")
+    kinds = [kind for kind in interruptions.KINDS if kind != "disk full" or place.disk is not None]
     settings = asdict(InterruptSettings.of(args)) | {"kinds": kinds, "commit": commit()}
     store = DriveFile(args.out, "interrupt", settings, grows="trials")
-    folder = args.work.absolute()
-    seconds = references(folder)
-    turns = [(command, kind) for kind in kinds for command in CASES]
+    folder = place.work.absolute()
+    seconds = interruptions.references(folder)
+    turns = [(command, kind) for kind in kinds for command in interruptions.CASES]
     shares = np.random.default_rng(args.seed).uniform(0.0, LATEST, args.trials).tolist()
     items = [(i, *turns[i % len(turns)], shares[i]) for i in range(args.trials)]
-    work = partial(interrupted, folder, args.disk and args.disk.absolute(), seconds)
-    store.fill(work, items, args.jobs, lambda trial: f"{trial['command']}, {trial['kind']}")
+    work = partial(interruptions.interrupted, folder, place.disk and place.disk.absolute(), seconds)
+    store.fill(work, items, place.jobs, lambda trial: f"{trial['command']}, {trial['kind']}")
     trials = store.first(args.trials)
-    print(table({"drives": trials}), "", args.out, sep="\n")
-    bad = [trial for trial in trials if not good(trial)]
+    print(interruptions.table({"drives": trials}), "", args.out, sep="\n")
+    bad = [trial for trial in trials if not interruptions.good(trial)]
     for trial in bad:
         print(f"trial {trial['index']}, {trial['command']}, {trial['kind']}: {trial}")
     return 1 if bad else 0

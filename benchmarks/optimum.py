@@ -34,13 +34,7 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
     )
     Settings.add_to(parser, "world", "episodes", "seed", "v_max")
     parser.add_jobs()
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results/optimum.json"),
-        metavar="FILE",
-        help="file of the drives (default: %(default)s)",
-    )
+    parser.add_out("results/optimum.json", "file of the drives")
     args = parser.parse_args(argv)
     settings = Settings.of(args)
     return settings, args.out, args.jobs

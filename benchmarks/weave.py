@@ -6,19 +6,101 @@ python -m benchmarks.weave results/corridor --out weave.json
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.runs.analysis import analyse
+from predictor.infra.command_line import UsageError
+from predictor.infra.markdown import records
+
+if TYPE_CHECKING:
+    from benchmarks.runs.saved_run import Run
 
 DESCRIPTION = """\
 Count how often the car changes from one side to the other on straights, in runs of
 benchmarks.corridor on a prescribed route. The route is straight where it turns by less than 10°
 within 3 m before and behind. Ticks with a curvature below the threshold are ignored.
 """
+STEP = 0.5
+"""Between two points of the way at which its direction is taken [m]."""
+AROUND = 6
+"""Points before and behind within which it must keep its direction."""
+TURN = np.radians(10.0)
+"""Turn below which a way is straight [rad]."""
+THRESHOLDS = (0.01, 0.05)
+"""Curvatures above which the car is said to turn [1/m]."""
+
+
+def counts(run: Run) -> dict[str, Any]:
+    """Return the metres on straights and the changes of sign of each arm, for each threshold.
+
+    Raises:
+        RunError: if the run is damaged.
+        UsageError: if its drives had no way in common.
+    """
+    if run.settings["route"] != "fixed":
+        raise UsageError(f"{run.directory}: its arms chose their ways; run it with --route fixed")
+    arms: dict[str, Any] = {}
+    for arm in run.arms:
+        metres, changes = 0.0, [0] * len(THRESHOLDS)
+        for index in run.indices:
+            trace = run.trace(index, arm)
+            xy, curvature = trace.states[:, :2], trace["controls"][:, 1].astype(float)
+            way = np.vstack([xy[:1], run.archive.array(f"w{index}/waypoints")])
+            for first, end in stretches(_on_straights(xy[:-1], way)):
+                metres += float(np.hypot(*np.diff(xy[first : end + 1], axis=0).T).sum())
+                for i, threshold in enumerate(THRESHOLDS):
+                    changes[i] += sign_changes(curvature[first:end], threshold)
+        arms[arm] = {"metres": metres, "changes": changes}
+    commits = sorted({str(episode.commit) for episode in run.episodes})
+    return {"commits": commits, "thresholds": THRESHOLDS, "arms": arms}
+
+
+def sign_changes(curvature: NDArray[Any], threshold: float) -> int:
+    """Return how often the curvatures above a threshold [1/m] change their sign; shape (N,)."""
+    turning = curvature[np.abs(curvature) > threshold]
+    return int((np.diff(np.sign(turning)) != 0).sum())
+
+
+def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first and end of each run of true values in an array of shape (N,)."""
+    edges = np.flatnonzero(np.diff(np.r_[False, marked, False].astype(int)))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
+
+
+def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return whether the point of a way nearest to each point lies on a straight, (N,)."""
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T))]
+    at = np.arange(0.0, along[-1], STEP)
+    path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
+    heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))
+    straight = np.array(
+        [np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN for i in range(len(at))]
+    )
+    nearest = [int(np.argmin(np.hypot(*(path - point).T))) for point in points]
+    return straight[nearest]
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return the changes of sign for 100 m of straight as Markdown, a line for each run."""
+    arms = list(dict.fromkeys(arm for run in results["runs"] for arm in run["arms"]))
+    rows = []
+    for run in results["runs"]:
+        for i, threshold in enumerate(run["thresholds"]):
+            rates = {
+                arm: f"{100 * of['changes'][i] / of['metres']:.2f}"
+                for arm, of in run["arms"].items()
+            }
+            head = {"run": run["label"], "turning above [1/m]": f"{threshold:g}"}
+            rows.append(head | {f"`{arm}`": rates.get(arm, "") for arm in arms})
+    return records(rows)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; return its exit status, 2 for bad input."""
-    return analyse("weave", "benchmarks.runs.weaving:counts", DESCRIPTION, argv)
+    return analyse("weave", counts, table, DESCRIPTION, argv)
 
 
 if __name__ == "__main__":

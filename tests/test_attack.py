@@ -9,10 +9,16 @@ import pytest
 
 from benchmarks import attack
 from benchmarks.robustness.hostile_drives import attacked
-from benchmarks.robustness.hostile_predictors import FAULTY, KINDS, LIARS, WRITERS, Hostile, free
-from benchmarks.runs.arms import ARMS
+from benchmarks.robustness.hostile_predictors import (
+    FAULTY,
+    KINDS,
+    LIARS,
+    WRITERS,
+    Hostile,
+    claiming,
+)
 from benchmarks.runs.drive import car_of, navigator_for, task_of
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import ARMS, Settings
 from planner.risk.ask_predictor import Asker
 from planner.risk.risk_map import RiskMap
 from predictor import BadPredictionError, Grid, GridFrame
@@ -63,7 +69,7 @@ def test_nothing_that_a_predictor_says_is_certain(kind, epsilon):
 
 
 def test_an_oracle_is_certain_of_what_it_is_sure_of():
-    answer = Asker(Hostile(free(1.0))).ask(UNSEEN, np.zeros(3), 10.0)
+    answer = Asker(Hostile(claiming(1.0))).ask(UNSEEN, np.zeros(3), 10.0)
     assert RiskMap.from_prediction(UNSEEN, answer, 0.05, oracle=True).certain.all()
 
 

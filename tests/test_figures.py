@@ -13,9 +13,8 @@ from benchmarks.figures.moment import moment
 from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
-from benchmarks.runs.arms import ARMS
-from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import RunError
+from benchmarks.runs.saved_run import Run, RunError
+from benchmarks.runs.settings import ARMS
 from planner.safety.limiting_factor import Limit
 from predictor.mapping.car_limits import CarLimits
 from sim.car import DubinsCar

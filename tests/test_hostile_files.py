@@ -15,8 +15,7 @@ from PIL import Image
 from safetensors.torch import save
 
 from benchmarks.runs.drive_file import read_drives
-from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import RunError
+from benchmarks.runs.saved_run import Run, RunError
 from predictor.compact import of_logs
 from predictor.data.carmen import read_carmen
 from predictor.data.laser_log import LogError

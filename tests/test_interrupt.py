@@ -35,7 +35,7 @@ except KeyboardInterrupt:
 def case(tmp_path, monkeypatch):
     """A command that counts to ten, and a function that writes what it does."""
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(interruptions, "CASES", {"counting": ()})
+    monkeypatch.setattr(interruptions, "CASES", {"counting": ""})
     monkeypatch.setattr(interruptions, "INPUTS", {})
 
     def write(program):

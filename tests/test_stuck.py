@@ -8,7 +8,6 @@ import pytest
 from drive_results import a_result
 
 from benchmarks import stuck
-from benchmarks.runs import stuck_drives
 from benchmarks.runs.saved_run import Run
 
 TICKS = 80
@@ -36,7 +35,7 @@ def a_run(folder, goal, vehicle="dubins"):
 
 def test_the_last_way_out_lies_before_the_branch(tmp_path):
     run = Run.load(a_run(tmp_path / "run", [11.0, 12.0]))
-    (one,) = stuck_drives.causes(run)["stuck"]
+    (one,) = stuck.causes(run)["stuck"]
     x = 20.0 - 18.0 / TICKS * one["seconds"] / 0.1
     # The branch is 4 m wide and begins at 9 m; the car turns on 0.8 m.
     assert 9.0 < x < 12.5
@@ -48,12 +47,12 @@ def test_a_goal_ahead_could_still_be_reached(tmp_path, capsys):
     assert stuck.main([str(a_run(tmp_path / "run", [20.4, 2.0])), "--out", str(out)]) == 0
     results = json.loads(out.read_text())
     assert results["runs"][0]["stuck"][0]["seconds"] == 0.0
-    assert stuck_drives.table(results) in capsys.readouterr().out
+    assert stuck.table(results) in capsys.readouterr().out
 
 
 def test_a_goal_in_the_wall_is_out_of_reach_from_everywhere(tmp_path):
     run = Run.load(a_run(tmp_path / "run", [3.0, 8.0]))
-    assert stuck_drives.causes(run)["stuck"][0]["seconds"] is None
+    assert stuck.causes(run)["stuck"][0]["seconds"] is None
 
 
 @pytest.mark.parametrize(("name", "says"), [("run", "reeds-shepp"), ("nothing", "not a folder")])

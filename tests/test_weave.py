@@ -8,7 +8,6 @@ import pytest
 from drive_results import a_result
 
 from benchmarks import weave
-from benchmarks.runs import weaving
 
 WAY = np.array([[20.0, 2.0], [20.0, 12.0]])
 """Along a straight of 18 m, round a corner, and up one of 10 m."""
@@ -46,7 +45,7 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
     found = results["runs"][0]["arms"]["known"]
     assert found["changes"] == [2, 0]
     assert 14.0 < found["metres"] < 16.0
-    assert weaving.table(results) in capsys.readouterr().out
+    assert weave.table(results) in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -60,12 +59,12 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
     ],
 )
 def test_small_curvatures_do_not_count(curvature, count):
-    assert weaving.sign_changes(np.array(curvature), 0.01) == count
+    assert weave.sign_changes(np.array(curvature), 0.01) == count
 
 
 def test_stretches_are_runs_of_true_values():
-    assert weaving.stretches(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
-    assert weaving.stretches(np.zeros(3, bool)) == []
+    assert weave.stretches(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
+    assert weave.stretches(np.zeros(3, bool)) == []
 
 
 def test_drives_of_chosen_ways_are_refused_in_a_line(tmp_path, capsys):

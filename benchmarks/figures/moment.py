@@ -34,8 +34,7 @@ from benchmarks.figures.palette import (
     scale_bar,
     swatch,
 )
-from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import frame_of
+from benchmarks.runs.saved_run import Run, frame_of
 from predictor.mapping.body import Body
 from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import Grid, GridFrame

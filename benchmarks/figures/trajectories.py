@@ -25,8 +25,7 @@ from benchmarks.figures.palette import (
     scale_bar,
 )
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import Trace
+from benchmarks.runs.saved_run import Run, Trace
 from predictor.mapping.grid import Grid
 
 MARGIN = 2.5

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.robustness.hostile_predictors import DEADLINE, KINDS, Hostile
-from benchmarks.runs.arms import ARMS
 from benchmarks.runs.drive import car_of, navigator_for, task_of
-from benchmarks.runs.settings import VEHICLES, Settings
+from benchmarks.runs.settings import ARMS, VEHICLES, Settings
 from predictor.infra.environment import commit
-from predictor.infra.markdown import markdown
+from predictor.infra.markdown import records
 from predictor.mapping.families import FAMILIES
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
@@ -23,7 +22,6 @@ SPEEDS = (2.0, 4.0, 6.0)
 
 def scenario(index: int, seed: int) -> tuple[str, Settings]:
     """Return the hostile predictor and the settings of a drive."""
-
     rng = np.random.default_rng([seed, index])
     # Each kind in each family before any comes again; all else is drawn.
     kind = list(KINDS)[index % len(KINDS)]
@@ -52,32 +50,24 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         seconds: most that the drive lasts in simulated time [s].
         index: number of the drive.
     """
-
     kind, settings = scenario(index, seed)
     found: dict[str, Any] = {
         "index": index,
         "kind": kind,
         "world": settings.world[0],
-        "seed": settings.seed,
-        "route": settings.route,
-        "vehicle": settings.vehicle,
-        "risk": settings.risk,
-        "v_max": settings.v_max,
+        **{k: getattr(settings, k) for k in ("seed", "route", "vehicle", "risk", "v_max")},
         "commit": commit(),
     }
     try:
         task = task_of(settings, 0)
     except NoTaskError as error:
         return found | {"outcome": "no task", "error": None, "note": str(error)}
-    driver = navigator_for(
-        settings, ARMS["predicted"], task, Hostile(KINDS[kind]), deadline=DEADLINE
-    )
+    driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), DEADLINE)
+    car, lidar = DubinsCar(car_of(settings)), Lidar(LidarConfig())
     config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
     rng = np.random.default_rng([task.seed, 2])
     try:
-        episode = run_episode(
-            task, driver, DubinsCar(car_of(settings)), Lidar(LidarConfig()), config, rng
-        )
+        episode = run_episode(task, driver, car, lidar, config, rng)
     except Exception as error:
         # That nothing gets here is what is measured.
         return found | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
@@ -95,31 +85,28 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
 
 def table(found: dict[str, Any]) -> str:
     """Return the drives of each hostile predictor, their collisions and faults, as Markdown."""
-
-    rows = [["predictor", "drives", "collided", "crashed", "mean speed [m/s]", "faults a drive"]]
+    rows = []
     drives = [d for d in found["drives"] if d["outcome"] != "no task"]
-    for name, mine in [
-        *((kind, [d for d in drives if d["kind"] == kind]) for kind in KINDS),
-        ("all", drives),
-    ]:
+    for name in (*KINDS, "all"):
+        mine = [d for d in drives if name in ("all", d["kind"])]
         if not mine:
             continue
         whole = [d for d in mine if d["outcome"] != "crashed"]
         seconds = sum(d["time"] for d in whole)
         metres = sum(d["path_length"] for d in whole)
-        counted = sum(
-            n for d in whole for fault, n in d["faults"].items() if fault.startswith("predictor")
-        )
         rows.append(
-            [
-                name,
-                str(len(mine)),
-                *(
-                    str(sum(d["outcome"] == outcome for d in mine))
-                    for outcome in ("collided", "crashed")
-                ),
-                f"{metres / seconds:.2f}" if seconds else "–",
-                f"{counted / max(1, len(whole)):.0f}",
-            ]
+            {
+                "predictor": name,
+                "drives": len(mine),
+                "collided": sum(d["outcome"] == "collided" for d in mine),
+                "crashed": len(mine) - len(whole),
+                "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else "–",
+                "faults a drive": f"{sum(map(_faults, whole)) / max(1, len(whole)):.0f}",
+            }
         )
-    return markdown(rows)
+    return records(rows)
+
+
+def _faults(drive: dict[str, Any]) -> int:
+    """Return how many faults of the predictor a drive counted."""
+    return sum(n for fault, n in drive["faults"].items() if fault.startswith("predictor"))

@@ -26,12 +26,7 @@ Answer = Callable[[Grid, NDArray[np.float64], int], Any]
 
 @dataclasses.dataclass
 class Hostile:
-    """A predictor that answers as a function says.
-
-    Attributes:
-        answer: the function.
-        calls: how often it was asked.
-    """
+    """A predictor that answers as a function says; it counts how often it was asked."""
 
     answer: Answer
     calls: int = 0
@@ -53,19 +48,9 @@ def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float
     )
 
 
-def free(confidence: float, dtype: Any = np.float32) -> Answer:
-    """Claim that all unobserved space is free, with a confidence."""
-    return lambda known, pose, call: claim(known, 1, confidence, dtype)
-
-
-def walls(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Claim that all unobserved space is occupied."""
-    return claim(known, 0.0)
-
-
-def flipping(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Free and occupied by turns."""
-    return claim(known, call % 2)
+def claiming(free: Any, confidence: float = 1.0, dtype: Any = np.float32) -> Answer:
+    """Answer always with the same claim."""
+    return lambda known, pose, call: claim(known, free, confidence, dtype)
 
 
 def noise(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
@@ -80,18 +65,15 @@ def ahead(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
     return claim(known, before)
 
 
-def clears_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Write into the known map that all of it is free, and claim little."""
-    known.cells.setflags(write=True)
-    known.cells[:] = 0
-    return claim(known, 1.0, 0.5)
+def overwriting(cell: int) -> Answer:
+    """Write one value into all of the known map, and claim little."""
 
+    def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+        known.cells.setflags(write=True)
+        known.cells[:] = cell
+        return claim(known, 1.0, 0.5)
 
-def fills_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Write into the known map that all of it is occupied."""
-    known.cells.setflags(write=True)
-    known.cells[:] = 100
-    return claim(known, 1.0, 0.5)
+    return answer
 
 
 def moves_the_car(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
@@ -139,11 +121,11 @@ def never(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
     return claim(known, 1.0)
 
 
-def raising(error: type[BaseException], after: int = 0) -> Answer:
-    """Raise after some good answers."""
+def raising(error: type[BaseException]) -> Answer:
+    """Raise after three good answers."""
 
     def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-        if call > after:
+        if call > 3:
             raise error
         return claim(known, 1.0)
 
@@ -185,35 +167,29 @@ def broken(**fields: Any) -> Answer:
     return answer
 
 
-def _returning(value: Any) -> Answer:
-    return lambda known, pose, call: value
-
-
-def _patched(cells: NDArray[Any]) -> NDArray[Any]:
-    """NaN in half of the cells."""
-    return np.where(np.arange(cells.size).reshape(cells.shape) % 2, np.nan, cells)
-
-
 LIARS: dict[str, Answer] = {
-    f"free, confidence {confidence!r}": free(confidence)
-    for confidence in (0.5, 0.9, 0.99, 0.999, 0.999999, 1 - 1e-7, 1.0)
-} | {
-    "free, confidence 1 - 1e-9 (double)": free(1 - 1e-9, np.float64),
-    "free, confidence 0.9999 (half)": free(0.9999, np.float16),
-    "free, confidence True (bool)": free(True, np.bool_),
-    "occupied": walls,
-    "free, then occupied": flipping,
+    **{
+        f"free, confidence {confidence!r}": claiming(1, confidence)
+        for confidence in (0.5, 0.9, 0.99, 0.999, 0.999999, 1 - 1e-7, 1.0)
+    },
+    "free, confidence 1 - 1e-9 (double)": claiming(1, 1 - 1e-9, np.float64),
+    "free, confidence 0.9999 (half)": claiming(1, 0.9999, np.float16),
+    "free, confidence True (bool)": claiming(1, True, np.bool_),
+    "occupied": claiming(0),
+    "free, then occupied": lambda known, pose, call: claim(known, call % 2),
     "noise": noise,
     "free ahead": ahead,
-    "NaN in half of the cells": broken(confidence=_patched),
+    "NaN in half of the cells": broken(
+        confidence=lambda c: np.where(np.arange(c.size).reshape(c.shape) % 2, np.nan, c)
+    ),
     "hidden in an array of its own": broken(
         confidence=lambda c: (c * np.float32(0.99)).view(_Array)
     ),
 }
 """Predictors that keep to the contract, and lie."""
 WRITERS: dict[str, Answer] = {
-    "clears the map": clears_the_map,
-    "fills the map": fills_the_map,
+    "clears the map": overwriting(0),
+    "fills the map": overwriting(100),
     "moves the car": moves_the_car,
     "moves the map": moves_the_map,
     "writes later": writes_later,
@@ -223,7 +199,7 @@ FAULTY: dict[str, Answer] = {
     "late": late,
     "never": never,
     **{
-        f"raises {error.__name__}": raising(error, 3)
+        f"raises {error.__name__}": raising(error)
         for error in (
             RuntimeError,
             MemoryError,
@@ -237,9 +213,9 @@ FAULTY: dict[str, Answer] = {
         )
     },
     "raises what cannot be shown": raising(_UnprintableError),
-    "None": _returning(None),
-    "text": _returning("free everywhere"),
-    "a dictionary": _returning({"p_free": 1.0}),
+    "None": lambda known, pose, call: None,
+    "text": lambda known, pose, call: "free everywhere",
+    "a dictionary": lambda known, pose, call: {"p_free": 1.0},
     "fields that raise": lambda known, pose, call: object.__new__(_Lazy),
     "infinite": broken(confidence=lambda c: c * np.inf),
     "above one": broken(confidence=lambda c: c + np.float32(1.0)),

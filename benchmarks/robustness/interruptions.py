@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import itertools
 import json
 import os
 import shutil
@@ -12,7 +13,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,66 +23,22 @@ from safetensors.numpy import load_file
 from tqdm import tqdm
 
 from predictor.infra.command_line import UsageError
-from predictor.infra.markdown import markdown
+from predictor.infra.markdown import records
 
 KINDS = ("SIGKILL", "SIGTERM", "SIGINT", "disk full")
-SMALL = ("--train", "2", "--validation", "1")
-CASES: dict[str, tuple[str, ...]] = {
-    "benchmarks.corridor": ("--episodes", "1", "--arms", "known,full", "--seed", "1000"),
-    "predictor.drives": SMALL,
-    "predictor.dataset": (
-        "--train",
-        "80",
-        "--test",
-        "40",
-        "--more",
-        "1",
-        "--validation",
-        "1",
-        "--length",
-        "40",
-    ),
-    "predictor.train": ("--data", "{drives}", *SMALL, "--steps", "20", "--batch", "4"),
-    "predictor.evaluate": (
-        "--drives",
-        "1",
-        "--world",
-        "corridor",
-        "--predictors",
-        "none",
-        "extend",
-    ),
-    "predictor.study": (
-        "--data",
-        "{frames}",
-        "--archs",
-        "unet_ff",
-        "mlp",
-        "--expansions",
-        "1.1",
-        "--preset",
-        "short",
-        "--width",
-        "0.0625",
-        "--side",
-        "64",
-        "--epochs",
-        "1",
-    ),
+CASES = {
+    "benchmarks.corridor": "--episodes 1 --arms known,full --seed 1000",
+    "predictor.drives": "--train 2 --validation 1",
+    "predictor.dataset": "--train 80 --test 40 --more 1 --validation 1 --length 40",
+    "predictor.train": "--data {drives} --train 2 --validation 1 --steps 20 --batch 4",
+    "predictor.evaluate": "--drives 1 --world corridor --predictors none extend",
+    "predictor.study": "--data {frames} --archs unet_ff mlp --expansions 1.1 --preset short "
+    "--width 0.0625 --side 64 --epochs 1",
 }
 """The commands with arguments that keep them short. {drives} and {frames} are data made before."""
 INPUTS = {"drives": "predictor.drives", "frames": "predictor.dataset"}
-VOLATILE = {
-    "machine",
-    "commit",
-    "commits",
-    "seconds",
-    "ms",
-    "cycle_ms",
-    "cycle_ms_p50",
-    "cycle_ms_p99",
-    "times",
-}
+VOLATILE = {"machine", "commit", "commits", "seconds", "ms", "times"}
+VOLATILE |= {"cycle_ms", "cycle_ms_p50", "cycle_ms_p99"}
 """Times and origins, which no two runs have in common."""
 GONE = 15.0
 """Seconds within which all processes of an interrupted command must have ended."""
@@ -90,24 +48,27 @@ def contents(folder: Path) -> dict[str, Any]:
     """Return the results in a folder without times: JSON values, arrays and weights, by name."""
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*")):
-        name = str(path.relative_to(folder))
-        if "parts" in path.relative_to(folder).parts:
+        name, inside = str(path.relative_to(folder)), path.relative_to(folder).parts
+        if "parts" in inside:
             # Intermediate results, which a command removes or ignores when it has finished.
             continue
-        if path.suffix == ".json":
-            found[name] = _lasting(json.loads(path.read_text()))
-        elif path.suffix == ".jsonl":
-            found[name] = [_lasting(json.loads(line)) for line in path.read_text().splitlines()]
-        elif path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as arrays:
-                for key in arrays.files:
-                    if key.rpartition("/")[2] not in VOLATILE:
-                        found[f"{name}:{key}"] = _bytes(arrays[key])
-        elif path.suffix == ".safetensors":
-            found |= {f"{name}:{key}": _bytes(value) for key, value in load_file(path).items()}
+        if path.suffix in (".json", ".jsonl"):
+            text = path.read_text()
+            values = text.splitlines() if path.suffix == ".jsonl" else [text]
+            found[name] = [json.loads(value, object_hook=_lasting) for value in values]
+        elif path.suffix in (".npz", ".safetensors"):
+            arrays = load_file(path) if path.suffix == ".safetensors" else np.load(path)
+            for key, value in arrays.items():
+                if key.rpartition("/")[2] not in VOLATILE:
+                    found[f"{name}:{key}"] = str(value.dtype), value.shape, value.tobytes()
         elif ".damaged" in path.name or path.suffix == ".tmp":
             found[name] = "left over"
     return found
+
+
+def _lasting(found: dict[str, Any]) -> dict[str, Any]:
+    """Return a JSON object without what differs between two runs."""
+    return {k: v for k, v in found.items() if k not in VOLATILE}
 
 
 def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> list[str]:
@@ -131,12 +92,14 @@ def interrupted(
     ours = work / f"trial-{index}"
     shutil.rmtree(ours, ignore_errors=True)
     ours.mkdir()
-    with _exclusive(disk) if kind == "disk full" and disk else _folder(ours) as folder:
+    with _exclusive(disk) if kind == "disk full" and disk else nullcontext(ours) as folder:
         words = _words(command, work, ours, folder / "out")
         moment = share * seconds[command]
         with (ours / "first.txt").open("w") as file:
+            # Ctrl-C counts in the child, even if a shell began this command in the background.
+            heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
             process = subprocess.Popen(
-                words, stdout=file, stderr=file, start_new_session=True, preexec_fn=_heed_ctrl_c
+                words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
             )
             try:
                 process.wait(moment)
@@ -177,51 +140,36 @@ def interrupted(
 
 def table(results: dict[str, Any]) -> str:
     """Return the trials of each command and kind of interruption as Markdown."""
-    trials = results["drives"]
-    rows = [
-        [
-            "command",
-            "interrupted by",
-            "trials",
-            "while it ran",
-            "same results after",
-            "tracebacks",
-            "processes left",
-        ]
-    ]
-    for command in CASES:
-        for kind in KINDS:
-            mine = [t for t in trials if (t["command"], t["kind"]) == (command, kind)]
-            if mine:
-                same = sum(t["status again"] == 0 and not t["differences"] for t in mine)
-                counts = (
-                    len(mine),
-                    sum(t["interrupted"] for t in mine),
-                    same,
-                    sum(t["traceback"] for t in mine),
-                    sum(t["processes left"] for t in mine),
-                )
-                rows.append([f"`{command}`", kind, *map(str, counts)])
-    return markdown(rows)
+    rows = []
+    for command, kind in itertools.product(CASES, KINDS):
+        mine = [t for t in results["drives"] if (t["command"], t["kind"]) == (command, kind)]
+        if mine:
+            same = [t["status again"] == 0 and not t["differences"] for t in mine]
+            rows.append(
+                {
+                    "command": f"`{command}`",
+                    "interrupted by": kind,
+                    "trials": len(mine),
+                    "while it ran": sum(t["interrupted"] for t in mine),
+                    "same results after": sum(same),
+                    "tracebacks": sum(t["traceback"] for t in mine),
+                    "processes left": sum(t["processes left"] for t in mine),
+                }
+            )
+    return records(rows)
 
 
 def good(trial: dict[str, Any]) -> bool:
     """Return whether a trial ended as it should."""
-    return not (
-        trial["traceback"]
-        or trial["processes left"]
-        or trial["status again"]
-        or trial["differences"]
-    )
+    bad = ("traceback", "processes left", "status again", "differences")
+    return not any(trial[name] for name in bad)
 
 
 def references(work: Path) -> dict[str, float]:
     """Run each command uninterrupted, the makers of data first; return their times [s]."""
     seconds = {}
-    makers = list(INPUTS.values())
-    for command in tqdm(
-        [*makers, *(c for c in CASES if c not in makers)], unit="command", desc="uninterrupted"
-    ):
+    commands = dict.fromkeys([*INPUTS.values(), *CASES])
+    for command in tqdm(commands, unit="command", desc="uninterrupted"):
         done = work / f"{command}.json"
         if not done.exists():
             ours = work / f"data-{command}"
@@ -242,7 +190,7 @@ def references(work: Path) -> dict[str, float]:
 def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
     """Return the command line; data that it reads are copied, as it may write there."""
     words = [sys.executable, "-m", command]
-    for word in CASES[command]:
+    for word in CASES[command].split():
         name = word.strip("{}")
         if word == f"{{{name}}}":
             shutil.copytree(work / INPUTS[name], ours / name)
@@ -252,29 +200,18 @@ def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
 
 
 @contextmanager
-def _folder(ours: Path) -> Iterator[Path]:
-    yield ours
-
-
-@contextmanager
 def _exclusive(disk: Path) -> Iterator[Path]:
-    """Give the small file system to one trial at a time, emptied before and after."""
+    """Give the small file system to one trial at a time, in a folder that is gone afterwards."""
+    folder = disk / "trial"
     handle = os.open(disk, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
-        _empty(disk)
-        yield disk
-        _empty(disk)
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        yield folder
+        shutil.rmtree(folder)
     finally:
         os.close(handle)
-
-
-def _empty(disk: Path) -> None:
-    for path in disk.iterdir():
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
 
 
 @contextmanager
@@ -293,11 +230,6 @@ def _full(disk: Path) -> Iterator[None]:
         yield
     finally:
         filler.unlink()
-
-
-def _heed_ctrl_c() -> None:
-    """Let Ctrl-C count in the child, even if a shell began it in the background."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _left_behind(session: int) -> int:
@@ -321,14 +253,3 @@ def _members(session: int) -> list[int]:
         if int(fields[3]) == session and fields[0] != "Z":
             found.append(int(path.parent.name))
     return found
-
-
-def _lasting(value: Any) -> Any:
-    """Return a JSON value without what differs between two runs."""
-    if isinstance(value, dict):
-        return {k: _lasting(v) for k, v in value.items() if k not in VOLATILE}
-    return [_lasting(v) for v in value] if isinstance(value, list) else value
-
-
-def _bytes(array: Any) -> tuple[str, tuple[int, ...], bytes]:
-    return str(array.dtype), array.shape, array.tobytes()

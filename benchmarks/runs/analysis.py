@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
-from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Any
 
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.infra.environment import commit
 from predictor.infra.results_file import COMMANDS, write_results
 
+if TYPE_CHECKING:
+    from benchmarks.runs.saved_run import Run
 
-def analyse(kind: str, function: str, description: str, argv: list[str] | None) -> int:
+
+def analyse(
+    kind: str,
+    of_run: Callable[[Run], dict[str, Any]],
+    table: Callable[[dict[str, Any]], str],
+    description: str,
+    argv: list[str] | None,
+) -> int:
     """Run the command line of an analysis; return its exit status.
 
     Args:
-        kind: of its results; `benchmarks.tables` makes the table of this kind.
-        function: "module:name" of what analyses a `Run`; imported when it is needed.
+        kind: of its results.
+        of_run: analyses a run.
+        table: turns the contents of the file into Markdown.
         description: for --help.
         argv: arguments; by default those of the process.
     """
-    command = COMMANDS[kind]
     parser = OneLineParser(
-        prog=command,
+        prog=COMMANDS[kind],
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -35,21 +45,16 @@ def analyse(kind: str, function: str, description: str, argv: list[str] | None) 
         default=10**9,
         help="analyse only the first N episodes of each run (default: all)",
     )
-    add(
-        "--out",
-        metavar="FILE",
-        type=Path,
-        default=Path(f"results/{kind}.json"),
-        help="file of the results (default: %(default)s)",
-    )
-    return run_command(command, lambda: _run(kind, function, parser.parse_args(argv)))
+    parser.add_out(f"results/{kind}.json", "file of the results")
 
+    def work() -> None:
+        from benchmarks.runs.saved_run import Run
 
-def _run(kind: str, function: str, args: argparse.Namespace) -> None:
-    from benchmarks.runs.saved_run import Run
+        args = parser.parse_args(argv)
+        runs = [Run.load(path).first(args.episodes) for path in args.runs]
+        found = [{"label": run.label, "settings": run.settings, **of_run(run)} for run in runs]
+        results = {"commit": commit(), "runs": found}
+        write_results(args.out, kind, results)
+        print(table(results), "", args.out, sep="\n")
 
-    of_run, table = resolve_name(function), resolve_name(f"{function.partition(':')[0]}:table")
-    runs = [Run.load(path).first(args.episodes) for path in args.runs]
-    results = {"commit": commit(), "runs": [of_run(run) for run in runs]}
-    write_results(args.out, kind, results)
-    print(table(results), "", args.out, sep="\n")
+    return run_command(COMMANDS[kind], work)

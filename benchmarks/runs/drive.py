@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
-from benchmarks.runs.arms import ARMS, Arm
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import VEHICLES, Settings
+from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit
@@ -31,6 +30,13 @@ from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
 from sim.world import World, sealed
 
+MEASURES = ("time", "path_length", "mean_speed", "max_speed", "min_clearance")
+"""Figures of `sim.episode.Episode` that results take over."""
+
+
+Driven = tuple[DriveResult, dict[str, NDArray[Any]]]
+"""What goes into `results.json`, and what goes into `traces.npz`."""
+
 
 class Oracle:
     """A predictor that is told the truth: free and occupied, inside the window it is asked for.
@@ -45,19 +51,10 @@ class Oracle:
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Return the truth, with full confidence."""
         free, surface = self.world.truth(known.frame)
+        confidence = np.ones(known.frame.shape, dtype=np.float32)
         return Prediction(
-            known.frame,
-            free.astype(np.float32),
-            surface.astype(np.float32),
-            np.ones(known.frame.shape, dtype=np.float32),
+            known.frame, free.astype(np.float32), surface.astype(np.float32), confidence
         )
-
-
-def predictor_for(arm: Arm, chosen: Predictor, world: World) -> Predictor | None:
-    """Return the predictor that an arm drives with in a world."""
-    if arm.predictor == "oracle":
-        return Oracle(world)
-    return chosen if arm.predictor == "chosen" else None
 
 
 def sources(names: tuple[str, ...]) -> list[str]:
@@ -148,6 +145,12 @@ def shortest_length(task: Task) -> float | None:
         return None
 
 
+def facts_of(task: Task) -> dict[str, Any]:
+    """Return what results tell of a task: its building, seed, start and goal."""
+    start, goal = ([float(v) for v in place] for place in (task.start, task.goal))
+    return {"world": task.world.name, "seed": task.seed, "start": start, "goal": goal}
+
+
 def score(
     outcome: str, time: float, path_length: float, shortest: float | None, car: CarLimits
 ) -> dict[str, float | None]:
@@ -176,9 +179,7 @@ def score(
     }
 
 
-def attempt(
-    settings: Settings, weights: str | None, item: tuple[int, str]
-) -> tuple[DriveResult, dict[str, NDArray[Any]]] | str:
+def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> Driven | str:
     """Return `drive`, or a line why the episode cannot be driven.
 
     Args:
@@ -215,7 +216,7 @@ def navigator_for(
         predictor: the arm's.
         deadline: for its answers [s].
     """
-    resolution = task.world.grid.frame.resolution
+    truth = task.world.grid
     config = NavigatorConfig(
         window=settings.window,
         expansion=settings.expansion,
@@ -223,43 +224,33 @@ def navigator_for(
         steer=arm.steer,
         oracle=arm.predictor == "oracle",
         deadline=deadline,
-        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
+        margin=3 * settings.noise + truth.frame.resolution if settings.noise > 0 else 0.0,
         car=car_of(settings),
     )
-    return Navigator(
-        config,
-        predictor,
-        np.array(task.start),
-        task.goal,
-        OccupancyGrid.from_grid(task.world.grid, settings.window)
-        if arm.whole_map
-        else task.blank(settings.window),
-        task.waypoints if settings.route == "fixed" else None,
-        task.seed,
-    )
+    window = settings.window
+    known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
+    waypoints = task.waypoints if settings.route == "fixed" else None
+    start = np.array(task.start)
+    return Navigator(config, predictor, start, task.goal, known, waypoints, task.seed)
 
 
-def drive(
-    settings: Settings, index: int, arm_name: str
-) -> tuple[DriveResult, dict[str, NDArray[Any]]]:
+def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Driven:
     """Drive one episode with one arm.
 
-    Returns:
-        What goes into `results.json`, and what goes into `traces.npz`.
+    Args:
+        settings: of the run.
+        index: number of the episode.
+        arm_name: who drives.
+        task: by default that of the episode; another may be of any building.
 
     Raises:
         NoTaskError: if the world has no drive of the length wanted.
     """
-    return drive_task(settings, task_of(settings, index), index, arm_name)
-
-
-def drive_task(
-    settings: Settings, task: Task, index: int, arm_name: str
-) -> tuple[DriveResult, dict[str, NDArray[Any]]]:
-    """Drive a task with one arm; as `drive`, whatever buildings the settings name."""
+    task = task or task_of(settings, index)
     arm = ARMS[arm_name]
     car = car_of(settings)
-    predictor = predictor_for(arm, load_predictor(settings.predictor), task.world)
+    choices = {"chosen": load_predictor(settings.predictor), "oracle": Oracle(task.world)}
+    predictor = choices.get(arm.predictor)
     # Whatever the machine is busy with, a drive must come out the same.
     navigator = navigator_for(settings, arm, task, predictor, deadline=600.0)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
@@ -270,29 +261,19 @@ def drive_task(
     trace = episode.trace
     times = trace["times"][:, list(trace["time_names"]).index("cycle")]
     promised = trace["kept"] >= 0
+    measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}
+    measured |= score(
+        episode.outcome, episode.time, episode.path_length, shortest_length(task), car
+    )
     result = DriveResult(
         arm=arm_name,
         vehicle=settings.vehicle,
         index=index,
-        world=task.world.name,
-        seed=task.seed,
-        start=[float(v) for v in task.start],
-        goal=[float(v) for v in task.goal],
+        **facts_of(task),
         learned=has_learned(predictor, task.world.grid.cells),
         shortest=float(task.path_length),
         outcome=str(episode.outcome),
-        time=float(episode.time),
-        path_length=float(episode.path_length),
-        **score(
-            episode.outcome,
-            episode.time,
-            episode.path_length,
-            shortest_length(task),
-            car,
-        ),
-        mean_speed=float(episode.mean_speed),
-        max_speed=float(episode.max_speed),
-        min_clearance=float(episode.min_clearance),
+        **measured,
         stops=int(episode.stops),
         impact_speed=episode.impact_speed,
         promises=int(promised.sum()),

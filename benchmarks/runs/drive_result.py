@@ -20,7 +20,7 @@ class DriveResult:
     Attributes:
         vehicle: of `benchmarks.runs.settings.VEHICLES`.
         t_opt: time of the best drive that `benchmarks.optimum` found [s].
-        arm: of `benchmarks.runs.arms.ARMS`.
+        arm: of `benchmarks.runs.settings.ARMS`.
         index: number of the episode.
         world: name of the building.
         seed: of the task.
@@ -110,12 +110,12 @@ def _hints() -> dict[str, Any]:
 
 def _fits(value: Any, hint: Any) -> bool:
     """Return whether a JSON value is of an annotated type, its numbers finite."""
-    if get_origin(hint) is UnionType:
-        return any(_fits(value, one) for one in get_args(hint))
-    if get_origin(hint) is list:
-        return isinstance(value, list) and all(_fits(v, get_args(hint)[0]) for v in value)
-    if get_origin(hint) is dict:
-        return isinstance(value, dict) and all(_fits(v, get_args(hint)[1]) for v in value.values())
+    kind, inner = get_origin(hint), get_args(hint)
+    if kind is UnionType:
+        return any(_fits(value, one) for one in inner)
+    if kind in (list, dict):
+        values = value.values() if isinstance(value, dict) else value
+        return isinstance(value, kind) and all(_fits(one, inner[-1]) for one in values)
     if hint in (str, bool, NoneType):
         return isinstance(value, hint)
     numbers = int | float if hint is float else int

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.runs.drive_file import read_drives
 from predictor.infra.command_line import UsageError
-from predictor.infra.markdown import markdown
+from predictor.infra.markdown import records
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
@@ -75,8 +75,11 @@ def table(found: dict[str, Any]) -> str:
         sum(d[name] for d in known) / max(1, len(known))
         for name in ("t_opt", "t_bound", "shortest")
     )
-    rows = [
-        ["tasks", "drives found", "T_opt [s]", "T_bound [s]", "shortest way [m]"],
-        [str(len(drives)), str(len(known)), f"{best:.2f}", f"{bound:.2f}", f"{length:.1f}"],
-    ]
-    return markdown(rows)
+    row = {
+        "tasks": len(drives),
+        "drives found": len(known),
+        "T_opt [s]": f"{best:.2f}",
+        "T_bound [s]": f"{bound:.2f}",
+        "shortest way [m]": f"{length:.1f}",
+    }
+    return records([row])

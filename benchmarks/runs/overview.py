@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.summary import broken, gap, summarise
-from predictor.infra.markdown import DASH, figure, interval, markdown
+from predictor.infra.markdown import DASH, figure, interval, records
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
@@ -26,22 +26,7 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
         runs: name → contents of a results.json of `benchmarks.corridor`.
     """
     arms = ("known", "predicted", "oracle", "full")
-    rows = [
-        [
-            " / ".join(f"`{arm}`" for arm in arms),
-            "car",
-            "episodes",
-            "SCT",
-            "time ratio `predicted` to `known`",
-            "gap closed in SCT",
-            "gap closed in time",
-            "detour",
-            "speed [m/s]",
-            "reached",
-            "stuck",
-            "collided",
-        ]
-    ]
+    rows = []
     for name, run in runs.items():
         summary = run["summary"]
 
@@ -50,26 +35,29 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
             return " / ".join(DASH if value is None else format(value, form) for value in values)
 
         known, ratio, shares = summary["known"], summary["predicted"]["time_ratio"], run["gap"]
-        closed = [
-            "" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
+        closed = {
+            key: "" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
             for key in ("sct", "time")
-        ]
+        }
         if "oracle" in summary and shares["sct"] is None and known["sct_interval"] is not None:
-            closed[0] = "no gap"
+            closed["sct"] = "no gap"
         rows.append(
-            [
-                name,
-                known["vehicle"],
-                str(known["episodes"]),
-                each("sct", ".3f"),
-                "" if ratio is None else interval(ratio, ".2f"),
-                *closed,
-                each("detour", ".2f"),
-                each("mean_speed", ".2f"),
-                *(each(key, "d") for key in ("reached", "stuck", "collided")),
-            ]
+            {
+                " / ".join(f"`{arm}`" for arm in arms): name,
+                "car": known["vehicle"],
+                "episodes": known["episodes"],
+                "SCT": each("sct", ".3f"),
+                "time ratio `predicted` to `known`": ""
+                if ratio is None
+                else interval(ratio, ".2f"),
+                "gap closed in SCT": closed["sct"],
+                "gap closed in time": closed["time"],
+                "detour": each("detour", ".2f"),
+                "speed [m/s]": each("mean_speed", ".2f"),
+                **{key: each(key, "d") for key in ("reached", "stuck", "collided")},
+            }
         )
-    return markdown(rows)
+    return records(rows)
 
 
 def risks(runs: dict[str, dict[str, Any]]) -> str:
@@ -78,35 +66,22 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
     """
-    rows = [
-        [
-            "run",
-            "predictor",
-            "expansion",
-            "ε",
-            "promises broken (95 % over worlds)",
-            "episodes",
-            "reached",
-            "collided",
-            "SCT",
-            "speed [m/s]",
-        ]
-    ]
+    rows = []
     for name, run in runs.items():
         settings, entry = run["settings"], run["summary"]["predicted"]
         rows.append(
-            [
-                name,
-                f"`{Path(settings['predictor']).stem}`",
-                f"{settings['expansion']:g}",
-                f"{settings['risk']:g}",
-                broken(entry),
-                *(str(entry[key]) for key in ("episodes", "reached", "collided")),
-                figure(entry["sct"], entry["sct_interval"], ".3f"),
-                figure(entry["mean_speed"], entry["mean_speed_interval"], ".2f"),
-            ]
+            {
+                "run": name,
+                "predictor": f"`{Path(settings['predictor']).stem}`",
+                "expansion": f"{settings['expansion']:g}",
+                "ε": f"{settings['risk']:g}",
+                "promises broken (95 % over worlds)": broken(entry),
+                **{key: entry[key] for key in ("episodes", "reached", "collided")},
+                "SCT": figure(entry["sct"], entry["sct_interval"], ".3f"),
+                "speed [m/s]": figure(entry["mean_speed"], entry["mean_speed_interval"], ".2f"),
+            }
         )
-    return markdown(rows)
+    return records(rows)
 
 
 def scores(runs: dict[str, dict[str, Any]]) -> str:
@@ -116,12 +91,15 @@ def scores(runs: dict[str, dict[str, Any]]) -> str:
         runs: name → contents of a results.json of `predictor.evaluate`.
     """
     columns = ("iou_free", "iou_occupied", "auc_free", "brier_free", "nll", "ece_free", "ssim")
-    rows = [["buildings", "predictor", *(name.replace("_", " ") for name in columns)]]
-    for run in runs.values():
-        for group, entry in run["groups"].items():
-            for name, row in entry["predictors"].items():
-                if "(" not in name:
-                    found = [row.get(column) for column in columns]
-                    cells = ["" if value is None else f"{value:.3f}" for value in found]
-                    rows.append([group, f"`{name}`", *cells])
-    return markdown(rows)
+    rows = [
+        {"buildings": group, "predictor": f"`{name}`"}
+        | {
+            column.replace("_", " "): "" if row.get(column) is None else f"{row[column]:.3f}"
+            for column in columns
+        }
+        for run in runs.values()
+        for group, entry in run["groups"].items()
+        for name, row in entry["predictors"].items()
+        if "(" not in name
+    ]
+    return records(rows)

@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.optimal.first_guesses import timed, ways
 from benchmarks.optimal.minimum_time import AROUND, Drive, MinimumTime
-from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
-from benchmarks.runs.drive import task_of
+from benchmarks.optimal.shortest_way import time_bound
+from benchmarks.runs.drive import facts_of, shortest_length, task_of
 from benchmarks.runs.settings import Settings
 from predictor.infra.environment import commit
 from predictor.mapping.car_limits import CarLimits
@@ -38,7 +38,6 @@ def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | No
     Returns:
         The drive, or None if none was found, and the number of first guesses.
     """
-
     known = list(ways(task, car, goal_radius))
     if not known:
         return None, 0
@@ -52,47 +51,30 @@ def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | No
         valid = [drive for drive in drives if drive.valid]
         if valid:
             best = min(valid, key=lambda drive: drive.time)
-            return _finer(problem, best), tried
+            # An even number, so that every other state can be kept.
+            ticks = 2 * math.ceil(best.time / FINE / 2)
+            fine = problem.solve(best.resampled(ticks), ITERATIONS, 1e-3)
+            return fine if fine.valid and fine.time < best.time else best, tried
     return None, tried
 
 
-def _finer(problem: MinimumTime, drive: Drive) -> Drive:
-    """Return the same drive in finer ticks, where that is quicker."""
-    # An even number, so that every other state can be kept.
-    fine = problem.solve(drive.resampled(2 * math.ceil(drive.time / FINE / 2)), ITERATIONS, 1e-3)
-    return fine if fine.valid and fine.time < drive.time else drive
-
-
-def optimum(settings: Settings, index: int) -> dict[str, Any]:
-    """Return what the file of optima holds of an episode.
-
-    Raises:
-        NoTaskError: if the world has no drive of the length wanted.
-    """
-
+def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
+    """Return what the file of optima holds of an episode, or a line why it has no drive."""
     started = time.perf_counter()
-    task, car, radius = (
-        task_of(settings, index),
-        CarLimits(settings.v_max),
-        EpisodeConfig().goal_radius,
-    )
-    shortest = bound = None
+    car, radius = CarLimits(settings.v_max), EpisodeConfig().goal_radius
     try:
-        way = shortest_way(task.world, task.start[:2], task.goal, car.body.half_width)
-        shortest = round(way_length(way), 4)
-        bound = round(time_bound(shortest, car, radius), 4)
-    except NoWayError:
-        # Of a gap that only the body's long side shows to be wide enough.
-        pass
+        task = task_of(settings, index)
+    except NoTaskError as error:
+        return str(error)
+    length = shortest_length(task)
+    # Without one, only the body's long side shows a gap to be wide enough.
+    shortest = None if length is None else round(length, 4)
     drive, tried = quickest(task, car, radius)
     result = {
         "index": index,
-        "world": task.world.name,
-        "seed": task.seed,
-        "start": [float(v) for v in task.start],
-        "goal": [float(v) for v in task.goal],
+        **facts_of(task),
         "t_opt": None,
-        "t_bound": bound,
+        "t_bound": None if shortest is None else round(time_bound(shortest, car, radius), 4),
         "shortest": shortest,
         "guesses": tried,
         "commit": commit(),
@@ -108,12 +90,3 @@ def optimum(settings: Settings, index: int) -> dict[str, Any]:
             "states": [[round(float(v), 3) for v in state] for state in drive.states[::stride]],
         }
     return result | {"wall": round(time.perf_counter() - started, 2)}
-
-
-def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
-    """Return `optimum`, or a line why the episode has no drive."""
-
-    try:
-        return optimum(settings, index)
-    except NoTaskError as error:
-        return str(error)

@@ -1,14 +1,60 @@
-"""The settings of a comparison."""
+"""The settings of a comparison, and its arms."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchmarks.runs.arms import ARMS
 from predictor.infra.command_line import UsageError
 from predictor.infra.options import Options, option
 from predictor.mapping.families import FAMILIES
 
+
+@dataclass(frozen=True)
+class Arm:
+    """One arm of a comparison: how much of the world it lets the one planner know.
+
+    Attributes:
+        predictor: "none", "chosen" (by the user) or "oracle".
+        risk: ε; None: the user's.
+        steer: whether the prediction moves the route.
+        whole_map: whether all of the world is known from the start.
+    """
+
+    predictor: str
+    risk: float | None
+    steer: bool
+    whole_map: bool
+
+    def drives_alike(self, differing: set[str]) -> bool:
+        """Return whether this arm drives alike in comparisons with some settings different.
+
+        Never of an arm with the chosen predictor: its code may have changed, whatever its name.
+
+        Args:
+            differing: names of these settings.
+        """
+        heedless = {"predictor", "weights"}
+        if self.predictor == "none":
+            heedless.add("expansion")
+        if self.risk is not None:
+            heedless.add("risk")
+        return self.predictor != "chosen" and differing <= heedless
+
+
+ARMS = {
+    # What was seen, no prediction at all.
+    "known": Arm("none", 0.0, False, False),
+    # What was seen; the prediction steers the route.
+    "known+route": Arm("chosen", 0.0, True, False),
+    # The prediction, at the stated risk.
+    "predicted": Arm("chosen", None, True, False),
+    # All that was not seen occupied.
+    "optimistic": Arm("none", 1.0, False, False),
+    # The truth inside the predicted window.
+    "oracle": Arm("oracle", None, True, False),
+    # The whole map.
+    "full": Arm("none", 0.0, False, True),
+}
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 """The cars, and how fast each reverses [m/s]; 0: it has no reverse gear."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import compress
 from typing import Any
@@ -29,29 +30,36 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def bootstrap(
+def estimate(
     worlds: Sequence[str],
     entries: NDArray[np.float64],
     statistic: Callable[[NDArray[np.float64]], Any],
     rounds: int = 2000,
-) -> tuple[float, float]:
-    """Compute the 95 % interval of a statistic of sums over episodes.
+) -> dict[str, Any]:
+    """Compute a statistic of sums over episodes and its 95 % bootstrap interval.
 
     Args:
         worlds: each episode's world, n of them; episodes of one world are drawn together.
         entries: what is summed, (k, n).
         statistic: of the sums of all resamplings, (k, rounds); one value for each, (rounds,).
         rounds: resamplings; their seed is fixed.
+
+    Returns:
+        `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` distinct worlds,
+        which say too little of others.
     """
+    value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
     numbers: dict[str, int] = {}
     of = np.array([numbers.setdefault(world, len(numbers)) for world in worlds])
     count = len(numbers)
+    if count < MIN_WORLDS:
+        return {"value": value, "low": None, "high": None}
     parts = np.stack([np.bincount(of, entry, count) for entry in entries])
     rng = np.random.default_rng(0)
     drawn = (np.bincount(rng.integers(0, count, count), minlength=count) for _ in range(rounds))
     values = statistic(np.stack([parts @ times for times in drawn], axis=1))
     low, high = np.nanpercentile(values, [2.5, 97.5])
-    return float(low), float(high)
+    return {"value": value, "low": float(low), "high": float(high)}
 
 
 def grouped_mean(
@@ -84,32 +92,17 @@ def grouped_mean(
     return {"value": float(total[0] / total[1]), "low": ends[0], "high": ends[1], "groups": count}
 
 
-def estimate(
-    worlds: Sequence[str],
-    entries: NDArray[np.float64],
-    statistic: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-) -> dict[str, Any]:
-    """Compute a statistic of sums over episodes and its 95 % interval; see `bootstrap`.
+def mean_speed(arms: Arms, arm: str, baseline: str | None = None) -> dict[str, Any]:
+    """Compute an arm's speed, total length over total time, less that of a baseline [m/s]."""
+    names = (arm,) if baseline is None else (arm, baseline)
+    entries = np.concatenate([_values(arms, key, *names) for key in ("path_length", "time")])
 
-    Returns:
-        `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` distinct worlds,
-        which say too little of others.
-    """
-    value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
-    low, high = None, None
-    if len(set(worlds)) >= MIN_WORLDS:
-        low, high = bootstrap(worlds, entries, statistic)
-    return {"value": value, "low": low, "high": high}
+    def value(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        lengths, times = np.split(sums, 2)
+        speeds = lengths / np.maximum(times, 1e-9)
+        return np.asarray(speeds[0] if baseline is None else speeds[0] - speeds[1])
 
-
-def paired_speed(arms: Arms, arm: str) -> dict[str, Any]:
-    """Compute an arm's speed, total length over total time, on paired episodes [m/s]."""
-    return _of_speeds(arms, (arm,), lambda speeds: speeds[0])
-
-
-def difference(arms: Arms, arm: str, baseline: str) -> dict[str, Any]:
-    """Compute an arm's speed less that of a baseline, on the same episodes [m/s]."""
-    return _of_speeds(arms, (arm, baseline), lambda speeds: speeds[0] - speeds[1])
+    return estimate(_worlds(arms), entries, value)
 
 
 def success(arms: Arms, arm: str) -> dict[str, Any] | None:
@@ -121,7 +114,7 @@ def success(arms: Arms, arm: str) -> dict[str, Any] | None:
         None if no episode has one in every arm: results of older runs have none.
     """
     scored = _scored(arms)
-    return _mean_difference(scored, arm) if scored[arm] else None
+    return _mean(scored, _values(scored, "sct", arm)[0]) if scored[arm] else None
 
 
 def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
@@ -130,66 +123,51 @@ def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
     Returns:
         Its interval is over worlds; `episodes` says how many there are. None if there are none.
     """
-    both = _reached(arms, (arm, baseline))
+    both = reached(arms, (arm, baseline))
     if not both[arm]:
         return None
-    times = np.array([[result.time for result in both[name]] for name in (arm, baseline)])
+    times = _values(both, "time", arm, baseline)
     ratio = estimate(_worlds(both), times, lambda sums: sums[0] / np.maximum(sums[1], 1e-9))
     return ratio | {"episodes": len(both[arm])}
 
 
-def share_of_gap(arms: Arms) -> dict[str, Any] | None:
-    """(predicted - known) / (oracle - known) in SCT, with its 95 % interval over worlds.
+def share_of_gap(arms: Arms, key: str) -> dict[str, Any] | None:
+    """(predicted - known) / (oracle - known) in one figure, with its 95 % interval over worlds.
+
+    Args:
+        arms: their results.
+        key: "sct"; or "time", over the episodes that all three reached. Time is for prescribed
+            routes only: else a detour that prediction saves counts as driving faster.
 
     Returns:
         None where the interval of the denominator reaches 0, from fewer than `MIN_WORLDS` worlds,
-        and where arms or SCTs are missing.
+        and where arms or figures are missing.
     """
     if not arms.keys() >= set(GAP):
         return None
-    scored = _scored(arms)
-    if not scored["known"]:
+    kept = _scored(arms) if key == "sct" else reached(arms, GAP)
+    if not kept["known"]:
         return None
-    return _share(scored, "sct", _mean_difference(scored, "oracle", "known", "sct"))
-
-
-def share_of_time(arms: Arms) -> dict[str, Any] | None:
-    """(predicted - known) / (oracle - known) in time, over the episodes that all three reached.
-
-    Only on a prescribed route: else a detour that prediction saves counts as driving faster.
-
-    Returns:
-        None where the interval of the denominator reaches 0, from fewer than `MIN_WORLDS` worlds,
-        and where an arm is missing.
-    """
-    if not arms.keys() >= set(GAP):
-        return None
-    reached = _reached(arms, GAP)
-    if not reached["known"]:
-        return None
-    return _share(reached, "time", _mean_difference(reached, "known", "oracle", "time"))
-
-
-def _share(arms: Arms, key: str, gap: dict[str, Any]) -> dict[str, Any] | None:
-    """Compute the share of the gap in one figure; `gap` is the lead of the oracle in it."""
-    if gap["low"] is None or gap["low"] <= 0:
+    values = _values(kept, key, *GAP)
+    lead = values[2] - values[0] if key == "sct" else values[0] - values[2]
+    low = _mean(kept, lead)["low"]
+    if low is None or low <= 0:
         return None
 
     def share(sums: NDArray[np.float64]) -> NDArray[np.float64]:
         known, predicted, oracle = sums
         return np.asarray((predicted - known) / np.where(oracle == known, np.nan, oracle - known))
 
-    values = np.array([[getattr(result, key) for result in arms[name]] for name in GAP])
-    return estimate(_worlds(arms), values, share)
+    return estimate(_worlds(kept), values, share)
 
 
-def _mean_difference(
-    arms: Arms, arm: str, baseline: str | None = None, key: str = "sct"
-) -> dict[str, Any]:
-    """Compute an arm's mean of a figure, less that of a baseline if there is one."""
-    values = np.array([getattr(result, key) for result in arms[arm]], dtype=np.float64)
-    if baseline is not None:
-        values = values - [getattr(result, key) for result in arms[baseline]]
+def _values(arms: Arms, key: str, *names: str) -> NDArray[np.float64]:
+    """Return a figure of some arms, (arms, episodes)."""
+    return np.array([[getattr(r, key) for r in arms[name]] for name in names], dtype=np.float64)
+
+
+def _mean(arms: Arms, values: NDArray[np.float64]) -> dict[str, Any]:
+    """Compute the mean of values over the episodes of some arms, (episodes,)."""
     entries = np.stack([values, np.ones(len(values))])
     return estimate(_worlds(arms), entries, lambda sums: sums[0] / sums[1])
 
@@ -199,8 +177,8 @@ def _scored(arms: Arms) -> Arms:
     return _only(arms, lambda result: result.sct is not None)
 
 
-def _reached(arms: Arms, names: tuple[str, ...]) -> Arms:
-    """Return only some arms, and only the episodes that all of them reached."""
+def reached(arms: Arms, names: tuple[str, ...]) -> Arms:
+    """Return some arms alone, with those episodes in which all of them reached the goal."""
     chosen = {name: arms[name] for name in names}
     return _only(chosen, lambda result: result.outcome == "reached")
 
@@ -214,22 +192,6 @@ def _worlds(arms: Arms) -> list[str]:
     return [result.world for result in next(iter(arms.values()))]
 
 
-def _of_speeds(
-    arms: Arms,
-    names: tuple[str, ...],
-    of_speeds: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-) -> dict[str, Any]:
-    # Of the speeds of some arms, (arms, resamplings).
-    lengths = [[result.path_length for result in arms[name]] for name in names]
-    times = [[result.time for result in arms[name]] for name in names]
-    entries = np.array(lengths + times)
-
-    def value(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        return of_speeds(sums[: len(names)] / np.maximum(sums[len(names) :], 1e-9))
-
-    return estimate(_worlds(arms), entries, value)
-
-
 def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -> float:
     """Compute the exact two-sided p that two arms end in an outcome equally often."""
     pairs = list(zip(first, second, strict=True))
@@ -240,13 +202,12 @@ def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -
 
 def realised_risk(results: Sequence[DriveResult]) -> dict[str, Any] | None:
     """Compute the share of broken promises, averaged over worlds; None without promises."""
-    made = dict.fromkeys((r.world for r in results if r.promises), 0)
-    broken = dict(made)
+    made, broken = Counter[str](), Counter[str]()
     for r in results:
-        if r.world in made:
+        if r.promises:
             made[r.world] += r.promises
             broken[r.world] += r.promises_broken
     if not made:
         return None
-    shares = np.array([broken[world] / made[world] for world in made])
-    return estimate(list(made), shares[None], lambda sums: sums[0] / len(shares))
+    shares = np.array([[broken[world] / made[world] for world in made]])
+    return estimate(list(made), shares, lambda sums: sums[0] / len(made))

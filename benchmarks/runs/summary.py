@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
+from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import UNNAMED
-from benchmarks.runs.statistics import (
-    MIN_WORLDS,
-    Arms,
-    difference,
-    mcnemar,
-    paired_speed,
-    realised_risk,
-    share_of_gap,
-    share_of_time,
-    success,
-    time_ratio,
-    wilson,
-)
+from benchmarks.runs.statistics import Arms
 from predictor.infra.markdown import DASH, figure, interval, markdown
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
@@ -42,86 +32,71 @@ def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, A
     by_arm = paired(episodes, arms)
     if not next(iter(by_arm.values()), []):
         return {}
-    return {arm: _headline(by_arm, arm) | _details(by_arm, arm) for arm in arms}
+    return {arm: _figures(by_arm, arm) for arm in arms}
 
 
-def _headline(by_arm: Arms, arm: str) -> dict[str, Any]:
-    """Return the figures that lead every table, each None where it is not known."""
+def _figures(by_arm: Arms, arm: str) -> dict[str, Any]:
+    """Return the figures of an arm, each None where it is not known."""
     results = by_arm[arm]
-    sct = success(by_arm, arm)
     reached = [r for r in results if r.outcome == "reached"]
+    together = statistics.reached(by_arm, tuple(by_arm))[arm]
+    faults, paths = Counter[str](), Counter[str]()
+    for r in results:
+        faults.update(r.faults)
+        paths.update(r.paths)
+    counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
+    enough = len({r.world for r in results}) >= statistics.MIN_WORLDS
+    collided = statistics.wilson(counts["collided"], len(results)) if enough else None
+    compared = arm != "known" and "known" in by_arm
+    ratio = {"time_ratio": statistics.time_ratio(by_arm, arm, "known")} if compared else {}
     entry: dict[str, Any] = {
         "vehicle": results[0].vehicle,
-        "sct": None if sct is None else sct["value"],
-        "sct_interval": None if sct is None else _ends(sct),
+        **_with_ends("sct", statistics.success(by_arm, arm)),
         "over_optimum": _ratio(reached, "time", "t_opt"),
         "detour": _ratio(reached, "path_length", "shortest_length"),
-        "t_bound": _mean(results, "t_bound"),
-        "t_opt": _mean(results, "t_opt"),
-    }
-    if arm != "known" and "known" in by_arm:
-        entry["time_ratio"] = time_ratio(by_arm, arm, "known")
-    return entry
-
-
-def _details(by_arm: Arms, arm: str) -> dict[str, Any]:
-    results = by_arm[arm]
-    count = len(results)
-    everyone = [
-        i for i in range(count) if all(of[i].outcome == "reached" for of in by_arm.values())
-    ]
-    speed = paired_speed(by_arm, arm)
-    faults: dict[str, int] = {}
-    paths: dict[str, int] = {}
-    for r in results:
-        for kind, n in r.faults.items():
-            faults[kind] = faults.get(kind, 0) + n
-        for kind, n in r.paths.items():
-            paths[kind] = paths.get(kind, 0) + n
-    counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
-    impacts = [r.impact_speed for r in results if r.impact_speed is not None]
-    risk = realised_risk(results)
-    enough = len({r.world for r in results}) >= MIN_WORLDS
-    entry: dict[str, Any] = {
-        "episodes": count,
+        "t_bound": _mean(r.t_bound for r in results),
+        "t_opt": _mean(r.t_opt for r in results),
+        **ratio,
+        "episodes": len(results),
         **counts,
-        "collided_interval": wilson(counts["collided"], count) if enough else None,
-        "mean_speed": speed["value"],
-        "mean_speed_interval": _ends(speed),
-        "time_to_goal": float(np.mean([results[i].time for i in everyone])) if everyone else None,
-        "time_to_goal_episodes": len(everyone),
+        "collided_interval": collided,
+        **_with_ends("mean_speed", statistics.mean_speed(by_arm, arm)),
+        "time_to_goal": _mean(r.time for r in together),
+        "time_to_goal_episodes": len(together),
         "max_speed": max(r.max_speed for r in results),
         "min_clearance": min(r.min_clearance for r in results),
         "stops": sum(r.stops for r in results),
-        "impact_speed": float(np.mean(impacts)) if impacts else None,
+        "impact_speed": _mean(r.impact_speed for r in results),
         "cycle_ms_p50": float(np.median([r.cycle_ms[0] for r in results])),
         "cycle_ms_p99": float(np.median([r.cycle_ms[1] for r in results])),
         "faults": faults,
         "paths": paths,
-        "realised_risk": None if risk is None else risk["value"],
-        "realised_risk_interval": None if risk is None else _ends(risk),
+        **_with_ends("realised_risk", statistics.realised_risk(results)),
     }
-    if arm != "known" and "known" in by_arm:
-        entry["faster_than_known"] = difference(by_arm, arm, "known")
-        entry["collided_p"] = mcnemar(results, by_arm["known"], "collided")
+    if compared:
+        entry["faster_than_known"] = statistics.mean_speed(by_arm, arm, "known")
+        entry["collided_p"] = statistics.mcnemar(results, by_arm["known"], "collided")
     return entry
 
 
-def _ends(estimated: dict[str, Any]) -> list[float] | None:
-    """Return the interval of an estimate; None if there is none."""
-    return None if estimated["low"] is None else [estimated["low"], estimated["high"]]
+def _with_ends(name: str, estimated: dict[str, Any] | None) -> dict[str, Any]:
+    """Return the value and the interval of an estimate under a name; None where there is none."""
+    value, low, high = (
+        None if estimated is None else estimated[k] for k in ("value", "low", "high")
+    )
+    return {name: value, f"{name}_interval": None if low is None else [low, high]}
 
 
 def _ratio(results: list[DriveResult], top: str, bottom: str) -> float | None:
     """Return the sum of one figure over that of another, where both are known."""
-    known = [
-        (getattr(r, top), getattr(r, bottom)) for r in results if getattr(r, bottom) is not None
-    ]
-    return sum(a for a, _ in known) / sum(b for _, b in known) if known else None
+    known = [r for r in results if getattr(r, bottom) is not None]
+    sums = [sum(getattr(r, key) for r in known) for key in (top, bottom)]
+    return sums[0] / sums[1] if known else None
 
 
-def _mean(results: list[DriveResult], key: str) -> float | None:
-    known = [getattr(r, key) for r in results if getattr(r, key) is not None]
+def _mean(values: Iterable[float | None]) -> float | None:
+    """Return the mean of the values that are known."""
+    known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
 
 
@@ -133,8 +108,8 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
         cannot be given.
     """
     by_arm = paired(episodes, arms)
-    in_time = share_of_time(by_arm) if route == "fixed" else None
-    return {"sct": share_of_gap(by_arm), "time": in_time}
+    in_time = statistics.share_of_gap(by_arm, "time") if route == "fixed" else None
+    return {"sct": statistics.share_of_gap(by_arm, "sct"), "time": in_time}
 
 
 def title(settings: dict[str, Any]) -> str:
@@ -170,36 +145,33 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     def row(title: str, value: Callable[[dict[str, Any]], str]) -> None:
         rows.append([title, *(value(entry) for entry in summary.values())])
 
-    row("**SCT** (95 % over worlds)", lambda e: figure(e["sct"], e["sct_interval"], ".3f"))
-    row("**time ratio** to `known`, both reached", lambda e: _estimate(e, "time_ratio", ".2f"))
+    def plain(title: str, key: str, form: str) -> None:
+        row(title, lambda e: "" if e[key] is None else format(e[key], form))
+
+    def estimate(title: str, key: str, form: str) -> None:
+        row(title, lambda e: interval(e[key], form) if e.get(key) else "")
+
+    def ended(title: str, key: str, form: str) -> None:
+        row(f"{title} (95 % over worlds)", lambda e: figure(e[key], e[f"{key}_interval"], form))
+
+    ended("**SCT**", "sct", ".3f")
+    estimate("**time ratio** to `known`, both reached", "time_ratio", ".2f")
     if any(entry["over_optimum"] is not None for entry in summary.values()):
-        row("time over T_opt, where reached", lambda e: _number(e["over_optimum"], ".2f"))
-    row(
-        f"time to goal [s], {first['time_to_goal_episodes']} episodes all reached",
-        lambda e: _number(e["time_to_goal"], ".1f"),
-    )
-    row("detour factor, where reached", lambda e: _number(e["detour"], ".2f"))
-    row(
-        "speed [m/s] (95 % over worlds)",
-        lambda e: figure(e["mean_speed"], e["mean_speed_interval"], ".2f"),
-    )
-    row("faster than `known` [m/s]", lambda e: _estimate(e, "faster_than_known", "+.2f"))
+        plain("time over T_opt, where reached", "over_optimum", ".2f")
+    together = f"{first['time_to_goal_episodes']} episodes all reached"
+    plain(f"time to goal [s], {together}", "time_to_goal", ".1f")
+    plain("detour factor, where reached", "detour", ".2f")
+    ended("speed [m/s]", "mean_speed", ".2f")
+    estimate("faster than `known` [m/s]", "faster_than_known", "+.2f")
     row(
         " / ".join(outcome.replace("_", " ") for outcome in OUTCOMES),
         lambda e: " / ".join(str(e[outcome]) for outcome in OUTCOMES),
     )
-    row(
-        "collisions, 95 % interval",
-        lambda e: (
-            DASH
-            if e["collided_interval"] is None
-            else "{:.1f}–{:.1f} %".format(*(100 * v for v in e["collided_interval"]))
-        ),
-    )
-    row("impact speed [m/s]", lambda e: _number(e["impact_speed"], ".1f"))
-    row("top speed [m/s]", lambda e: f"{e['max_speed']:.2f}")
-    row("least clearance [m]", lambda e: f"{e['min_clearance']:.2f}")
-    row("stops", lambda e: str(e["stops"]))
+    row("collisions, 95 % interval", lambda e: _percent(e["collided_interval"], " %"))
+    plain("impact speed [m/s]", "impact_speed", ".1f")
+    plain("top speed [m/s]", "max_speed", ".2f")
+    plain("least clearance [m]", "min_clearance", ".2f")
+    plain("stops", "stops", "d")
     row("promises broken (95 % over worlds)", broken)
     row(
         "control cycle p50 / p99 [ms]",
@@ -221,8 +193,11 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
             closed = interval(share[key], ".0f", 100.0)
             lines.append(f"Share of the gap between `known` and `oracle` {what}: {closed} %.")
     # Without an interval there is too little to speak of a gap at all.
-    known = {"known", "predicted", "oracle"} <= summary.keys() and first["sct_interval"] is not None
-    if known and share["sct"] is None:
+    if (
+        summary.keys() >= set(statistics.GAP)
+        and first["sct_interval"] is not None
+        and share["sct"] is None
+    ):
         lines.append(
             "Share of the gap in SCT: not given, `oracle` is not better than `known` with "
             "certainty."
@@ -234,15 +209,8 @@ def broken(entry: dict[str, Any]) -> str:
     """Return the share of promises that an arm broke, and its interval."""
     if entry["realised_risk"] is None:
         return ""
-    ends = entry["realised_risk_interval"]
-    told = DASH if ends is None else f"{100 * ends[0]:.1f}–{100 * ends[1]:.1f}"
-    return f"{100 * entry['realised_risk']:.2f} % ({told})"
+    return f"{100 * entry['realised_risk']:.2f} % ({_percent(entry['realised_risk_interval'])})"
 
 
-def _estimate(entry: dict[str, Any], key: str, form: str) -> str:
-    value = entry.get(key)
-    return "" if value is None else interval(value, form)
-
-
-def _number(value: float | None, form: str) -> str:
-    return "" if value is None else format(value, form)
+def _percent(ends: list[float] | None, unit: str = "") -> str:
+    return DASH if ends is None else "–".join(f"{100 * end:.1f}" for end in ends) + unit

@@ -72,7 +72,7 @@ def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[st
     """Time each stage [ms], tick by tick, over drives through corridors.
 
     Args:
-        arm: what the car may know, of `benchmarks.runs.arms`.
+        arm: what the car may know, of `benchmarks.runs.settings`.
         drives: how many count; one before them does not.
         seed: of the first.
         v_max: top speed [m/s].

@@ -7,6 +7,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 # Imported before numpy, this limits the libraries to one thread in each process.
@@ -42,6 +43,16 @@ class OneLineParser(argparse.ArgumentParser):
             default=os.cpu_count() or 1,
             metavar="N",
             help="worker processes (default: one for each core)",
+        )
+
+    def add_out(self, default: str, what: str, metavar: str = "FILE") -> None:
+        """Add --out, the file or folder of the results."""
+        self.add_argument(
+            "--out",
+            type=Path,
+            default=Path(default),
+            metavar=metavar,
+            help=f"{what} (default: %(default)s)",
         )
 
 

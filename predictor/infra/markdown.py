@@ -18,6 +18,11 @@ def markdown(rows: list[list[str]]) -> str:
     return "\n".join([lines[0], "|" + "|".join("-" * (w + 2) for w in widths) + "|", *lines[1:]])
 
 
+def records(rows: list[dict[str, Any]]) -> str:
+    """Return a padded table of rows with equal keys, which are its head; "" without rows."""
+    return markdown([[*rows[0]], *([*map(str, row.values())] for row in rows)]) if rows else ""
+
+
 def figure(value: float | None, ends: list[float] | None, form: str) -> str:
     """Return a value and the ends of its 95 % interval; "" without a value."""
     if value is None:
