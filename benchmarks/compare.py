@@ -33,7 +33,7 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` its arrays.
 
     Raises:
-        NoTaskError: if the building has no way of 10 m or more.
+        NoTaskError: if the building has no way of 10 m or more; of 20 m for a `World`.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used.
     """

@@ -28,7 +28,7 @@ class Place(Options):
     jobs: int
     dask: str | None = option(
         None,
-        "of a Dask scheduler, such as tcp://10.0.0.1:8786: its workers drive, in place of "
+        "address of a Dask scheduler, such as tcp://10.0.0.1:8786: its workers drive, in place of "
         "processes here",
         "ADDRESS",
         parse=str,
@@ -92,7 +92,7 @@ def _run(argv: list[str] | None) -> int:
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:
         for note in store.notes:
-            print(f"mind: {note}", file=sys.stderr)
+            print(f"warning: {note}", file=sys.stderr)
         interrupted = _drive_all(store, settings, weights, place)
         results = store.pack(optima)
     print(f"\n{comparison(results)}")
@@ -103,7 +103,7 @@ def _run(argv: list[str] | None) -> int:
         print(mixed)
     learned = len({e["index"] for e in results["episodes"] if e.get("learned")})
     if learned:
-        print(f"mind: the predictor has learned from the buildings of {learned} episodes")
+        print(f"warning: the predictor was trained on the buildings of {learned} episodes")
     if interrupted:
         print(f"\ninterrupted; what was done is in {out}, the same command goes on from there")
         return 130
@@ -143,7 +143,7 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
             return True
         except LostError as error:
             store.lost = list(error.items)
-            bar.write(f"mind: {error}; the same command tries again", file=sys.stderr)
+            bar.write(f"warning: {error}; the same command tries again", file=sys.stderr)
         except LineError as error:
             raise UsageError(f"{error}; what was finished is kept") from None
     return False

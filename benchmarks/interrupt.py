@@ -1,4 +1,4 @@
-"""Interrupt the long commands at random moments, and compare what they resume to.
+"""Interrupt the long commands at random moments, and compare the resumed results.
 
 python -m benchmarks.interrupt --trials 480 --disk /mnt/small
 """
@@ -31,7 +31,7 @@ class InterruptSettings(Options):
     trials: int = option(
         480, "number of interruptions, over all commands and kinds in turn", "N", low=1, high=10**9
     )
-    seed: int = option(0, "seed of the moments", "N", low=0, high=2**31)
+    seed: int = option(0, "seed of the interruption times", "N", low=0, high=2**31)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         "--episode", metavar="K", type=int, help="draw episode K; by default each figure chooses"
     )
     parser.add_argument(
-        "--arm", help="whose moment and animation; by default the arm that predicts"
+        "--arm", help="arm of the moment and of the video; by default the arm that predicts"
     )
     parser.add_argument("--out", metavar="OUT", type=Path, help="folder for the figures")
     parser.add_argument(
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
         "--format",
         choices=("auto", "gif", "mp4"),
         default="auto",
-        help="of the video; auto: MP4 if there is ffmpeg, else GIF",
+        help="format of the video; auto: MP4 if there is ffmpeg, else GIF",
     )
     parser.add_argument(
         "--stride",

@@ -116,7 +116,7 @@ class StageSettings(Options):
     seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
     peers: bool = option(
         False,
-        "also time the programs that one would use instead: pip install 'foresee[peers]'; takes "
+        "also time other libraries for the same tasks: pip install 'foresee[peers]'; takes "
         "some minutes, most of them for compiling",
     )
 

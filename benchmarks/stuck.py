@@ -95,10 +95,10 @@ def table(results: dict[str, Any]) -> str:
                     "arm": f"`{arm}`",
                     "drives": drives,
                     "stuck": len(stuck),
-                    "way on from the end": sum(one["seconds"] == 0.0 for one in timed),
+                    "reachable from the final state": sum(one["seconds"] == 0.0 for one in timed),
                     f"missed within {LATE:g} s": len(late),
                     "speed there [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
-                    "in a pocket for longer": sum(one["seconds"] > LATE for one in timed),
+                    "in a dead end": sum(one["seconds"] > LATE for one in timed),
                     "none found": len(stuck) - len(timed),
                 }
             )

@@ -93,7 +93,7 @@ def table(results: dict[str, Any]) -> str:
                 arm: f"{100 * of['changes'][i] / of['metres']:.2f}"
                 for arm, of in run["arms"].items()
             }
-            head = {"run": run["label"], "turning above [1/m]": f"{threshold:g}"}
+            head = {"run": run["label"], "curvature threshold [1/m]": f"{threshold:g}"}
             rows.append(head | {f"`{arm}`": rates.get(arm, "") for arm in arms})
     return records(rows)
 

@@ -102,7 +102,8 @@ class Decision:
         relied_trust: confidence · p_free of each of them, (k,).
         emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
             can.
-        times: time of each stage [ms]; "cycle" is from scan to control, "path" runs beside it.
+        times: time of each stage [ms]; "cycle" is from scan to control; "path" is
+            planned after the control is decided, before `step` returns.
         risk_map: map that the plan relies upon.
         prediction: the prediction, if there is one.
         path: path that the plan follows, if there is one.
@@ -185,7 +186,7 @@ class Navigator:
         self._integrate(scan, state, faults)
         clock.lap("integrate")
         prediction = self._predict(state, faults, clock)
-        self._change_gear(self.guide.shift(state))
+        self._change_gear(self.guide.change_gear(state))
         # A car in reverse is treated as one that looks the other way and drives forward.
         driven = state if self._gear > 0 else mirrored(state)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
@@ -195,7 +196,7 @@ class Navigator:
         first_path = 0.0
         if self._tick == 0:
             # The car stands, and has no path to drive meanwhile.
-            self._look_ahead(driven, driven[None], risk, steering, faults)
+            self._plan_next_path(driven, driven[None], risk, steering, faults)
             clock.lap("path")
             first_path = self.guide.plan_ms
         self.guide.update(self._tick, driven, risk)
@@ -204,7 +205,7 @@ class Navigator:
         clock.lap("mpc")
         clock.total("cycle", first_path)
 
-        self._look_ahead(driven, choice.plan.states, risk, steering, faults)
+        self._plan_next_path(driven, choice.plan.states, risk, steering, faults)
         clock.times["path"] = first_path + self.guide.plan_ms
         survived = tuple(dict.fromkeys(faults))
         self.faults.update(survived)
@@ -272,7 +273,7 @@ class Navigator:
             self._gear, self.chooser = gear, self._choosers[gear]
             self.chooser.forget()
 
-    def _look_ahead(
+    def _plan_next_path(
         self,
         state: NDArray[np.float64],
         ahead: NDArray[np.float64],
@@ -280,7 +281,7 @@ class Navigator:
         steering: Prediction | None,
         faults: list[str],
     ) -> None:
-        """Request a path, or a way out if the car has not moved on for a while.
+        """Plan a path if one is due, or a way out if the car has not moved on for a while.
 
         The planned states `ahead` begin with the present one.
         """
@@ -294,7 +295,7 @@ class Navigator:
             if stuck or self._lingered % LONG_PATIENCE == 0:
                 self.guide.unstick(self._tick, state, self.known, steering)
             else:
-                self.guide.request(self._tick, ahead, self.known, risk, steering)
+                self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
         except Exception:
             # OMPL may raise anything. Without a new path the car goes on along the last one.
             faults.append("path_failed")

@@ -1,4 +1,4 @@
-"""A check of predictors for the authors of plug-ins."""
+"""The rules that `predictor.check` tests, for the authors of plug-ins."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
                 f"NaN in {answer.nan_cells} of {known.unknown.sum()} cells not seen: they count as "
                 "unknown, return a confidence of 0 in their place"
             )
-        trust = answer.confidence * np.maximum(answer.p_free, answer.p_occupied)
-        certain = int((known.unknown & (trust >= CERTAIN)).sum())
+        certainty = answer.confidence * np.maximum(answer.p_free, answer.p_occupied)
+        certain = int((known.unknown & (certainty >= CERTAIN)).sum())
         if certain:
             warnings["certain"] = (
                 f"certainty about {certain} cells that were not seen: the car may rely on them, "

@@ -49,11 +49,11 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         help="logs with corrected poses, or folders "
         "of them: CARMEN (.log, .log.gz), ROS 1 (.bag), ROS 2 (the bag's folder)",
     )
-    add("--scans", metavar="TOPIC", help="of a bag's LaserScans (default: the only one)")
+    add("--scans", metavar="TOPIC", help="topic of a bag's LaserScans (default: the only one)")
     add(
         "--poses",
         metavar="TOPIC",
-        help="of a bag's poses: /tf, PoseStamped, "
+        help="topic of a bag's poses: /tf, PoseStamped, "
         "PoseWithCovarianceStamped or Odometry (default: /tf where it knows the map, else the only "
         "topic of poses)",
     )
@@ -61,7 +61,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         "--map-frame",
         default="map",
         metavar="FRAME",
-        help="that /tf is to lead to (default: %(default)s)",
+        help="map frame in /tf (default: %(default)s)",
     )
     return parser.parse_args(argv)
 

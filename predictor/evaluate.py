@@ -18,7 +18,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = OneLineParser(
         prog="predictor.evaluate",
         description="Score predictors on the cells that the car had not seen, along drives of its "
-        "own planner without prediction. The last predictor named gets a sheet of pictures. "
+        "own planner without prediction. Example images are drawn for the last predictor. "
         "Interrupted, it goes on where it was: give the same command again.",
     )
     EvaluateConfig.add_to(parser)

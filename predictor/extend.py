@@ -28,7 +28,7 @@ class ExtendConfig:
         memory: length of open space or wall along a line that counts as full evidence [m].
         reach: distance over which the weight of a line falls by 1/e [m].
         near: the same for evidence that is only valid at close range [m].
-        trust: distance over which the confidence falls by 1/e [m].
+        confidence_reach: distance over which the confidence falls by 1/e [m].
         free: log-odds of free: bias, then a weight for each of the openest line, the same to the
             third power, the second openest line, a wall along a line, the nearest and the second
             wall across, a wall along a line close by, known free space close by, a known wall
@@ -39,7 +39,7 @@ class ExtendConfig:
     memory: float = 0.5
     reach: float = 3.0
     near: float = 0.3
-    trust: float = 10.0
+    confidence_reach: float = 10.0
     free: tuple[float, ...] = (-1.02, 5.53, -5.09, 2.35, -5.65, -1.09, 1.68, 1.18, 8.08, -8.01)
     occupied: tuple[float, ...] = (-4.78, 1.64, -1.03, -0.74, 5.83, -1.01, 0.70, -1.41, 0.72, 1.40)
 
@@ -67,7 +67,7 @@ class Extend:
             nearness(cells, OCCUPIED, config.near / resolution),
             config.reach / resolution,
             config.near / resolution,
-            config.trust / resolution,
+            config.confidence_reach / resolution,
             np.array(config.free),
             np.array(config.occupied),
         )

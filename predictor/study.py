@@ -1,6 +1,6 @@
 """Train the paper's networks: three and a perceptron, at five expansions each.
 
-    python -m predictor.study --preset short        all 20, in two or three hours on 2 cores
+    python -m predictor.study --preset short        all 20, in about two hours on 2 cores
     python -m predictor.study                       as in the paper: months without a GPU
     python -m predictor.study --epochs 2 --batch 32 --bf16 --minutes 20        a while on a GPU
 

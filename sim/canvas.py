@@ -20,7 +20,7 @@ Point = tuple[float, float]
 
 
 class Canvas:
-    """A square of solid ground, (0, 0) at its lower-left corner, to be carved.
+    """A rectangle of solid ground, (0, 0) at its lower-left corner, to be carved.
 
     Args:
         width: extent along x [m].

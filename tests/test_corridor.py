@@ -59,7 +59,7 @@ EPISODE = {
 OUTCOMES = {"reached", "collided", "timed_out", "stuck"}
 
 
-def test_the_results_have_what_the_issue_names(narrow):
+def test_the_results_have_the_documented_fields(narrow):
     out, _ = narrow
     r = results(out)
     assert {"settings", "machine", "version", "commit", "summary", "episodes"} <= r.keys()

@@ -260,7 +260,7 @@ def _cells(measured: Rows) -> str:
         scores = (_number(row[column]) for column in CELLS)
         rows.append([f"`{name}`", *scores, *_cost(row["cost"] or {}, "ms_p99")])
     told = "".join(
-        f"\n\nmind: {row['nan_cells']:,d} cells that `{name}` said were NaN, and count as not known"
+        f"\n\nNote: {row['nan_cells']:,d} cells that `{name}` said were NaN, and count as not known"
         for name, row in measured.items()
         if row["nan_cells"]
     )

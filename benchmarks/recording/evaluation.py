@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.scores import draw_evaluation
 from benchmarks.recording import scored_drive
-from benchmarks.recording.scored_drive import BLANK, MEASURES, RELIED, rows_of
+from benchmarks.recording.scored_drive import AS_ROOM, BLANK, MEASURES, rows_of
 from benchmarks.recording.settings import LEARNED, EvaluateConfig
 from benchmarks.runs.drive import check_maps, sources
 from predictor.infra.command_line import UsageError
@@ -175,7 +175,7 @@ def _summary(
 def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
     """Compute the scores of a row; rows of room have no scores of occupied cells."""
     measures = scores.measures(rings)
-    if name.endswith(RELIED):
+    if name.endswith(AS_ROOM):
         return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
     return measures
 

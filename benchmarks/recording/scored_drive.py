@@ -29,7 +29,7 @@ BLANK = "grey"
 """Name of an image that is all grey, in the tables, for comparing SSIM."""
 TRUSTED = " (c·p)"
 """Suffix of a predictor's name: its probabilities times its confidence are scored."""
-RELIED = " (room)"
+AS_ROOM = " (room)"
 """Suffix of a predictor's name: confidence · p_free, which the planner uses, is scored as the
 probability that a cell lies in a free square as wide as the car."""
 
@@ -86,7 +86,7 @@ def score_drive(
             trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied
             scores[name].add(belief.p_free, belief.p_occupied, free, occupied, ring)
             scores[name + TRUSTED].add(*trusted, free, occupied, ring)
-            scores[name + RELIED].add(trusted[0], 1.0 - trusted[0], room, ~room, ring)
+            scores[name + AS_ROOM].add(trusted[0], 1.0 - trusted[0], room, ~room, ring)
             if name == config.predictors[-1] and (ring >= 0).any():
                 off = float(((belief.p_free - free)[ring >= 0] ** 2).mean())
                 moments.append((off, _picture(ternary(crop, None), image, true_image)))
@@ -109,7 +109,7 @@ def score_drive(
 
 def rows_of(config: EvaluateConfig) -> list[str]:
     """Return the names of the rows: each predictor is scored in three ways."""
-    return [name + end for name in config.predictors for end in ("", TRUSTED, RELIED)]
+    return [name + end for name in config.predictors for end in ("", TRUSTED, AS_ROOM)]
 
 
 def _picture(*images: NDArray[np.float64]) -> NDArray[np.uint8]:

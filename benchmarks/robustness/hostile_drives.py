@@ -99,9 +99,9 @@ def table(found: dict[str, Any]) -> str:
                 "predictor": name,
                 "drives": len(mine),
                 "collided": sum(d["outcome"] == "collided" for d in mine),
-                "crashed": len(mine) - len(whole),
+                "program errors": len(mine) - len(whole),
                 "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else "–",
-                "faults a drive": f"{sum(map(_faults, whole)) / max(1, len(whole)):.0f}",
+                "faults per drive": f"{sum(map(_faults, whole)) / max(1, len(whole)):.0f}",
             }
         )
     return records(rows)

@@ -41,7 +41,7 @@ class DriveResult:
         stops: number of stops on the way.
         impact_speed: speed at the collision, if there was one [m/s].
         promises: ticks in which the plan relied on unobserved cells.
-        promises_broken: those of them in which such a cell was occupied.
+        promises_broken: those of them in which such a cell was in fact not free.
         ticks: control cycles.
         faults: kind of fault → number of times that it was survived.
         paths: source of the path → number of paths followed.

@@ -15,7 +15,7 @@ class Arm:
 
     Attributes:
         predictor: "none", "chosen" (by the user) or "oracle".
-        risk: ε; None: the user's.
+        risk: ε; None: the value of --risk.
         steer: whether the prediction moves the route.
         whole_map: whether all of the world is known from the start.
     """
@@ -43,17 +43,17 @@ class Arm:
 
 ARMS = {
     # What was seen, no prediction at all.
-    "known": Arm("none", 0.0, False, False),
+    "known": Arm(predictor="none", risk=0.0, steer=False, whole_map=False),
     # What was seen; the prediction steers the route.
-    "known+route": Arm("chosen", 0.0, True, False),
+    "known+route": Arm(predictor="chosen", risk=0.0, steer=True, whole_map=False),
     # The prediction, at the stated risk.
-    "predicted": Arm("chosen", None, True, False),
+    "predicted": Arm(predictor="chosen", risk=None, steer=True, whole_map=False),
     # All that was not seen occupied.
-    "optimistic": Arm("none", 1.0, False, False),
+    "optimistic": Arm(predictor="none", risk=1.0, steer=False, whole_map=False),
     # The truth inside the predicted window.
-    "oracle": Arm("oracle", None, True, False),
+    "oracle": Arm(predictor="oracle", risk=None, steer=True, whole_map=False),
     # The whole map.
-    "full": Arm("none", 0.0, False, True),
+    "full": Arm(predictor="none", risk=0.0, steer=False, whole_map=True),
 }
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 """The cars, and how fast each reverses [m/s]; 0: it has no reverse gear."""
@@ -82,11 +82,11 @@ class Settings(Options):
         12, "number of tasks; each arm drives all of them", "N", low=1, high=1_000_000
     )
     seed: int = option(
-        0, "seed of the first task; each further one counts on from it", "N", low=0, high=2**31
+        0, "seed of the first task; the next tasks use the seeds after it", "N", low=0, high=2**31
     )
     arms: tuple[str, ...] = option(
         ("known", "predicted", "oracle"),
-        f"what is compared, separated by commas: of {', '.join(ARMS)}; or all",
+        f"arms (variants) to compare, separated by commas: of {', '.join(ARMS)}; or all",
         "A,B",
         parse=_arms,
     )
@@ -98,7 +98,7 @@ class Settings(Options):
     )
     risk: float = option(
         0.05,
-        "0: rely only on space that was seen free; 1: on all that was not seen occupied",
+        "risk: a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε",
         "ε",
         low=0,
         high=1,
@@ -113,8 +113,8 @@ class Settings(Options):
     )
     expansion: float = option(
         2.0,
-        "width of the predicted square over that of the window; no wider than a car can make use "
-        "of: 10 m, or 14 m at 4 m/s",
+        "width of the predicted square divided by that of the window; limited to what the top "
+        "speed needs: 10 m, or 14 m at 4 m/s",
         "X",
         low=1,
         high=4,

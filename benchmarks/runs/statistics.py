@@ -13,7 +13,7 @@ from scipy.stats import binomtest
 
 from benchmarks.runs.drive_result import DriveResult
 
-Arms = dict[str, list[DriveResult]]
+ResultsByArm = dict[str, list[DriveResult]]
 """arm → its results on the paired episodes, in one order."""
 
 MIN_WORLDS = 5
@@ -92,7 +92,7 @@ def grouped_mean(
     return {"value": float(total[0] / total[1]), "low": ends[0], "high": ends[1], "groups": count}
 
 
-def mean_speed(arms: Arms, arm: str, baseline: str | None = None) -> dict[str, Any]:
+def mean_speed(arms: ResultsByArm, arm: str, baseline: str | None = None) -> dict[str, Any]:
     """Compute an arm's speed, total length over total time, less that of a baseline [m/s]."""
     names = (arm,) if baseline is None else (arm, baseline)
     entries = np.concatenate([_values(arms, key, *names) for key in ("path_length", "time")])
@@ -105,7 +105,7 @@ def mean_speed(arms: Arms, arm: str, baseline: str | None = None) -> dict[str, A
     return estimate(_worlds(arms), entries, value)
 
 
-def success(arms: Arms, arm: str) -> dict[str, Any] | None:
+def success(arms: ResultsByArm, arm: str) -> dict[str, Any] | None:
     """Compute SCT, success weighted by completion time (Yokoyama, Ha and Batra 2021).
 
     The mean over episodes of T_bound / time where the goal was reached, else of 0.
@@ -117,7 +117,7 @@ def success(arms: Arms, arm: str) -> dict[str, Any] | None:
     return _mean(scored, _values(scored, "sct", arm)[0]) if scored[arm] else None
 
 
-def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
+def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | None:
     """Compute total time over that of a baseline, on the episodes that both reached.
 
     Returns:
@@ -131,7 +131,7 @@ def time_ratio(arms: Arms, arm: str, baseline: str) -> dict[str, Any] | None:
     return ratio | {"episodes": len(both[arm])}
 
 
-def share_of_gap(arms: Arms, key: str) -> dict[str, Any] | None:
+def share_of_gap(arms: ResultsByArm, key: str) -> dict[str, Any] | None:
     """(predicted - known) / (oracle - known) in one figure, with its 95 % interval over worlds.
 
     Args:
@@ -161,34 +161,34 @@ def share_of_gap(arms: Arms, key: str) -> dict[str, Any] | None:
     return estimate(_worlds(kept), values, share)
 
 
-def _values(arms: Arms, key: str, *names: str) -> NDArray[np.float64]:
+def _values(arms: ResultsByArm, key: str, *names: str) -> NDArray[np.float64]:
     """Return a figure of some arms, (arms, episodes)."""
     return np.array([[getattr(r, key) for r in arms[name]] for name in names], dtype=np.float64)
 
 
-def _mean(arms: Arms, values: NDArray[np.float64]) -> dict[str, Any]:
+def _mean(arms: ResultsByArm, values: NDArray[np.float64]) -> dict[str, Any]:
     """Compute the mean of values over the episodes of some arms, (episodes,)."""
     entries = np.stack([values, np.ones(len(values))])
     return estimate(_worlds(arms), entries, lambda sums: sums[0] / sums[1])
 
 
-def _scored(arms: Arms) -> Arms:
+def _scored(arms: ResultsByArm) -> ResultsByArm:
     """Return only the episodes that have an SCT in every arm."""
     return _only(arms, lambda result: result.sct is not None)
 
 
-def reached(arms: Arms, names: tuple[str, ...]) -> Arms:
+def reached(arms: ResultsByArm, names: tuple[str, ...]) -> ResultsByArm:
     """Return some arms alone, with those episodes in which all of them reached the goal."""
     chosen = {name: arms[name] for name in names}
     return _only(chosen, lambda result: result.outcome == "reached")
 
 
-def _only(arms: Arms, wanted: Callable[[DriveResult], bool]) -> Arms:
+def _only(arms: ResultsByArm, wanted: Callable[[DriveResult], bool]) -> ResultsByArm:
     keep = [all(map(wanted, results)) for results in zip(*arms.values(), strict=True)]
     return {name: list(compress(results, keep)) for name, results in arms.items()}
 
 
-def _worlds(arms: Arms) -> list[str]:
+def _worlds(arms: ResultsByArm) -> list[str]:
     return [result.world for result in next(iter(arms.values()))]
 
 

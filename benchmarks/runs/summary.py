@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import UNNAMED
-from benchmarks.runs.statistics import Arms
+from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, figure, interval, markdown
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
@@ -19,7 +19,7 @@ SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
-def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> Arms:
+def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
     """Return each arm's results on the episodes that all arms have finished, in one order."""
     by_key = {(r.index, r.arm): r for r in episodes}
     indices = sorted({r.index for r in episodes})
@@ -35,7 +35,7 @@ def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, A
     return {arm: _figures(by_arm, arm) for arm in arms}
 
 
-def _figures(by_arm: Arms, arm: str) -> dict[str, Any]:
+def _figures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
     """Return the figures of an arm, each None where it is not known."""
     results = by_arm[arm]
     reached = [r for r in results if r.outcome == "reached"]
@@ -177,12 +177,12 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
         "control cycle p50 / p99 [ms]",
         lambda e: f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}",
     )
-    row("faults survived", lambda e: str(sum(e["faults"].values())))
+    row("handled faults", lambda e: str(sum(e["faults"].values())))
     row(
-        "paths: route / arcs / OMPL / undrivable",
+        "paths: route / hybrid A* / BIT* / unsmoothed",
         lambda e: " / ".join(str(e["paths"].get(source, 0)) for source in SOURCES),
     )
-    row("ways out of rest", lambda e: str(e["paths"].get("manoeuvre", 0)))
+    row("recovery manoeuvres", lambda e: str(e["paths"].get("manoeuvre", 0)))
     lines = [markdown(rows), ""]
     for name, entry in summary.items():
         if entry["faults"]:

@@ -1,4 +1,4 @@
-"""The guide: plans paths to the goal, beside the control loop."""
+"""The guide: plans paths to the goal, and tracks the car on them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from planner.guide.smoothing import Smoother
 from planner.motion.goal import PATH_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored
-from planner.risk.cost_map import Belief, CostMap, remember
+from planner.risk.cost_map import CostMap, RememberedCost, remember
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import OccupancyGrid
@@ -63,7 +63,7 @@ class GuideConfig:
 
 
 class Guide:
-    """Requests paths, adopts each a fixed number of ticks later, and tracks the car on them.
+    """Plans paths, adopts each a fixed number of ticks later, and tracks the car on them.
 
     The car follows a smooth line, along the current way or along the route that Dijkstra's
     algorithm finds, whichever is cheaper. If neither line can be driven, a hybrid A* search over
@@ -92,7 +92,7 @@ class Guide:
         self._given_at = 0
         self.path: Path | None = None
         self._whole: Path | None = None
-        self._belief: Belief | None = None
+        self._remembered: RememberedCost | None = None
         self.segment = 0
         self.is_new = False
         self.counts: Counter[str] = Counter()
@@ -104,7 +104,7 @@ class Guide:
         self._on_leg = False
         self._stuck = np.empty((0, 2))
 
-    def shift(self, state: NDArray[np.float64]) -> int:
+    def change_gear(self, state: NDArray[np.float64]) -> int:
         """Begin the next leg of a way out, where the car stands at the last one's end.
 
         Args:
@@ -137,7 +137,7 @@ class Guide:
             )
             self.path = self._unblocked(self._whole, risk)
 
-    def request(
+    def plan_if_due(
         self,
         tick: int,
         ahead: NDArray[np.float64],
@@ -245,9 +245,9 @@ class Guide:
     ) -> tuple[CostMap, NDArray[np.float64] | None]:
         """Return the cost map, and the rest of the prescribed route, (n, 2), if there is one."""
         if steering is not None:
-            self._belief = remember(self._belief, known.frame, steering)
+            self._remembered = remember(self._remembered, known.frame, steering)
         way = None if self._given is None else self._still_to_go(self._given, position)
-        cost = CostMap.build(known, self._belief, self.car.body.half_width, way, self._stuck)
+        cost = CostMap.build(known, self._remembered, self.car.body.half_width, way, self._stuck)
         return cost, way
 
     def _plan(
@@ -269,8 +269,8 @@ class Guide:
         pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
         smoother = Smoother(cost, risk, self.goal, self.car, self.config.line)
         fresh = smoother.along(Path.through(route, "route").points, pose, "route")
-        kept = self._kept(smoother, pose)
-        if fresh is None and kept is None:
+        present = self._present(smoother, pose)
+        if fresh is None and present is None:
             seed = self.seed * 100_003 + tick
             found = self._searched(cost, known, pose)
             if found is None:
@@ -283,13 +283,13 @@ class Guide:
             return (
                 None if self.path is not None and speed > 0.3 else Path.through(route, "dijkstra")
             )
-        if fresh is None or kept is None:
-            return fresh or kept
-        prices = [smoother.price(path, speed) for path in (fresh, kept)]
+        if fresh is None or present is None:
+            return fresh or present
+        prices = [smoother.price(path, speed) for path in (fresh, present)]
         # Without this preference for the present path a car may circle between two of them.
-        return fresh if prices[0] < self.config.better * prices[1] else kept
+        return fresh if prices[0] < self.config.better * prices[1] else present
 
-    def _kept(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
+    def _present(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
         """Return the present path, smoothed again from a pose; None if it misses the goal."""
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":

@@ -56,7 +56,7 @@ class MPCConfig:
         comfort: clearance beyond the required one, below which it is lacking [m].
         violation: cost of a metre of lacking required clearance.
         margin: clearance required of the circles that cover the body, beyond its outline [m].
-        trust: maximum change of a curvature in one step [1/m].
+        curvature_step: maximum change of a curvature in one step [1/m].
         iterations: maximum number of iterations, of one or two steps each.
         tolerance: relative decrease of the merit by a step at which the iteration stops.
     """
@@ -71,7 +71,7 @@ class MPCConfig:
     comfort: float = 0.25
     violation: float = 100.0
     margin: float = 0.035
-    trust: float = 0.6
+    curvature_step: float = 0.6
     iterations: int = 10
     tolerance: float = 1e-4
 
@@ -390,7 +390,7 @@ class MPC:
         near: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         lower, upper = constraints.bounds(
-            states, controls, value, near, *self.driving, self.required, self.config.trust
+            states, controls, value, near, *self.driving, self.required, self.config.curvature_step
         )
         return lower, upper
 

@@ -24,7 +24,7 @@ WALL_PRIOR, WALL_REACH = 15.0, 2.5
 it has fallen to 0 [m]: walls go on, so a route turns off where an opening has been seen."""
 STUCK_REACH = 1.2
 """Around a place where the car got stuck, unseen cells count as walls up to this distance [m]."""
-BELIEVED = 8.0
+PREDICTED_WALL = 8.0
 """Unseen cells that cost more count as predicted to be occupied."""
 
 
@@ -36,8 +36,8 @@ class CostMap:
         frame: where the cells lie.
         density: cost of a metre [1], (rows, columns).
         clearance: distance to the nearest cell seen occupied [m], (rows, columns).
-        room: likewise, to the nearest cell that was seen or is believed to be occupied.
-        unsure: cells neither seen nor believed to be free, (rows, columns).
+        room: likewise, to the nearest cell that was seen or is predicted to be occupied.
+        unsure: cells neither seen nor predicted to be free, (rows, columns).
         required: clearance below which the body does not fit [m].
     """
 
@@ -52,22 +52,22 @@ class CostMap:
     def build(
         cls,
         known: OccupancyGrid,
-        belief: Belief | None,
+        remembered: RememberedCost | None,
         half_width: float,
         way: NDArray[np.float64] | None = None,
         stuck: NDArray[np.float64] | None = None,
     ) -> CostMap:
-        """Build a cost map from all that is known and, where it may steer, what is believed.
+        """Build a cost map from all that is known and, where it may steer, what is predicted.
 
         Args:
             known: what has been seen.
-            belief: what is believed; None: nothing is.
+            remembered: cost of what is predicted; None: nothing is.
             half_width: of the body [m].
             way: points (n, 2) [m] of a prescribed route, less than a cell apart, or None. Its
-                unseen cells cost what free ones do, and those beside it what believed walls do, so
+                unseen cells cost what free ones do, and those beside it what predicted walls do, so
                 that the car leaves the route where it must, and not for a short cut through rooms.
             stuck: points (k, 2) [m] at which the car could not go on, or None. The unseen cells
-                around them cost what believed walls do.
+                around them cost what predicted walls do.
         """
         frame = coarsened(known.frame)
         occupied, unseen = _pooled(known, frame)
@@ -76,16 +76,16 @@ class CostMap:
         prior = np.float32(WALL_PRIOR) * np.clip(1.0 - clearance / WALL_REACH, 0.0, None)
         density = np.where(unseen, np.float32(unknown) + prior, np.float32(1.0))
         room, unsure = clearance, unseen
-        if belief is not None:
-            believed = belief.on(frame)
-            steered = unseen & np.isfinite(believed)
-            walls = steered & (believed > BELIEVED)
+        if remembered is not None:
+            predicted_cost = remembered.on(frame)
+            steered = unseen & np.isfinite(predicted_cost)
+            walls = steered & (predicted_cost > PREDICTED_WALL)
             room = distance_field(occupied | walls) * np.float32(frame.resolution)
-            unsure = unseen & ~(steered & (believed < 0.5 * (1.0 + UNKNOWN_COST)))
+            unsure = unseen & ~(steered & (predicted_cost < 0.5 * (1.0 + UNKNOWN_COST)))
             if way is None:
-                # Where a wall goes on is as much in doubt as the belief leaves it.
-                doubt = np.clip(believed - 1.0, 0.0, 1.0)
-                density[steered] = (believed + prior * doubt)[steered]
+                # Where a wall goes on is as much in doubt as the prediction leaves it.
+                doubt = np.clip(predicted_cost - 1.0, 0.0, 1.0)
+                density[steered] = (predicted_cost + prior * doubt)[steered]
         if way is not None:
             density[_beside(way, frame)] = 1.0
         for x, y in () if stuck is None else stuck:
@@ -146,7 +146,7 @@ def around(frame: GridFrame, x: float, y: float, reach: float) -> tuple[slice, s
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class RememberedCost:
     """The newest prediction of each cell, as cost of way.
 
     It is remembered: a car that forgot a predicted dead end as soon as it turned away from it
@@ -179,38 +179,40 @@ def coarsened(frame: GridFrame) -> GridFrame:
     return GridFrame(frame.resolution * factor, frame.origin, (rows, cols))
 
 
-def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
-    """Return a belief with a new prediction added; a cell without confidence costs what unknown
-    space does.
+def remember(
+    remembered: RememberedCost | None, frame: GridFrame, prediction: Prediction
+) -> RememberedCost:
+    """Return the remembered cost with a new prediction added; a cell without confidence costs what
+    unknown space does.
 
     Args:
-        belief: the belief so far, or None.
+        remembered: cost of the predictions so far, or None.
         frame: frame of the known map.
         prediction: on the same lattice.
     """
     coarse, factor = coarsened(frame), coarsening(frame)
     density = (
         np.full(coarse.shape, np.nan, dtype=np.float32)
-        if belief is None
-        else belief.on(coarse).copy()
+        if remembered is None
+        else remembered.on(coarse).copy()
     )
     row, col = frame.offset(prediction.frame)
-    trust = prediction.confidence
-    believed = (
+    confidence = prediction.confidence
+    predicted_cost = (
         UNKNOWN_COST
-        + (1.0 - UNKNOWN_COST) * trust * prediction.p_free
-        + (OCCUPIED_COST - UNKNOWN_COST) * trust * prediction.p_occupied
+        + (1.0 - UNKNOWN_COST) * confidence * prediction.p_free
+        + (OCCUPIED_COST - UNKNOWN_COST) * confidence * prediction.p_occupied
     )
-    rows = (row + np.arange(believed.shape[0])) // factor
-    cols = (col + np.arange(believed.shape[1])) // factor
+    rows = (row + np.arange(predicted_cost.shape[0])) // factor
+    cols = (col + np.arange(predicted_cost.shape[1])) // factor
     keep_r = (rows >= 0) & (rows < density.shape[0])
     keep_c = (cols >= 0) & (cols < density.shape[1])
-    believed, rows, cols = believed[np.ix_(keep_r, keep_c)], rows[keep_r], cols[keep_c]
-    if believed.size:
+    predicted_cost, rows, cols = predicted_cost[np.ix_(keep_r, keep_c)], rows[keep_r], cols[keep_c]
+    if predicted_cost.size:
         top, left = rows[0], cols[0]
         shape = (int(rows[-1] - top + 1), int(cols[-1] - left + 1))
         flat = ((rows - top)[:, None] * shape[1] + (cols - left)[None, :]).ravel()
-        total = np.bincount(flat, believed.ravel(), shape[0] * shape[1]).reshape(shape)
+        total = np.bincount(flat, predicted_cost.ravel(), shape[0] * shape[1]).reshape(shape)
         count = np.bincount(flat, minlength=shape[0] * shape[1]).reshape(shape)
         density[top : top + shape[0], left : left + shape[1]] = total / count
-    return Belief(coarse, density)
+    return RememberedCost(coarse, density)

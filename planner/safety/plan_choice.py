@@ -113,17 +113,17 @@ class PlanChooser:
 
     def _decide(self, now: Situation, afresh: bool) -> tuple[Plan, bool]:
         """Return the cheapest safe plan; where none is safe, the least bad way to brake."""
-        kept, safe = self._fallbacks(now)
+        rest, safe = self._fallbacks(now)
         path = now.path
         if path is None:
             if safe:
                 return safe[-1], False
-            return self.resort.brake(now.state, kept, now.risk), True
+            return self.resort.brake(now.state, rest, now.risk), True
 
         def cost(plan: Plan) -> float:
             return self.mpc.evaluate(plan, path, now.risk, now.segment, self._curvature)
 
-        guesses = [kept.controls]
+        guesses = [rest.controls]
         if afresh or not safe or now.state[3] < SLOW:
             guesses.append(self._pursuit(now, path))
         solved = self._solutions(now, path, guesses)
@@ -131,7 +131,7 @@ class PlanChooser:
             now.faults.append("no_safe_solution")
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
-            return self.resort.brake(now.state, kept, now.risk), True
+            return self.resort.brake(now.state, rest, now.risk), True
         # The drive ends at the goal: no cost of what would follow may make the car miss it.
         best = min(candidates, key=self._arrival)
         if self.goes_on(best, now.risk):
@@ -155,13 +155,13 @@ class PlanChooser:
         """
         mpc, braking = self.mpc, self.mpc.limits.braking
         stop = mpc.roll(now.state, stop_controls(mpc.stages, braking, self._curvature))
-        kept = stop
+        rest = stop
         if self._intended is not None:
-            kept = mpc.roll(now.state, shifted(self._intended.controls, braking))
-        plans = [kept, stop]
+            rest = mpc.roll(now.state, shifted(self._intended.controls, braking))
+        plans = [rest, stop]
         if self.resort.controls is not None:
             plans.insert(0, mpc.roll(now.state, self.resort.controls))
-        return kept, [plan for plan in plans if self.checker.is_safe(plan, now.risk)]
+        return rest, [plan for plan in plans if self.checker.is_safe(plan, now.risk)]
 
     def _arrival(self, plan: Plan) -> float:
         """Return the first stage at which a plan is at the goal; infinite if it does not arrive."""

@@ -26,7 +26,7 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
         "side": f"side of the images [pixels] (paper: {paper.side}; short: {short.side})",
         "epochs": "number of passes over the frames "
         f"(paper: {paper.training.epochs:g}; short: {short.training.epochs:g})",
-        "sigma": "standard deviation of the first weights; the paper states 0.2 "
+        "sigma": "standard deviation of the initial weights; the paper states 0.2 "
         f"(default: {paper.training.sigma:g}, as in pix2pix)",
         "bf16": "compute in bfloat16 where torch's autocast allows it",
     }
