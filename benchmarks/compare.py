@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.figures.speed_profile import speed_profile
-from benchmarks.runs.drive import car_of, task_in
+from benchmarks.runs.drive import car_of, task_in, task_in_world
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Archive, Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from predictor.mapping.conventions import TICK
-from sim.task import sample_task
 from sim.world import World
 
 
@@ -33,14 +32,14 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` its arrays.
 
     Raises:
-        NoTaskError: if the building has no way of 10 m or more; of 20 m for a `World`.
+        NoTaskError: if the building has no way of 10 m or more.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used.
     """
     name = world if isinstance(world, str) else world.name
     chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
     car = car_of(chosen)
-    task = task_in(world, seed, car) if isinstance(world, str) else sample_task(world, seed, car)
+    task = task_in(world, seed, car) if isinstance(world, str) else task_in_world(world, seed, car)
     results, arrays = [], dict[str, NDArray[Any]]()
     for arm in chosen.arms:
         result, found = drive_episode(chosen, 0, arm, task)
