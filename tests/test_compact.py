@@ -247,6 +247,11 @@ def test_an_interrupt_while_openvino_converts_the_network_is_an_interrupt(monkey
         return trace(*args, **options)
 
     monkeypatch.setattr(torch.jit, "trace", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        runner(torch.nn.Identity(), "openvino", (4, 4))
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    # A worker of pytest-xdist ignores the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            runner(torch.nn.Identity(), "openvino", (4, 4))
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -24,7 +24,7 @@ def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
     plain = tmp_path / "predictor" / "none.py"
     plain.write_text(plain.read_text() + "# changed\n")
     assert stamp(tmp_path) == before
-    for name in ("mapping/body.py", "data/survey.py"):
+    for name in ("mapping/body.py", "mapping/context.py"):
         kernel = tmp_path / "predictor" / name
         kernel.write_text(kernel.read_text() + "# changed\n")
         assert stamp(tmp_path) != before

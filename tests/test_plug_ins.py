@@ -93,7 +93,7 @@ def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_pat
 
     first = go("one")
     assert first.returncode == 0, first.stderr
-    assert "has learned from the buildings of 1 episode" in first.stdout
+    assert "was trained on the buildings of 1 episode" in first.stdout
     learned = {e["arm"]: e["learned"] for e in results(tmp_path / "run")["episodes"]}
     assert learned == {"known": False, "predicted": True}
     second = go("two")

@@ -48,9 +48,10 @@ def analyse(
     parser.add_out(f"results/{kind}.json", "file of the results")
 
     def work() -> None:
+        args = parser.parse_args(argv)
+
         from benchmarks.runs.saved_run import Run
 
-        args = parser.parse_args(argv)
         runs = [Run.load(path).first(args.episodes) for path in args.runs]
         found = [{"label": run.label, "settings": run.settings, **of_run(run)} for run in runs]
         results = {"commit": commit(), "runs": found}
