@@ -68,6 +68,40 @@ def cluster(distributed, tmp_path):
         yield made
 
 
+MASKED = """\
+import multiprocessing, signal
+from predictor.infra.workers import finished, interrupts_blocked
+
+def masked(_=None):
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+def say():
+    print(masked(), flush=True)
+
+if __name__ == "__main__":
+    with interrupts_blocked():
+        process = multiprocessing.get_context("spawn").Process(target=say)
+        process.start()
+    process.join()
+    print(masked(), *(blocked for _, blocked in finished(masked, [0, 1, 2], 2)))
+"""
+
+
+def test_ctrl_c_does_not_reach_the_first_instant_of_a_process(tmp_path):
+    # In a process of its own, in which no tracker of resources runs yet.
+    script = tmp_path / "masked.py"
+    script.write_text(MASKED)
+    root = str(Path(workers.__file__).resolve().parents[2])
+    done = subprocess.run(
+        [sys.executable, script],
+        env=os.environ | {"PYTHONPATH": root},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout.split() == ["True", "False", "True", "True", "True"]
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_everything_is_done_once(jobs):
     assert sorted(finished(square, list(range(20)), jobs)) == [(n, n * n) for n in range(20)]

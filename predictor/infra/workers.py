@@ -10,7 +10,9 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from predictor.infra.errors import LineError
@@ -117,7 +119,9 @@ def _in_pool(
         initializer=partial(follow_parent, os.getpid()),
     )
     try:
-        for number, result in pool(calls()):
+        with interrupts_blocked():
+            results = pool(calls())
+        for number, result in results:
             yield left.pop(number), result
     except BrokenProcessPool:
         # A native library crashed one process, and the pool with it.
@@ -182,6 +186,21 @@ def _on_cluster(
 
 def _numbered(work: Callable[[Item], Result], number: int, item: Item) -> tuple[int, Result]:
     return number, work(item)
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Block Ctrl-C for the processes that are started meanwhile: their parent ends them.
+
+    A process that is still importing would print a traceback.
+    """
+    # Started first, since its start unblocks the signal.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def follow_parent(parent: int) -> None:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
-from predictor.infra.workers import follow_parent
+from predictor.infra.workers import follow_parent, interrupts_blocked
 from predictor.networks.image_config import ImageConfig, ImageTraining, described
 from predictor.training.checkpoint import is_trained
 from predictor.training.image_training import train_images
@@ -96,12 +96,8 @@ class Run:
         # Forking would copy the threads and locks of libraries in whatever state they are.
         context = multiprocessing.get_context("spawn")
         process = context.Process(target=self.train, args=(os.getpid(),))
-        # Ctrl-C is the study's: a process that is still importing would print a traceback.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+        with interrupts_blocked():
             process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return process
 
     def outcome(self, process: SpawnProcess) -> str:
