@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from predictor.mapping.body import Body
 from predictor.mapping.conventions import GOAL_RADIUS, TICK
 from sim.car import DubinsCar
-from sim.driver import Driver
+from sim.driver_protocol import Driver
 from sim.lidar import Lidar
 from sim.recorder import Recorder
 from sim.task import Task

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 from sim.blocks import block_size, draw_blocks
 from sim.canvas import Canvas
+from sim.corridor_network import NetworkConfig, Segment, carve, grow
 from sim.floor_plan import draw_floor_plan
-from sim.network import NetworkConfig, Segment, carve, grow
 from sim.office import draw_office
 from sim.world import World
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
-from sim.driver import Decision
+from sim.driver_protocol import Decision
 from sim.world import World
 
 EARLY_TICK, FEW_CELLS = 40, 40

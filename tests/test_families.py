@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 from predictor.mapping.grid import OCCUPIED, UNKNOWN
 from sim.families import empty_straight, generate
 

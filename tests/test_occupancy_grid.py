@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from predictor import FREE, OCCUPIED, UNKNOWN, Body, Grid, GridFrame, OccupancyGrid, Scan
 from predictor.mapping.beams import trace_beams
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 from predictor.mapping.grid import HIGHEST, HIT, LOWEST, MISS
 from sim.families import generate
 from sim.lidar import Lidar

@@ -5,7 +5,7 @@ import pytest
 
 from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.arc_search import HEADINGS, arc_ways
 from sim.car import along_arc, collides

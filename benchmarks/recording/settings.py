@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from predictor.infra.options import Options, option
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 
 LEARNED = ("corridor", "narrow", "office", "paper", "floor_plan", "floor_plan")
 """Families to train on by default. The one that is named twice gets two shares of the drives, and

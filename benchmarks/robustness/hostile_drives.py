@@ -11,7 +11,7 @@ from benchmarks.runs.drive import car_of, navigator_for, task_of
 from benchmarks.runs.settings import ARMS, VEHICLES, Settings
 from predictor.infra.environment import commit
 from predictor.infra.markdown import records
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.task import NoTaskError

@@ -18,7 +18,7 @@ from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit
 from predictor.infra.workers import WorkersError
 from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 from predictor.mapping.grid import Grid, OccupancyGrid
 from predictor.prediction import Prediction, Predictor
 from predictor.provenance import fingerprint_of, has_learned

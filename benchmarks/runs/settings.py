@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from predictor.infra.command_line import UsageError
 from predictor.infra.options import Options, option
-from predictor.mapping.families import FAMILIES
+from predictor.mapping.family_names import FAMILIES
 
 
 @dataclass(frozen=True)
