@@ -49,7 +49,7 @@ def analyse(
 
     def work() -> None:
         args = parser.parse_args(argv)
-
+        # Here and not above, so that --help and bad arguments answer at once.
         from benchmarks.runs.saved_run import Run
 
         runs = [Run.load(path).first(args.episodes) for path in args.runs]
