@@ -113,10 +113,10 @@ def _ask(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> tuple[
     started = time.perf_counter()
     answer = asked(predictor, known, pose, around, copies)
     seconds = time.perf_counter() - started
-    given, there = copies[:2]
-    if not np.array_equal(given.cells, known.cells) or given.frame != known.frame:
+    maps = [(copies[0], known)] + ([(copies[2], around)] if around is not None else [])
+    if any(not np.array_equal(a.cells, b.cells) or a.frame != b.frame for a, b in maps):
         raise BadPredictionError("predict() changed the map that it was given: copy it first")
-    if not np.array_equal(there, pose):
+    if not np.array_equal(copies[1], pose):
         raise BadPredictionError("predict() changed the pose that it was given: copy it first")
     return answer, seconds
 

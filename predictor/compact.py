@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,13 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 from torch import Tensor, nn
 
 from predictor.data.samples import quarters
+from predictor.data.squares import codes_of
 from predictor.mapping.context import CELLS, SIDE, context_of
 from predictor.mapping.grid import Grid
+from predictor.mapping.resampling import resampled
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
 from predictor.networks.room import question, widened
 from predictor.prediction import Prediction, check_question, with_observed
@@ -32,8 +32,6 @@ RESOLUTION = 0.05
 """Resolution of the maps that the network was trained on [m]; others are resampled to it."""
 SUREST = 0.9999
 """Highest confidence in an unobserved cell: a planner would take 1 as certain."""
-
-Index = slice | NDArray[np.intp]
 
 
 class Compact:
@@ -73,11 +71,12 @@ class Compact:
                 None: `known` is all that there is.
 
         Raises:
-            ValueError: if the window is empty or the pose not finite.
+            ValueError: if the window is empty, the pose not finite, or `around` of another size.
         """
         check_question(known, pose)
         turns = quarters(float(pose[2]))
-        codes, rows, cols = _resampled(known)
+        fine, rows, cols = resampled(known, RESOLUTION)
+        codes = codes_of(fine.cells).astype(np.int8)
         inputs: list[NDArray[Any]] = [np.rot90(codes, turns)]
         if self.context_side:
             if around is None:
@@ -162,26 +161,3 @@ def _middle(known: Grid) -> tuple[float, float]:
     """Return the middle of a map [m]."""
     rows, cols = known.frame.shape
     return known.frame.centre(0.5 * (rows - 1), 0.5 * (cols - 1))
-
-
-def _resampled(known: Grid) -> tuple[NDArray[np.int8], Index, Index]:
-    """Return a map's codes (0 free, 1 occupied, 2 unobserved) at the network's resolution, and
-    for each row and each column of the map its row and its column in them."""
-    # Where several cells become one, the highest wins: free, unobserved, occupied.
-    rank = known.unknown + np.int8(2) * known.occupied
-    rows: Index = slice(None)
-    cols: Index = slice(None)
-    ratio = RESOLUTION / known.frame.resolution
-    if abs(ratio - 1.0) > 1e-6:
-        rows, cols = (((np.arange(n) + 0.5) / ratio).astype(np.intp) for n in rank.shape)
-        there = [((np.arange(back[-1] + 1) + 0.5) * ratio).astype(np.intp) for back in (rows, cols)]
-        rank = maximum_filter(rank, max(1, math.ceil(ratio - 1e-6)), mode="nearest")
-        rank = rank[
-            np.minimum(there[0], rank.shape[0] - 1)[:, None],
-            np.minimum(there[1], rank.shape[1] - 1),
-        ]
-    return _CODES[rank], rows, cols
-
-
-_CODES = np.array([0, 2, 1], dtype=np.int8)
-"""Codes of free, unobserved, occupied."""

@@ -43,7 +43,8 @@ class Predictor(Protocol):
     A predictor that wants to see more of the map than the square that it predicts has an attribute
     `context_side`, the side of a larger square around the robot [m], at most `LARGEST_CONTEXT`.
     Its method is then called as `predict(known, pose, around)`, where `around` is the map of all
-    that was observed in that square.
+    that was observed in that square. Where nobody knows more than `known`, as in the frames of the
+    paper's study, it is called without: `around` should have the default None.
     """
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
@@ -151,7 +152,10 @@ def context_side(predictor: Predictor) -> float:
     Raises:
         BadPredictionError: if its `context_side` is no such length.
     """
-    side = getattr(predictor, "context_side", 0.0)
+    try:
+        side = getattr(predictor, "context_side", 0.0)
+    except (Exception, SystemExit) as error:
+        raise BadPredictionError(f"context_side raised {one_line(error)}") from error
     if not isinstance(side, int | float) or not 0.0 <= side <= LARGEST_CONTEXT:
         raise BadPredictionError(
             f"context_side is {side!r}, it must be a length from 0 to {LARGEST_CONTEXT:g} m"

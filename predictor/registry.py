@@ -18,7 +18,7 @@ from predictor.image_predictor import ImagePredictor
 from predictor.infra.errors import LineError, one_line
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_net import ImageNet
-from predictor.prediction import Predictor
+from predictor.prediction import BadPredictionError, Predictor, context_side
 from predictor.weights import WeightsError, facts_of
 
 GROUP = "foresee.predictors"
@@ -69,10 +69,14 @@ def load_predictor(spec: str) -> Predictor:
     predict = getattr(predictor, "predict", None)
     if not callable(predict):
         raise PredictorError(f"predictor {spec!r} has no method predict(known, pose) -> Prediction")
-    if not _takes_two(predict):
+    try:
+        names = ("known", "pose", "around")[: 3 if context_side(predictor) else 2]
+    except BadPredictionError as error:
+        raise PredictorError(f"predictor {spec!r}: {error}") from error
+    if not _takes(predict, len(names)):
         raise PredictorError(
             f"predictor {spec!r} has predict{inspect.signature(predict)}, it must be "
-            "predict(known, pose) -> Prediction"
+            f"predict({', '.join(names)}) -> Prediction"
         )
     loaded: Predictor = predictor
     return loaded
@@ -133,9 +137,10 @@ def _module(path: str, spec: str) -> ModuleType:
         raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
 
 
-def _takes_two(predict: Any) -> bool:
+def _takes(predict: Any, count: int) -> bool:
+    """Return whether a method can be called with a number of arguments."""
     try:
-        inspect.signature(predict).bind(None, None)
+        inspect.signature(predict).bind(*(None,) * count)
     except TypeError:
         return False
     except ValueError:  # Compiled code may have no signature to read.

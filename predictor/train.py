@@ -26,6 +26,8 @@ from predictor.training.checkpoint import TrainError
 from predictor.training.compact_config import TUNING, TUNING_DRIVES, TrainConfig
 from predictor.training.image_arguments import NAMES, add_arguments, configured
 
+TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
+"""Folders of the samples and of the results of a fine-tuning."""
 RECORDED = ("logs", "families", "world", "share")
 """Options of `DrivesConfig` that are options of this command too."""
 COMPACT = ("train", "validation", "steps", "start", *RECORDED)
@@ -66,7 +68,7 @@ def _compact(args: argparse.Namespace) -> Path:
     counts, data, out = (drives.train, drives.validation), drives.out, Path("results/train")
     if args.start is not None:
         default, counts = TUNING, TUNING_DRIVES
-        data, out = Path("data/fine-tuning"), Path("results/fine-tuning")
+        data, out = TUNED
         from predictor.networks.compact_net import CompactNet
         from predictor.weights import WeightsError, load_weights
 
@@ -78,9 +80,11 @@ def _compact(args: argparse.Namespace) -> Path:
     drives = replace(
         drives, out=data, train=args.train or counts[0], validation=args.validation or counts[1]
     )
+    if args.start is not None and (out / "compact.safetensors").resolve() == args.start.resolve():
+        raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
     # Now, so that an unusable folder is an error before hours of drives.
     out.mkdir(parents=True, exist_ok=True)
-    make(drives, args.jobs)
+    make(drives, args.jobs, frozenset(start[1].get("worlds", ())) if start else frozenset())
     # Imported after the drives, since their processes do not need it.
     import torch
 
@@ -90,10 +94,11 @@ def _compact(args: argparse.Namespace) -> Path:
     train = Samples.load(data / "train", drives.train)
     validation = Samples.load(data / "validation", drives.validation)
     check_apart({"train": train, "validation": validation})
-    config = TrainConfig(
-        args.steps or default.steps,
-        args.batch or default.batch,
-        args.rate or default.rate,
+    config = replace(
+        default,
+        steps=args.steps or default.steps,
+        batch=args.batch or default.batch,
+        rate=args.rate or default.rate,
         seed=args.seed or default.seed,
         start=start and start[1]["fingerprint"],
     )
@@ -138,15 +143,16 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="DIR",
         help="folder of the training data. For compact: drives, "
-        f"which are made first if they are missing (default: {drives.out}). For the paper's "
-        "networks: frames of predictor.dataset or drives (default: data/simulated)",
+        f"which are made first if they are missing (default: {drives.out}; with --start: "
+        f"{TUNED[0]}). For the paper's networks: frames of predictor.dataset or drives "
+        "(default: data/simulated)",
     )
     add(
         "--out",
         type=Path,
         metavar="DIR",
         help="folder of checkpoint, log, curve and weights "
-        "(default: results/train, or results/networks/ARCH-EXPANSION)",
+        f"(default: results/train; with --start: {TUNED[1]}; or results/networks/ARCH-EXPANSION)",
     )
     add(
         "--batch",
@@ -159,7 +165,7 @@ def _parser() -> argparse.ArgumentParser:
         "--rate",
         type=between(1e-12, 1),
         metavar="R",
-        help=f"highest learning rate (default: {default.rate:g};"
+        help=f"highest learning rate (default: {default.rate:g}; with --start: {TUNING.rate:g};"
         f" paper: {paper.training.rate:g}; short: {short.training.rate:g})",
     )
     add(

@@ -92,25 +92,28 @@ def draw_floor_plan(rng: np.random.Generator) -> Canvas:
     canvas = Canvas(size[0] + 2.0, size[1] + 2.0)
     whole = Space((1.0, 1.0), (1.0 + size[0], 1.0 + size[1]))
     spaces = list(_divided(whole, style, rng))
+    largest = max(spaces, key=lambda one: math.prod(one.size))
     if rng.random() < 0.5:
         spaces = _with_courtyard(spaces, whole, rng)
-    spaces = [one for one in spaces if one.corridor or rng.random() >= style.unmapped]
+    spaces = [one for one in spaces if one.corridor or rng.random() >= style.unmapped] or [largest]
     doors = _doors(spaces, style, rng)
     joined = _largest_piece(len(spaces), [pair for pair, _ in doors])
-    for number in joined:
+    for number in sorted(joined):
         _carve(canvas, spaces[number], style, rng)
     for (one, _), (centre, extent) in doors:
         if one in joined:
             canvas.box(centre, extent, free=True)
-    for (one, other), door in doors:
-        if one in joined:
-            room = spaces[other if spaces[one].corridor else one]
-            _furnish(canvas, room, door, style, rng)
-            if max(door[1]) < 1.3 and rng.random() < style.ajar:
-                _leaf(canvas, door, rng)
-    for number in joined:
+    entrances: dict[int, Door] = {}
+    for pair, door in doors:
+        for number in pair:
+            entrances.setdefault(number, door)
+        if pair[0] in joined and max(door[1]) < 1.3 and rng.random() < style.ajar:
+            _leaf(canvas, door, rng)
+    for number in sorted(joined):
         if spaces[number].corridor:
             _cabinets(canvas, spaces[number], style, rng)
+        elif number in entrances:
+            _furnish(canvas, spaces[number], entrances[number], style, rng)
     _roughen(canvas, style, rng)
     pieces, _ = label(canvas.free)
     canvas.free &= pieces == np.bincount(pieces[canvas.free]).argmax()
@@ -281,7 +284,7 @@ def _slanted(canvas: Canvas, low: Point, high: Point, rng: np.random.Generator) 
 def _furnish(
     canvas: Canvas, space: Space, door: Door, style: Style, rng: np.random.Generator
 ) -> None:
-    if space.corridor or min(space.size) < 2.4 or rng.random() >= style.furnished:
+    if min(space.size) < 2.4 or rng.random() >= style.furnished:
         return
     half = 0.5 * style.wall
     low = (space.low[0] + half, space.low[1] + half)

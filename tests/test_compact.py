@@ -15,7 +15,8 @@ from predictor import (
     check_predictor,
     load_predictor,
 )
-from predictor.compact import LOGS, PAPER, SHIPPED, Compact, _resampled
+from predictor.compact import LOGS, PAPER, SHIPPED, Compact
+from predictor.mapping.resampling import resampled
 from predictor.networks.compact_net import CompactNet
 from predictor.provenance import fingerprint_of
 from predictor.runtime import RUNTIMES, runner
@@ -175,8 +176,8 @@ def test_no_wall_is_lost_between_resolutions(resolution):
     for at in range(12):
         cells = np.full((24, 24), FREE, np.int8)
         cells[:, at] = OCCUPIED
-        seen, _, _ = _resampled(Grid(GridFrame(resolution, (0.0, 0.0), (24, 24)), cells))
-        assert (seen == 1).any(axis=1).all()
+        seen, _, _ = resampled(Grid(GridFrame(resolution, (0.0, 0.0), (24, 24)), cells), 0.05)
+        assert seen.occupied.any(axis=1).all()
 
 
 def test_an_empty_window_is_an_error(compact):

@@ -5,11 +5,21 @@ import pytest
 import torch
 from short_drive import drive, navigator, straight
 
-from predictor import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, Prediction, check_predictor
+from predictor import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    Grid,
+    GridFrame,
+    Prediction,
+    check_predictor,
+    load_predictor,
+)
 from predictor.compact import Compact
 from predictor.mapping.context import CELLS, SIDE
 from predictor.networks.compact_net import CompactNet
 from predictor.prediction import BadPredictionError, asked
+from predictor.registry import PredictorError
 from predictor.runtime import RUNTIMES
 from predictor.training.targets import contexts_of
 from predictor.weights import load_weights, save_weights
@@ -148,6 +158,40 @@ def test_the_planner_hands_over_the_context_as_a_copy():
     assert looks.sizes == {(12.0, 12.0)}
     plain = drive(task, navigator(task, None), config)
     assert np.array_equal(seen.trace["states"], plain.trace["states"])
+
+
+class Raises(Looks):
+    @property
+    def context_side(self):
+        raise OSError("no")
+
+
+class Writes(Looks):
+    def predict(self, known, pose, around=None):
+        return super().predict(known, pose, around)
+
+
+def test_a_context_side_that_raises_is_a_broken_contract():
+    with pytest.raises(BadPredictionError, match="context_side raised"):
+        navigator(straight(), Raises(), risk=0.1)
+
+
+def test_a_predictor_that_writes_into_its_context_breaks_the_contract():
+    with pytest.raises(BadPredictionError, match="changed the map"):
+        check_predictor(Writes())
+
+
+def test_only_the_arguments_that_a_predictor_asks_for_have_to_be_taken():
+    assert load_predictor(f"{__name__}:Looks").context_side == 12.0
+    with pytest.raises(PredictorError, match=r"it must be predict\(known, pose, around\)"):
+        load_predictor(f"{__name__}:Narrow")
+
+
+class Narrow:
+    context_side = 12.0
+
+    def predict(self, known, pose):
+        raise NotImplementedError
 
 
 @pytest.mark.parametrize("side", [-1.0, 1e9, float("nan"), "wide", None])

@@ -8,6 +8,8 @@ from sim.families import empty_straight, generate
 
 SEEDS = range(6)
 CASES = [(family, seed) for family in FAMILIES for seed in SEEDS]
+# A building of which no room was left.
+CASES.append(("floor_plan", 1_200_982))
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -2,81 +2,112 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from benchmarks.runs.drive import task_in_world
 from predictor.data.bags import is_bag
 from predictor.data.carmen import ENDINGS
-from predictor.data.laser_log import LogError
-from predictor.data.survey import REACH, fingerprint, frame_around, read_log
+from predictor.data.frames import RESOLUTION
+from predictor.data.laser_log import LaserLog, LogError
+from predictor.data.survey import REACH, frame_around, read_log
 from predictor.infra.command_line import UsageError
+from predictor.infra.errors import one_line
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import world_hash
+from predictor.mapping.resampling import resampled
 from sim.map_server import MapError, load_world
+from sim.task import NoTaskError
 from sim.world import World, sealed
 
 MAPS = (".yaml", ".yml")
 """Endings of map files."""
 HELD_OUT = 0.25
-"""Share of the buildings that are held out for validation."""
+"""Share of the buildings that are held out for validation, on average."""
+
+
+@dataclass(frozen=True)
+class Building:
+    """Maps and logs of one building.
+
+    Attributes:
+        paths: path of each, absolute.
+        hashes: hash of each: of a map's cells, of a log's scans.
+    """
+
+    paths: tuple[str, ...]
+    hashes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class OwnBuildings:
-    """Map files and logs of one's own.
+    """The buildings of `--world`.
 
     Attributes:
-        train: paths of those to train on.
-        validation: paths of those held out for validation.
-        hashes: for each split, the hashes of its buildings (of a log: of its files).
+        train: those to train on.
+        validation: those held out for validation.
         skipped: a line for each file that was left out.
     """
 
-    train: tuple[str, ...] = ()
-    validation: tuple[str, ...] = ()
-    hashes: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    train: tuple[Building, ...] = ()
+    validation: tuple[Building, ...] = ()
     skipped: tuple[str, ...] = ()
 
     @classmethod
     def found(cls, names: tuple[str, ...]) -> OwnBuildings:
-        """Read the maps and logs that some names stand for, and split them.
+        """Read the maps and logs that some names stand for, and split them by building.
 
-        Files that cannot be read and copies of a building are left out. The buildings are ordered
-        by their hashes, and the first `HELD_OUT` of them are held out, so that the split depends
-        neither on the names of files nor on their order. A single building is trained on.
+        Each file is a building of its own, but the files in a folder inside a named folder are of
+        one building. Files that cannot be read or driven in, and copies, are left out. A building
+        is held out if the first of its hashes lies below a threshold, so that the split depends
+        neither on names nor on other buildings; but of several buildings at least one is held out,
+        and at least one is not.
 
         Args:
-            names: paths of map files, of logs, and of folders of either.
+            names: paths of map files, of logs, and of folders.
 
         Raises:
             UsageError: if a name is neither, or no building can be used.
         """
-        paths: dict[str, str] = {}
-        skipped = []
-        for path in _files(names):
-            try:
-                one = _hash(path)
-            except (MapError, LogError) as error:
-                skipped.append(str(error))
-                continue
-            if one in paths:
-                skipped.append(f"{path} is the same building as {paths[one]}")
-            else:
-                paths[one] = str(path)
-        if names and not paths:
+        seen: dict[str, Path] = {}
+        found, skipped = [], []
+        for paths in _buildings(names):
+            good: dict[str, str] = {}
+            for path in paths:
+                try:
+                    one = _hash(path)
+                except (MapError, LogError, NoTaskError) as error:
+                    told = one_line(error)
+                    skipped.append(told if str(path) in told else f"{path}: {told}")
+                    continue
+                if one in seen:
+                    skipped.append(f"{path} holds the same as {seen[one]}")
+                else:
+                    seen[one] = path
+                    good[one] = str(path.resolve())
+            if good:
+                hashes = sorted(good)
+                found.append(Building(tuple(good[one] for one in hashes), tuple(hashes)))
+        if names and not found:
             raise UsageError(f"--world: none of its files can be used: {'; '.join(skipped)}")
-        hashes = sorted(paths)
-        cut = max(1, round(HELD_OUT * len(hashes))) if len(hashes) > 1 else 0
-        held, learned = hashes[:cut], hashes[cut:]
-        return cls(
-            tuple(paths[one] for one in learned),
-            tuple(paths[one] for one in held),
-            (tuple(learned), tuple(held)),
-            tuple(skipped),
-        )
+        found.sort(key=lambda one: one.hashes[0])
+        held = sum(int(one.hashes[0][:8], 16) < HELD_OUT * 16**8 for one in found)
+        held = min(max(held, 1), len(found) - 1) if found else 0
+        return cls(tuple(found[held:]), tuple(found[:held]), tuple(skipped))
 
-    def of(self, split: str) -> tuple[str, ...]:
-        """Return the paths of a split."""
+    def of(self, split: str) -> tuple[Building, ...]:
+        """Return the buildings of a split."""
         return self.train if split == "train" else self.validation
+
+    @property
+    def hashes(self) -> dict[str, list[list[str]]]:
+        """The hashes of the buildings of each split, fit for JSON."""
+        return {
+            split: [list(one.hashes) for one in self.of(split)] for split in ("train", "validation")
+        }
 
 
 def is_log(path: Path) -> bool:
@@ -84,13 +115,22 @@ def is_log(path: Path) -> bool:
     return is_bag(path) or path.name.removesuffix(".gz").endswith(ENDINGS)
 
 
-def building(path: Path) -> World:
-    """Read a map file as a building to drive in.
+def world_of(path: Path) -> World:
+    """Read a map file as a building to drive in, at the resolution of the samples.
 
     Raises:
         MapError: if it cannot be read.
     """
-    return sealed(load_world(path))
+    world = load_world(path)
+    return sealed(World(world.name, resampled(world.grid, RESOLUTION)[0]))
+
+
+def log_hash(log: LaserLog) -> str:
+    """Return the SHA-256 of a log's poses and ranges."""
+    digest = hashlib.sha256(np.ascontiguousarray(log.poses).tobytes())
+    for scan in log.scans:
+        digest.update(np.ascontiguousarray(scan.ranges).tobytes())
+    return digest.hexdigest()
 
 
 def _hash(path: Path) -> str:
@@ -98,33 +138,45 @@ def _hash(path: Path) -> str:
 
     Raises:
         MapError, LogError: if it cannot be read.
+        NoTaskError: if the car cannot drive anywhere in the map.
     """
     if not is_log(path):
-        return world_hash(building(path).grid.cells)
-    frame_around(read_log(path).poses, REACH)
-    return fingerprint(path)
+        world = world_of(path)
+        task_in_world(world, 0, CarLimits())
+        return world_hash(world.grid.cells)
+    log = read_log(path)
+    frame_around(log.poses, REACH)
+    if not any(np.isfinite(scan.ranges).any() for scan in log.scans):
+        raise LogError("no scan saw anything")
+    return log_hash(log)
 
 
-def _files(names: tuple[str, ...]) -> list[Path]:
-    """Return the map files and logs that some names stand for.
+def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
+    """Return the map files and logs of each building that some names stand for.
 
     Raises:
         UsageError: if a name stands for none.
     """
-    found: list[Path] = []
+    found: list[list[Path]] = []
     for path in map(Path, names):
         if path.is_dir() and not is_bag(path):
-            inside = [p for p in sorted(path.iterdir()) if p.suffix in MAPS or is_log(p)]
+            inside = [[one] for one in _files(path)]
+            folders = [one for one in sorted(path.iterdir()) if one.is_dir() and not is_bag(one)]
+            inside += [files for files in map(_files, folders) if files]
             if not inside:
                 raise UsageError(f"--world: the folder {path} holds neither a .yaml map nor a log")
             found += inside
         elif not path.exists():
             raise UsageError(f"--world: no such file: {path}")
         elif path.suffix in MAPS or is_log(path):
-            found.append(path)
+            found.append([path])
         else:
             raise UsageError(
                 f"--world: {path} is neither a .yaml map, nor a log ({', '.join(ENDINGS)}, a bag), "
                 "nor a folder of such files"
             )
     return found
+
+
+def _files(folder: Path) -> list[Path]:
+    return [one for one in sorted(folder.iterdir()) if one.suffix in MAPS or is_log(one)]

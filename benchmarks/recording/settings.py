@@ -31,7 +31,7 @@ class DrivesConfig(Options):
         2000, "number of drives to train on, with about 50 samples each", "N", low=1, high=1_000_000
     )
     validation: int = option(
-        160, "number of drives held out for validation", "N", low=1, high=1_000_000
+        160, "number of drives held out for validation", "N", low=1, high=180_000
     )
     longest: float = 16.0
     views: int = 2

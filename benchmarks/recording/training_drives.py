@@ -11,11 +11,11 @@ import math
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.recording.own_buildings import OwnBuildings, building, is_log
+from benchmarks.recording.own_buildings import OwnBuildings, is_log, log_hash, world_of
 from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from benchmarks.recording.settings import DrivesConfig
 from benchmarks.runs.drive import task_in_world
@@ -23,8 +23,9 @@ from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
-from predictor.data.survey import REACH, clipped, fingerprint, frame_around, read_log, surveyed
+from predictor.data.survey import REACH, clipped, frame_around, read_log, surveyed
 from predictor.infra.command_line import UsageError
+from predictor.infra.plain_json import loads
 from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
 from predictor.mapping.body import Body
@@ -54,6 +55,8 @@ WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 JOURNEYS, APART = (1, 2, 4, 8), 2.0
 """Number of ways through the building of a simulated log, drawn at random, since some robots visit
 each room and some one corridor; and distance from one sample to the next [m]."""
+STRETCH = 50.0
+"""Length of a log that one replay covers [m], so that a log gives no more samples than a drive."""
 Posed = tuple[bytes, "NDArray[np.float64]"]
 """A sample, and the pose that it was taken at, (3,)."""
 SPREAD = 10_000_000
@@ -74,20 +77,18 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
     import numpy as np
 
     split, number = item
-    seed, place = SPLITS[split] + number, place_of(config, own, split, number)
+    seed = SPLITS[split] + number
     rng = np.random.default_rng(seed)
-    if place not in config.families and is_log(Path(place)):
-        kind, drawn = "log", fingerprint(Path(place))
-        driven_through, made = drawn, _replayed(config, read_log(Path(place)), rng)
+    kind, path = place_of(config, own, split, number)
+    if path is not None and is_log(path):
+        log, truth, drawn = _surveyed(path)
+        driven_through, made = drawn, _replayed(config, log, truth, rng, STRETCH)
     else:
-        if place in config.families:
-            kind, world = place, generate(place, seed)
-        else:
-            kind, world = "map", building(Path(place))
+        world = generate(kind, seed) if path is None else world_of(path)
         drawn = world_hash(world.grid.cells)
         # Half of the generated buildings are varied, since the network is calibrated only on what
         # it has learned.
-        if kind == place and rng.random() < 0.5:
+        if path is None and rng.random() < 0.5:
             world = varied(world, rng)
         driven_through = world_hash(world.grid.cells)
         made = (_logged if config.logs else _driven)(config, world, seed, rng)
@@ -101,8 +102,10 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
     return len(samples), why
 
 
-def place_of(config: DrivesConfig, own: OwnBuildings, split: str, number: int) -> str:
-    """Return the family, or the path of the building of one's own, of a drive.
+def place_of(
+    config: DrivesConfig, own: OwnBuildings, split: str, number: int
+) -> tuple[str, Path | None]:
+    """Return the kind of building of a drive: a family, "map" or "log"; and its file, or None.
 
     Drives in own buildings are spread evenly among the others. Where no building is held out, all
     drives for validation are in generated buildings.
@@ -110,9 +113,11 @@ def place_of(config: DrivesConfig, own: OwnBuildings, split: str, number: int) -
     mine = own.of(split)
     share = config.share if mine else 0.0
     before, after = math.floor(number * share), math.floor((number + 1) * share)
-    if after > before:
-        return mine[before % len(mine)]
-    return config.families[(number - before) % len(config.families)]
+    if after == before:
+        return config.families[(number - before) % len(config.families)], None
+    paths = mine[before % len(mine)].paths
+    path = Path(paths[before // len(mine) % len(paths)])
+    return "log" if is_log(path) else "map", path
 
 
 def _driven(
@@ -153,22 +158,58 @@ def _logged(
     for number in range(1, int(rng.choice(JOURNEYS))):
         with contextlib.suppress(NoTaskError):
             tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
-    yield from _replayed(config, simulated_log(tasks, rng), rng)
+    log = simulated_log(tasks, rng)
+    yield from _replayed(config, log, _map_of(log), rng)
 
 
-def _replayed(config: DrivesConfig, log: LaserLog, rng: np.random.Generator) -> Iterator[Posed]:
-    """Yield the samples of a log, with the map of the whole log as truth."""
-    scans = [clipped(scan, REACH) for scan in log.scans]
+@lru_cache(maxsize=2)
+def _surveyed(path: Path) -> tuple[LaserLog, Grid, str]:
+    """Return a log, its map, and its hash."""
+    log = read_log(path)
+    return log, _map_of(log), log_hash(log)
+
+
+def _map_of(log: LaserLog) -> Grid:
+    """Return the map of all scans of a log."""
     frame = frame_around(log.poses, REACH)
-    truth = Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
+    scans = [clipped(scan, REACH) for scan in log.scans]
+    return Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
+
+
+def _replayed(
+    config: DrivesConfig,
+    log: LaserLog,
+    truth: Grid,
+    rng: np.random.Generator,
+    longest: float = math.inf,
+) -> Iterator[Posed]:
+    """Yield the samples of a log.
+
+    Args:
+        config: settings of the set.
+        log: its scans and poses.
+        truth: map of the whole log.
+        rng: generator of the windows and of where each replay begins.
+        longest: distance that a replay covers [m]; if it is finite, each begins anywhere.
+    """
+    import numpy as np
+
+    frame = truth.frame
     side = SIDE * frame.resolution
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(log.poses[:, :2], axis=0).T)))
+    starts = max(1, int((along < along[-1] - longest).sum()))
     for _ in range(config.views):
         window = float(rng.choice(WINDOWS))
-        first = frame.square(float(log.poses[0, 0]), float(log.poses[0, 1]), window)
-        known, gone = OccupancyGrid(first, window), float(rng.uniform(0.0, APART))
-        for number, (scan, pose) in enumerate(zip(scans, log.poses, strict=True)):
-            known.integrate(scan, pose)
-            gone += math.dist(pose[:2], log.poses[max(number - 1, 0), :2])
+        begin = int(rng.integers(starts)) if longest < math.inf else 0
+        x, y = (float(value) for value in log.poses[begin, :2])
+        known = OccupancyGrid(frame.square(x, y, window), window)
+        gone = float(rng.uniform(0.0, APART))
+        for number in range(begin, len(log)):
+            if along[number] > along[begin] + longest:
+                break
+            pose = log.poses[number]
+            known.integrate(clipped(log.scans[number], REACH), pose)
+            gone += along[number] - along[max(number - 1, begin)]
             if gone >= APART:
                 # The remainder is carried over, except for the jump from one way to the next.
                 gone %= APART
@@ -232,30 +273,26 @@ def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
     return config.out / item[0] / f"{item[1]:06d}.npz"
 
 
-def make(config: DrivesConfig, jobs: int) -> None:
+def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset()) -> None:
     """Make all missing samples of a set, with a progress bar.
+
+    Args:
+        config: settings of the set.
+        jobs: number of worker processes.
+        learned: hashes of buildings that may not be held out.
 
     Raises:
         UsageError: if the folder holds samples that were made in another way, or `config.world`
-            names a building that cannot be used.
-        LogError: if a log of `config.world` cannot be read.
+            names no building that can be used, or one that would be held out although it was
+            learned.
     """
     from tqdm import tqdm
 
     own = OwnBuildings.found(config.world)
     for line in own.skipped:
-        print(f"predictor.drives: skipped: {line}", file=sys.stderr)
-    if config.world and not own.validation:
-        if config.share == 1:
-            raise UsageError(
-                "--world: one building cannot be both trained on and held out: give two, or a "
-                "--share below 1"
-            )
-        print(
-            "predictor.drives: --world has one building, which is trained on; those held out for "
-            "validation are generated",
-            file=sys.stderr,
-        )
+        print(f"skipped: {line}", file=sys.stderr)
+    if config.world:
+        _check(config, own, learned)
     _claim(config, own)
     items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
     todo = [item for item in items if not path_of(config, item).exists()]
@@ -265,9 +302,41 @@ def make(config: DrivesConfig, jobs: int) -> None:
             count += samples
             if why and why not in undriven:
                 undriven.add(why)
-                bar.write(f"predictor.drives: {why}", file=sys.stderr)
+                bar.write(why, file=sys.stderr)
             bar.set_postfix_str(f"{count} samples")
             bar.update()
+
+
+def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> None:
+    """Check that own buildings can be used as the settings say, and warn of those left out.
+
+    Raises:
+        UsageError: if they cannot.
+    """
+    if config.share == 0:
+        raise UsageError("--share is 0: no drive would be in the buildings of --world")
+    if not own.validation and config.share == 1:
+        raise UsageError(
+            "--world: one building cannot be both trained on and held out: give two, or a "
+            "--share below 1"
+        )
+    if not own.validation:
+        print("--world is one building: scores are of generated buildings", file=sys.stderr)
+    both = [one.paths[0] for one in own.validation if learned & set(one.hashes)]
+    if both:
+        raise UsageError(
+            f"--start: its weights have learned from {', '.join(both)}, which would be held out: "
+            "start from other weights, or leave it out"
+        )
+    for split in SPLITS:
+        drives = math.floor(getattr(config, split) * config.share)
+        missed = len(own.of(split)) - drives
+        if missed > 0:
+            print(
+                f"warning: no {split} drive is in {missed} of the buildings of --world: give "
+                f"more --{split}",
+                file=sys.stderr,
+            )
 
 
 def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
@@ -290,4 +359,12 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
         "share": config.share if config.world else 0,
         "windows": WINDOWS,
     }
+    theirs = own.hashes
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        theirs = loads((config.out / RECIPE).read_text()).get("own", theirs)
+    if theirs != own.hashes:
+        raise UsageError(
+            f"{config.out} holds samples of other buildings of --world: choose another folder "
+            "(--data, in predictor.drives --out), and another --out for the training"
+        )
     ResumableFolder(config.out, recipe | how, marker=RECIPE)

@@ -82,7 +82,7 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
     for path in paths:
         if not path.exists():
             raise LogError(f"{path}: no such file")
-    logs = {site_of(path): fingerprint(path) for path in paths}
+    logs = {site_of(path): _fingerprint(path) for path in paths}
     if len(logs) < len(paths):
         raise LogError("--log wants each site once, and a name of its own for each")
     return logs
@@ -193,7 +193,7 @@ def clipped(scan: Scan, reach: float) -> Scan:
     return replace(scan, range_max=min(reach, scan.range_max))
 
 
-def fingerprint(path: Path) -> str:
+def _fingerprint(path: Path) -> str:
     """Return the SHA-256 of a log: of its file or folder, and of the file beside it."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     beside = sidecar_of(path)

@@ -70,7 +70,7 @@ class CompactConfig:
         sizes, blocks = (config.patch, *config.widths), (*config.blocks, config.context)
         sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
         sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
-        sane &= not config.context or len(widths) > STAGE
+        sane &= not config.context or (len(widths) > STAGE + 1 and config.patch == 5)
         if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
             raise ValueError(f"no network is shaped like {config}")
         return config
