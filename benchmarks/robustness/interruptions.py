@@ -127,7 +127,6 @@ def interrupted(
         "seconds": round(moment, 2),
         "interrupted": in_time,
         "status": status,
-        "last line": (said.strip().splitlines() or [""])[-1][-200:],
         "traceback": "Traceback" in said,
         "processes left": left,
         "status again": again,
