@@ -187,7 +187,7 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     for name, entry in summary.items():
         if entry["faults"]:
             kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
-            lines.append(f"Faults survived by `{name}`: {kinds}.")
+            lines.append(f"Handled faults of `{name}`: {kinds}.")
     for key, what in (("sct", "in SCT"), ("time", "in time, where all three reached")):
         if share[key] is not None:
             closed = interval(share[key], ".0f", 100.0)
