@@ -32,6 +32,9 @@ class InterruptSettings(Options):
         480, "number of interruptions, over all commands and kinds in turn", "N", low=1, high=10**9
     )
     seed: int = option(0, "seed of the interruption times", "N", low=0, high=2**31)
+    commands: tuple[str, ...] = option(
+        (), "commands to interrupt, such as predictor.drives (default: all)", "C"
+    )
 
 
 @dataclass(frozen=True)
@@ -76,11 +79,15 @@ def _run(args: argparse.Namespace) -> int:
     if place.disk is not None and not os.path.ismount(place.disk):
         raise UsageError(f"--disk: {place.disk} is no file system of its own")
     kinds = [kind for kind in interruptions.KINDS if kind != "disk full" or place.disk is not None]
+    commands = args.commands or list(interruptions.CASES)
+    unknown = [name for name in commands if name not in interruptions.CASES]
+    if unknown:
+        raise UsageError(f"--commands: {unknown[0]} is none of {', '.join(interruptions.CASES)}")
     settings = asdict(InterruptSettings.of(args)) | {"kinds": kinds, "commit": commit()}
     store = DriveFile(args.out, "interrupt", settings, grows="trials")
     folder = place.work.absolute()
-    seconds = interruptions.references(folder)
-    turns = [(command, kind) for kind in kinds for command in interruptions.CASES]
+    seconds = interruptions.references(folder, commands)
+    turns = [(command, kind) for kind in kinds for command in commands]
     shares = np.random.default_rng(args.seed).uniform(0.0, LATEST, args.trials).tolist()
     items = [(i, *turns[i % len(turns)], shares[i]) for i in range(args.trials)]
     work = partial(interruptions.interrupted, folder, place.disk and place.disk.absolute(), seconds)

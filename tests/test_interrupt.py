@@ -40,7 +40,7 @@ def case(tmp_path, monkeypatch):
 
     def write(program):
         (tmp_path / "counting.py").write_text(program)
-        return interruptions.references(tmp_path)
+        return interruptions.references(tmp_path, interruptions.CASES)
 
     return write
 

@@ -179,7 +179,7 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     )
     row("handled faults", lambda e: str(sum(e["faults"].values())))
     row(
-        "paths: route / hybrid A* / BIT* / unsmoothed",
+        "paths by source",
         lambda e: " / ".join(str(e["paths"].get(source, 0)) for source in SOURCES),
     )
     row("recovery manoeuvres", lambda e: str(e["paths"].get("manoeuvre", 0)))
