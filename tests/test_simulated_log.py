@@ -80,7 +80,7 @@ def test_ways_through_one_building_follow_on_each_other(task):
 
 
 def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
-    config = DrivesConfig(tmp_path, train=1, validation=1, logs=True, families=("narrow",))
+    config = DrivesConfig(tmp_path, train=1, validation=1, logs=1.0, families=("narrow",))
     make(config, 1)
     samples = Samples.load(tmp_path / "train")
     assert samples.about[0]["family"] == "narrow"
@@ -99,7 +99,7 @@ def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
 def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monkeypatch):
     ways = 4
     monkeypatch.setattr("benchmarks.recording.training_drives.JOURNEYS", (ways,))
-    config = DrivesConfig(tmp_path, train=1, validation=1, views=1, logs=True)
+    config = DrivesConfig(tmp_path, train=1, validation=1, views=1, logs=1.0)
     make(config, 1)
     count = len(Samples.load(tmp_path / "train"))
     task = [
@@ -111,6 +111,6 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
 
 
 def test_logs_and_drives_do_not_share_a_folder(tmp_path):
-    make(DrivesConfig(tmp_path, train=1, validation=1, logs=True), 1)
+    make(DrivesConfig(tmp_path, train=1, validation=1, logs=1.0), 1)
     with pytest.raises(UsageError, match="holds a run with"):
         make(DrivesConfig(tmp_path, train=1, validation=1), 1)

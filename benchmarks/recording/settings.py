@@ -36,10 +36,13 @@ class DrivesConfig(Options):
     longest: float = 16.0
     views: int = 2
     every: int = 6
-    logs: bool = option(
-        False,
-        "make samples of simulated robots' logs instead: a LIDAR of 180°, scans up to a metre "
-        "apart, people, and the map of all scans of the log as truth",
+    logs: float = option(
+        0.15,
+        "share of the drives in generated buildings that are simulated robots' logs: a LIDAR of "
+        "180°, scans up to a metre apart, people, and the map of all scans of the log as truth",
+        "S",
+        low=0,
+        high=1,
     )
     families: tuple[str, ...] = option(
         LEARNED,

@@ -91,7 +91,8 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
         if path is None and rng.random() < 0.5:
             world = varied(world, rng)
         driven_through = world_hash(world.grid.cells)
-        made = (_logged if config.logs else _driven)(config, world, seed, rng)
+        logged = path is None and rng.random() < config.logs
+        made = (_logged if logged else _driven)(config, world, seed, rng)
     samples, why = [], ""
     try:
         samples = list(made)
@@ -345,11 +346,6 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
         raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
     for split in SPLITS:
         (config.out / split).mkdir(parents=True, exist_ok=True)
-    how = (
-        {"log": asdict(LogConfig()), "journeys": JOURNEYS, "apart": APART}
-        if config.logs
-        else {"longest": config.longest, "every": config.every}
-    )
     recipe = {
         "format": FORMAT,
         "seeds": SPLITS,
@@ -358,6 +354,12 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
         "own": own.hashes,
         "share": config.share if config.world else 0,
         "windows": WINDOWS,
+        "longest": config.longest,
+        "every": config.every,
+        "logs": config.logs,
+        "log": asdict(LogConfig()),
+        "journeys": JOURNEYS,
+        "apart": APART,
     }
     theirs = own.hashes
     with contextlib.suppress(OSError, ValueError, AttributeError):
@@ -367,4 +369,4 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
             f"{config.out} holds samples of other buildings of --world: choose another folder "
             "(--data, in predictor.drives --out), and another --out for the training"
         )
-    ResumableFolder(config.out, recipe | how, marker=RECIPE)
+    ResumableFolder(config.out, recipe, marker=RECIPE)

@@ -30,7 +30,7 @@ class TrainConfig:
     average: float = 0.998
     seed: int = 0
     start: str | None = None
-    context: int = 32
+    context: int = 24
 
 
 TUNING = TrainConfig(steps=600, rate=5e-4, warmup=50, average=0.99)
