@@ -70,18 +70,24 @@ class Style:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Style:
-        """Draw the style of a building."""
+        """Draw the style of a building: a plan as architects draw it, or a map made by a robot.
+
+        A plan has clean walls and nearly all rooms. A robot's map has ragged walls, and lacks the
+        rooms whose doors were closed. A predictor can therefore tell from the walls what to expect
+        behind them.
+        """
+        by_robot = rng.random() < 0.4
         return cls(
             wall=float(rng.choice([rng.uniform(0.1, 0.2), rng.uniform(0.2, 0.45)])),
             corridor=rng.uniform(1.5, 3.5),
             deepest=rng.uniform(5.0, 11.0),
             room=rng.uniform(2.6, 8.0),
             halls=rng.uniform(0.0, 0.25),
-            unmapped=float(rng.choice([0.0, 0.05, 0.3, 0.7])),
+            unmapped=float(rng.choice([0.05, 0.3, 0.7] if by_robot else [0.0, 0.0, 0.05])),
             furnished=float(rng.choice([0.0, 0.0, 0.4, 0.9])),
             ajar=float(rng.choice([0.0, 0.2, 0.6])),
             cabinets=float(rng.choice([0.0, 0.0, 0.1])),
-            ragged=float(rng.choice([0.0, 0.0, 0.1, 0.25])),
+            ragged=float(rng.choice([0.05, 0.1, 0.25])) if by_robot else 0.0,
         )
 
 
