@@ -5,6 +5,7 @@ import signal
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from predictor import (
     FREE,
@@ -65,7 +66,17 @@ def test_what_learned_on_goes_by_its_own_name(name, weights):
 
 @pytest.mark.parametrize("weights", [SHIPPED, LOGS, PAPER])
 def test_the_card_beside_weights_is_theirs(weights):
-    assert Compact(weights).facts["fingerprint"] in weights.with_suffix(".md").read_text()
+    card = weights.with_suffix(".md").read_text()
+    facts = Compact(weights).facts
+    assert facts["fingerprint"] in card
+    metadata = yaml.safe_load(card.split("---\n")[1])
+    assert metadata["license"] == "mit"
+    (index,) = metadata["model-index"]
+    assert index["name"] == weights.stem
+    (result,) = index["results"]
+    measured = facts["validation"]
+    for metric in result["metrics"]:
+        assert metric["value"] == pytest.approx(measured[metric["type"]], abs=5e-4)
 
 
 @pytest.mark.parametrize("shape", [(40, 40), (200, 200), (280, 120)])
