@@ -3,8 +3,8 @@
 The car drives by its own planner, without prediction. Each drive is then seen again through LIDARs
 of other windows and other noise, which costs a tenth of driving it.
 
-    python -m predictor.drives                              drives, and some simulated logs
-    python -m predictor.drives --logs 1 --out data/logs     simulated logs alone
+    python -m predictor.drives                              truth is the building: to drive by
+    python -m predictor.drives --logs 1 --out data/logs     truth is what a robot's log maps of it
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ class DrivesConfig(Options):
     views: int = 2
     every: int = 6
     logs: float = option(
-        0.15,
+        0.0,
         "share of the drives in generated buildings that are simulated robots' logs: a LIDAR of "
         "180°, scans up to a metre apart, people, and the map of all scans of the log as truth",
         "S",
