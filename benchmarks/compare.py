@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.figures.speed_profile import speed_profile
+from benchmarks.runs.certified import at_risk
 from benchmarks.runs.drive import car_of, task_in, task_in_world
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Archive, Run
@@ -26,7 +27,7 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
         world: the building, the name of a family of generated buildings, or a map_server file.
         seed: of start and goal, and of a generated building.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
-            `risk`, `v_max` and `vehicle`.
+            `risk`, `reliance`, `v_max` and `vehicle`.
 
     Returns:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` its arrays.
@@ -35,9 +36,10 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
         NoTaskError: if the building has no way of 10 m or more.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used.
+        CalibrationError: if the shipped calibration certifies no such risk in such a building.
     """
     name = world if isinstance(world, str) else world.name
-    chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    chosen = at_risk(Settings(world=(name,), seed=seed, episodes=1, **settings))
     car = car_of(chosen)
     task = task_in(world, seed, car) if isinstance(world, str) else task_in_world(world, seed, car)
     results, arrays = [], dict[str, NDArray[Any]]()

@@ -35,9 +35,16 @@ class Place(Options):
     )
     baselines: Path | None = option(
         None,
-        "an earlier run with another predictor, ε or expansion: drives that would be the same "
+        "an earlier run with another predictor, ε, δ or expansion: drives that would be the same "
         "(known, optimistic, full; with the same ε and expansion oracle) are taken from there",
         "DIR",
+        parse=Path,
+    )
+    calibration: Path | None = option(
+        None,
+        "what --risk allows, from benchmarks.calibrate for the same predictor, car and buildings "
+        "(default: the one that comes with this project)",
+        "FILE",
         parse=Path,
     )
     optimum: Path | None = option(
@@ -78,6 +85,7 @@ def _run(argv: list[str] | None) -> int:
         raise UsageError("--optimum: its times are those of the dubins car")
     # Here and not above, so that --help and bad arguments answer at once.
     from benchmarks.figures.all_figures import draw_all
+    from benchmarks.runs.certified import at_risk
     from benchmarks.runs.drive import check_maps
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
@@ -88,6 +96,7 @@ def _run(argv: list[str] | None) -> int:
 
     weights = fingerprint_of(load_predictor(settings.predictor))
     check_maps(settings.world)
+    settings = at_risk(settings, place.calibration)
     optima = None if place.optimum is None else optimum_of(place.optimum, settings.v_max)
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:

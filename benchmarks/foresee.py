@@ -13,6 +13,7 @@ COMMANDS = {
     "stuck": ("benchmarks.stuck", "find out why drives got stuck"),
     "weave": ("benchmarks.weave", "count steering oscillations on straights"),
     "stages": ("benchmarks.stages", "time the stages of the control cycle"),
+    "calibrate": ("benchmarks.calibrate", "certify how much risk the last resort may take"),
     "attack": ("benchmarks.attack", "drive with hostile predictors"),
     "interrupt": (
         "benchmarks.interrupt",

@@ -28,6 +28,8 @@ TABLES = {
     "stages": "benchmarks.timing.tables:tables",
     "prediction": "benchmarks.prediction.tables:tables_of",
     "evaluation": "benchmarks.recording.evaluation:table",
+    "calibration": "benchmarks.runs.calibration:table",
+    "drives": "benchmarks.runs.calibration:table_of_drives",
 }
 """The function that turns each kind of results into Markdown; imported when it is needed."""
 
@@ -59,7 +61,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from benchmarks.runs.overview import overview, risks, scores
+    from benchmarks.runs.overview import overview, reliances, scores
 
     files = [(path.stem, _read(path)) for path in args.files]
     relied = {name: of for name, of in files if "predicted" in of.get("summary", {})}
@@ -72,7 +74,7 @@ def _run(args: argparse.Namespace) -> None:
     if scored:
         parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
     if len(relied) > 1:
-        parts.insert(0, f"## Risks\n\n{risks(relied)}\n")
+        parts.insert(0, f"## Reliances\n\n{reliances(relied)}\n")
     if len(runs) > 1:
         parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
     print("\n".join(parts), end="")

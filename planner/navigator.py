@@ -45,7 +45,10 @@ class NavigatorConfig:
     Attributes:
         window: side of the square that the LIDAR writes into [m].
         expansion: ratio of the predicted square's side to the window's.
-        risk: risk ε in [0, 1] at which a plan may rely upon predictions.
+        reliance: ε in [0, 1]: a plan may rely upon cells that are free with a probability of at
+            least 1 - ε. If that proves wrong, the car brakes hard.
+        level: λ in [0, ε]: so may the last resort with a probability of at least 1 - λ. If that
+            proves wrong, the car may collide. 0: it relies on observed cells alone.
         steer: whether a prediction also changes the route.
         margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
         start_margin: margin around the body at the start that counts as seen free [m].
@@ -60,7 +63,8 @@ class NavigatorConfig:
 
     window: float = 5.0
     expansion: float = 2.0
-    risk: float = 0.0
+    reliance: float = 0.0
+    level: float = 0.0
     steer: bool = False
     margin: float = 0.0
     start_margin: float = 0.5
@@ -71,8 +75,14 @@ class NavigatorConfig:
     guide: GuideConfig = field(default_factory=GuideConfig)
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.risk <= 1.0:
-            raise ValueError(f"risk is {self.risk}, it must lie in [0, 1]")
+        if not 0.0 <= self.reliance <= 1.0:
+            raise ValueError(f"reliance is {self.reliance}, it must lie in [0, 1]")
+        if not 0.0 <= self.level < 1.0:
+            raise ValueError(f"level is {self.level}, it must lie in [0, 1)")
+        if self.level > self.reliance:
+            raise ValueError(
+                f"level is {self.level}, it must be at most the reliance, {self.reliance}"
+            )
         if not self.expansion >= 1.0:
             raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
         check_finite(self, "window", "deadline")
@@ -157,7 +167,7 @@ class Navigator:
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
         # On a prescribed route a prediction shapes the line, and does not change the route.
-        heard = config.risk > 0 or config.steer
+        heard = config.reliance > 0 or config.steer
         self._asker = Asker(predictor) if predictor is not None and heard else None
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
@@ -263,10 +273,10 @@ class Navigator:
         centre = driven[:2] + AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         # In reverse it relies only on what was seen free.
-        epsilon = c.risk if self._gear > 0 else 0.0
+        epsilon, level = (c.reliance, c.level) if self._gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
-        return RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle)
+        return RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle, level)
 
     def _change_gear(self, gear: int) -> None:
         if gear != self._gear:

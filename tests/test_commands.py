@@ -9,6 +9,7 @@ import pytest
 
 COMMANDS = {
     "benchmarks.attack": "benchmarks",
+    "benchmarks.calibrate": "benchmarks",
     "benchmarks.corridor": "benchmarks",
     "benchmarks.interrupt": "benchmarks",
     "benchmarks.optimum": "benchmarks",

@@ -154,7 +154,7 @@ class Looks:
 def test_the_planner_hands_over_the_context_as_a_copy():
     task, looks = straight(), Looks()
     config = EpisodeConfig(timeout=0.5)
-    seen = drive(task, navigator(task, looks, risk=0.1), config)
+    seen = drive(task, navigator(task, looks, reliance=0.1), config)
     assert looks.sizes == {(12.0, 12.0)}
     plain = drive(task, navigator(task, None), config)
     assert np.array_equal(seen.trace["states"], plain.trace["states"])
@@ -173,7 +173,7 @@ class Writes(Looks):
 
 def test_a_context_side_that_raises_is_a_broken_contract():
     with pytest.raises(BadPredictionError, match="context_side raised"):
-        navigator(straight(), Raises(), risk=0.1)
+        navigator(straight(), Raises(), reliance=0.1)
 
 
 def test_a_predictor_that_writes_into_its_context_breaks_the_contract():
@@ -199,7 +199,7 @@ def test_a_context_that_is_no_length_is_refused(side):
     looks = Looks()
     looks.context_side = side
     with pytest.raises(BadPredictionError, match="context_side is"):
-        navigator(straight(), looks, risk=0.1)
+        navigator(straight(), looks, reliance=0.1)
     with pytest.raises(BadPredictionError, match="context_side is"):
         check_predictor(looks)
 

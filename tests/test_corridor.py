@@ -70,7 +70,7 @@ def test_the_results_have_the_documented_fields(narrow):
     assert episode["outcome"] in OUTCOMES
     assert episode["outcome"] != "collided"
     assert r["settings"]["world"] == ["narrow"]
-    assert r["settings"]["risk"] == 0.05
+    assert r["settings"]["reliance"] == 0.05
     assert r["settings"]["vehicle"] == "dubins"
     json.loads((out / "results.json").read_text(), parse_constant=pytest.fail)
 
@@ -180,6 +180,8 @@ def test_help_names_the_units(tmp_path):
         "--arms",
         "--predictor",
         "--risk",
+        "--level",
+        "--reliance",
         "--v-max",
         "--window",
         "--expansion",

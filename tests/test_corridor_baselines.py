@@ -95,13 +95,19 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
         assert np.array_equal(a["e0/oracle/states"], b["e0/oracle/states"])
 
 
-def test_baselines_of_another_risk_serve_the_arms_that_have_their_own(short_map, tmp_path, capsys):
+def test_baselines_of_another_reliance_serve_the_arms_that_have_their_own(
+    short_map, tmp_path, capsys
+):
     command = ("--world", short_map, "--episodes", 1, "--jobs", 1, "--predictor", "none")
     first, second = tmp_path / "first", tmp_path / "second"
     assert run(*command, "--arms", "known,oracle", "--out", first) == 0
-    for arms, why in (("oracle", "holds a run with risk 0.05"), ("predicted", "chosen predictor")):
+    for arms, why in (
+        ("oracle", "holds a run with reliance 0.05"),
+        ("predicted", "chosen predictor"),
+    ):
         assert (
-            run(*command, "--arms", arms, "--risk", 0.2, "--baselines", first, "--out", second) == 2
+            run(*command, "--arms", arms, "--reliance", 0.2, "--baselines", first, "--out", second)
+            == 2
         )
         assert why in capsys.readouterr().err
         assert not second.exists()
@@ -110,7 +116,7 @@ def test_baselines_of_another_risk_serve_the_arms_that_have_their_own(short_map,
             *command,
             "--arms",
             "known,oracle",
-            "--risk",
+            "--reliance",
             0.2,
             "--expansion",
             1.5,

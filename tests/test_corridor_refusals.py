@@ -68,10 +68,10 @@ def test_broken_maps_exit_with_two_and_one_line(name, tmp_path, capsys):
 def test_a_folder_of_another_run_is_refused_in_one_line_and_left_alone(narrow, capsys):
     out, command = narrow
     before = (out / "results.json").read_bytes()
-    assert run(*command, "--risk", 0.5) == 2
+    assert run(*command, "--reliance", 0.5) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "risk 0.05" in error
+    assert "reliance 0.05" in error
     assert (out / "results.json").read_bytes() == before
 
 

@@ -110,7 +110,7 @@ FAULTS = {
 @pytest.mark.parametrize("misbehave", FAULTS, ids=lambda f: f.__name__)
 def test_a_car_whose_predictor_misbehaves_drives_on_in_known_space_and_counts_it(misbehave):
     task = straight()
-    driver = navigator(task, Misbehaving(misbehave), risk=0.3, steer=True)
+    driver = navigator(task, Misbehaving(misbehave), reliance=0.3, steer=True)
     episode = drive(task, driver, EpisodeConfig(timeout=0.8))
     assert episode.outcome is not Outcome.COLLIDED
     assert episode.path_length > 1.0
@@ -136,8 +136,8 @@ def with_nan_confidence(good):
 def test_a_prediction_of_nothing_but_nan_is_a_prediction_of_nothing(misbehave):
     task = straight()
     config = EpisodeConfig(timeout=0.8)
-    blind = drive(task, navigator(task, Misbehaving(misbehave), risk=0.3), config)
-    plain = drive(task, navigator(task, None, risk=0.3), config)
+    blind = drive(task, navigator(task, Misbehaving(misbehave), reliance=0.3), config)
+    plain = drive(task, navigator(task, None, reliance=0.3), config)
     assert np.array_equal(blind.trace["states"], plain.trace["states"])
     assert blind.faults["predictor_nan"] == len(blind.trace["kept"])
     assert "predictor_nan" not in plain.faults
@@ -158,7 +158,7 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
                 return Misbehaving(lambda good: good).predict(known, pose)
             return super().predict(known, pose)
 
-    driver = navigator(task, HangsLater(hangs), risk=0.3, deadline=0.02)
+    driver = navigator(task, HangsLater(hangs), reliance=0.3, deadline=0.02)
     started = time.monotonic()
     state, speeds = np.array([*task.start, 0.0]), []
     for _ in range(25):
@@ -193,7 +193,7 @@ class Hangs(Misbehaving):
 
 
 task = straight()
-drive(task, navigator(task, Hangs(hangs), risk=0.3, deadline=0.05), EpisodeConfig(timeout=0.3))
+drive(task, navigator(task, Hangs(hangs), reliance=0.3, deadline=0.05), EpisodeConfig(timeout=0.3))
 print("driven", flush=True)
 """
 

@@ -29,9 +29,13 @@ def test_a_state_that_is_not_finite_is_refused():
 @pytest.mark.parametrize(
     "changes",
     [
-        {"risk": -0.1},
-        {"risk": 1.1},
-        {"risk": math.nan},
+        {"reliance": -0.1},
+        {"reliance": 1.1},
+        {"reliance": math.nan},
+        {"level": -0.1},
+        {"level": 1.0},
+        {"level": math.nan},
+        {"level": 0.2, "reliance": 0.1},
         {"expansion": 0.9},
         {"margin": math.nan},
         {"margin": -0.1},
@@ -181,7 +185,7 @@ class Sure:
 @pytest.mark.parametrize(("family", "seed"), [("narrow", 1), ("trap", 1), ("office", 2)])
 def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family, seed):
     task = sample_task(generate(family, seed), seed)
-    driver = navigator(task, Sure(0.95), risk=0.1)
+    driver = navigator(task, Sure(0.95), reliance=0.1)
     decide = driver.step
 
     def step(state, scan):
@@ -205,8 +209,8 @@ def test_a_sure_prediction_of_free_space_makes_the_car_faster():
     task = straight()
     config = EpisodeConfig(timeout=0.9)
     plain = drive(task, navigator(task, None), config)
-    sure = drive(task, navigator(task, Sure(), risk=0.1), config)
-    distrusted = drive(task, navigator(task, Sure(), risk=0.0), config)
+    sure = drive(task, navigator(task, Sure(), reliance=0.1), config)
+    distrusted = drive(task, navigator(task, Sure(), reliance=0.0), config)
     assert sure.max_speed > plain.max_speed + 0.3
     assert (sure.trace["kept"] >= 0).any()
     assert np.array_equal(distrusted.trace["states"], plain.trace["states"])

@@ -34,7 +34,7 @@ def test_a_plug_in_in_a_file_of_ones_own_runs_from_any_folder(short_map, tmp_pat
         short_map,
         "--arms",
         "predicted",
-        "--risk",
+        "--reliance",
         0.5,
         "--episodes",
         2,

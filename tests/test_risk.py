@@ -122,9 +122,37 @@ def test_what_is_certain_was_seen_free_or_is_known_to_an_oracle(
         assert (risk.certain[told] == oracle).all()
 
 
+@given(grids, shares_or_nan, shares, risks, risks, risks)
+def test_what_is_certain_never_shrinks_as_the_level_grows(known, p, c, epsilon, a, b):
+    small, large = (
+        RiskMap.from_prediction(known, believed(p, c), epsilon, level=level * epsilon).certain
+        for level in (min(a, b), max(a, b))
+    )
+    assert (small <= large).all()
+
+
+@given(grids, shares, shares, st.floats(0.01, 0.99), st.floats(0.01, 0.99))
+def test_above_level_zero_what_is_believed_firmly_enough_is_certain(known, p, c, epsilon, part):
+    level = part * epsilon
+    risk = RiskMap.from_prediction(known, believed(p, c), epsilon, level=level)
+    assert (risk.certain <= risk.safe).all()
+    assert risk.certain[known.free].all()
+    assert not risk.certain[known.occupied].any()
+    believed_free = known.unknown & (risk.trust >= 1.0 - level)
+    doubted = known.unknown & (risk.trust < 1.0 - level - 1e-5)
+    assert risk.certain[believed_free].all()
+    assert not risk.certain[doubted].any()
+
+
+@pytest.mark.parametrize("level", [-0.01, 0.2, float("nan")])
+def test_a_level_above_the_reliance_is_refused(level):
+    with pytest.raises(ValueError, match="level"):
+        RiskMap.from_prediction(Grid(FRAME, np.zeros(SHAPE, np.int8)), None, 0.1, level=level)
+
+
 @pytest.mark.parametrize("epsilon", [-0.01, 1.01, float("nan"), float("inf"), -float("inf")])
-def test_a_risk_outside_zero_to_one_is_refused(epsilon):
-    with pytest.raises(ValueError, match=r"must lie in \[0, 1\]"):
+def test_a_reliance_outside_zero_to_one_is_refused(epsilon):
+    with pytest.raises(ValueError, match="reliance"):
         RiskMap.from_prediction(Grid(FRAME, np.zeros(SHAPE, np.int8)), None, epsilon)
 
 

@@ -45,15 +45,17 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
     assert "## Overview" in capsys.readouterr().out
 
 
-def test_the_tables_of_runs_have_the_risk_asked_for_beside_what_became_of_it(capsys):
-    files = sorted((Path(__file__).parents[1] / "docs/results/risk").glob("corridor-*.json"))
+def test_the_tables_of_runs_have_the_reliance_beside_what_became_of_it(capsys):
+    files = sorted((Path(__file__).parents[1] / "docs/results/reliance").glob("corridor-*.json"))
     assert len(files) > 1
     assert tables.main([str(path) for path in files]) == 0
     text = capsys.readouterr().out
-    rows = [line.split("|") for line in text.split("## Risks")[1].split("##")[0].splitlines()[4:]]
+    rows = [
+        line.split("|") for line in text.split("## Reliances")[1].split("##")[0].splitlines()[4:]
+    ]
     rows = [[cell.strip() for cell in row] for row in rows if len(row) > 1]
     assert [row[1] for row in rows] == [path.stem for path in files]
     for row, path in zip(rows, files, strict=True):
-        assert float(row[4]) == json.loads(path.read_text())["settings"]["risk"]
+        assert float(row[4]) == json.loads(path.read_text())["settings"]["reliance"]
         value, low, high = re.fullmatch(r"(.+) % \((.+)–(.+)\)", row[5]).groups()
         assert float(low) < float(value) < float(high)

@@ -131,8 +131,8 @@ def _driven(
     """
     task = task_in_world(world, seed, CarLimits())
     # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
-    window, risk = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
-    states = driven(task, window, risk, rng, config.longest)
+    window, reliance = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
+    states = driven(task, window, reliance, rng, config.longest)
     for _ in range(config.views):
         window = float(rng.choice(WINDOWS))
         noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
@@ -223,7 +223,7 @@ def _replayed(
 def driven(
     task: Task,
     window: float,
-    risk: float,
+    reliance: float,
     rng: np.random.Generator,
     longest: float | None = None,
 ) -> NDArray[np.float64]:
@@ -232,13 +232,13 @@ def driven(
     Args:
         task: building, start and goal.
         window: window of the LIDAR [m].
-        risk: 0: unobserved cells count as occupied; 1: as free.
+        reliance: 0: unobserved cells count as occupied; 1: as free.
         rng: generator of the LIDAR's noise.
         longest: time after which the drive is stopped [s]; None: never.
     """
     import numpy as np
 
-    config = NavigatorConfig(window=window, risk=risk)
+    config = NavigatorConfig(window=window, reliance=reliance)
     start, car, ending = np.array(task.start), DubinsCar(), EpisodeConfig()
     if longest is not None:
         ending = EpisodeConfig(timeout=longest * car.limits.v_max / task.path_length)

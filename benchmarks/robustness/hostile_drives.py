@@ -16,7 +16,7 @@ from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
 from sim.task import NoTaskError
 
-RISKS = (0.0, 0.05, 0.2, 0.5, 0.99)
+RELIANCES = (0.0, 0.05, 0.2, 0.5, 0.99)
 SPEEDS = (2.0, 4.0, 6.0)
 
 
@@ -33,7 +33,7 @@ def scenario(index: int, seed: int) -> tuple[str, Settings]:
         seed=seed + index,
         arms=("predicted",),
         predictor="none",
-        risk=float(rng.choice(RISKS)),
+        reliance=float(rng.choice(RELIANCES)),
         v_max=float(rng.choice(SPEEDS)),
         vehicle=str(rng.choice(tuple(VEHICLES))),
     )
@@ -55,7 +55,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         "index": index,
         "kind": kind,
         "world": settings.world[0],
-        **{k: getattr(settings, k) for k in ("seed", "route", "vehicle", "risk", "v_max")},
+        **{k: getattr(settings, k) for k in ("seed", "route", "vehicle", "reliance", "v_max")},
         "commit": commit(),
     }
     try:

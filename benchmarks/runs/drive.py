@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -204,6 +205,28 @@ def car_of(settings: Settings) -> CarLimits:
     return CarLimits(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
 
 
+def navigator_config(settings: Settings, arm: Arm, resolution: float) -> NavigatorConfig:
+    """Return the settings of an arm's navigator.
+
+    Args:
+        settings: of the run.
+        arm: what may be relied upon.
+        resolution: of the map [m].
+    """
+    level = settings.level if arm.takes_risk else 0.0
+    return NavigatorConfig(
+        window=settings.window,
+        expansion=settings.expansion,
+        # A plan may rely upon whatever its last resort may.
+        reliance=max(settings.reliance, level) if arm.reliance is None else arm.reliance,
+        level=level,
+        steer=arm.steer,
+        oracle=arm.predictor == "oracle",
+        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
+        car=car_of(settings),
+    )
+
+
 def navigator_for(
     settings: Settings, arm: Arm, task: Task, predictor: Predictor | None, deadline: float
 ) -> Navigator:
@@ -216,18 +239,8 @@ def navigator_for(
         predictor: the arm's.
         deadline: for its answers [s].
     """
-    truth = task.world.grid
-    config = NavigatorConfig(
-        window=settings.window,
-        expansion=settings.expansion,
-        risk=settings.risk if arm.risk is None else arm.risk,
-        steer=arm.steer,
-        oracle=arm.predictor == "oracle",
-        deadline=deadline,
-        margin=3 * settings.noise + truth.frame.resolution if settings.noise > 0 else 0.0,
-        car=car_of(settings),
-    )
-    window = settings.window
+    truth, window = task.world.grid, settings.window
+    config = replace(navigator_config(settings, arm, truth.frame.resolution), deadline=deadline)
     known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
     waypoints = task.waypoints if settings.route == "fixed" else None
     start = np.array(task.start)

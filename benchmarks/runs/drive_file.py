@@ -81,6 +81,7 @@ class DriveFile:
         items: Sequence[Item],
         jobs: int,
         about: Callable[[dict[str, Any]], str],
+        enough: Callable[[], bool] = lambda: False,
     ) -> dict[Item, str]:
         """Do the drives that the file lacks, with a progress bar.
 
@@ -89,6 +90,7 @@ class DriveFile:
             items: one for each drive, in the order of their numbers.
             jobs: worker processes.
             about: tells of a drive beside the bar.
+            enough: whether the drives that there are will do; asked after each.
 
         Returns:
             The items without a drive, and why.
@@ -97,7 +99,9 @@ class DriveFile:
             UsageError: if drives are lost because processes died, or the file cannot be written.
         """
         todo = [item for index, item in enumerate(items) if index not in self.drives]
-        skipped = {}
+        skipped = dict[Item, str]()
+        if enough():
+            return skipped
         with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
             try:
                 for item, found in finished(work, todo, jobs):
@@ -107,6 +111,8 @@ class DriveFile:
                         self.add(found)
                         bar.set_postfix_str(about(found))
                     bar.update()
+                    if enough():
+                        break
             except LostError as error:
                 raise UsageError(f"{error}; the same command tries again") from None
         return skipped

@@ -60,8 +60,8 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
     return records(rows)
 
 
-def risks(runs: dict[str, dict[str, Any]]) -> str:
-    """Return a line for each run of `predicted`: the risk asked for and the realised one.
+def reliances(runs: dict[str, dict[str, Any]]) -> str:
+    """Return a line for each run of `predicted`: its reliance ε and the promises it broke.
 
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
@@ -74,7 +74,7 @@ def risks(runs: dict[str, dict[str, Any]]) -> str:
                 "run": name,
                 "predictor": f"`{Path(settings['predictor']).stem}`",
                 "expansion": f"{settings['expansion']:g}",
-                "ε": f"{settings['risk']:g}",
+                "ε": f"{settings['reliance']:g}",
                 "promises broken (95 % over worlds)": broken(entry),
                 **{key: entry[key] for key in ("episodes", "reached", "collided")},
                 "SCT": figure(entry["sct"], entry["sct_interval"], ".3f"),

@@ -15,15 +15,20 @@ class Arm:
 
     Attributes:
         predictor: "none", "chosen" (by the user) or "oracle".
-        risk: ε; None: the value of --risk.
+        reliance: ε; None: the value of --reliance.
         steer: whether the prediction moves the route.
         whole_map: whether all of the world is known from the start.
     """
 
     predictor: str
-    risk: float | None
+    reliance: float | None
     steer: bool
     whole_map: bool
+
+    @property
+    def takes_risk(self) -> bool:
+        """Whether --risk and --level are of any concern to this arm."""
+        return self.predictor == "chosen" and self.reliance is None
 
     def drives_alike(self, differing: set[str]) -> bool:
         """Return whether this arm drives alike in comparisons with some settings different.
@@ -33,27 +38,27 @@ class Arm:
         Args:
             differing: names of these settings.
         """
-        heedless = {"predictor", "weights"}
+        heedless = {"predictor", "weights", "risk", "level"}
         if self.predictor == "none":
             heedless.add("expansion")
-        if self.risk is not None:
-            heedless.add("risk")
+        if self.reliance is not None:
+            heedless.add("reliance")
         return self.predictor != "chosen" and differing <= heedless
 
 
 ARMS = {
     # What was seen, no prediction at all.
-    "known": Arm(predictor="none", risk=0.0, steer=False, whole_map=False),
+    "known": Arm(predictor="none", reliance=0.0, steer=False, whole_map=False),
     # What was seen; the prediction steers the route.
-    "known+route": Arm(predictor="chosen", risk=0.0, steer=True, whole_map=False),
-    # The prediction, at the stated risk.
-    "predicted": Arm(predictor="chosen", risk=None, steer=True, whole_map=False),
+    "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
+    # The prediction, at the stated reliance and risk.
+    "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False),
     # All that was not seen occupied.
-    "optimistic": Arm(predictor="none", risk=1.0, steer=False, whole_map=False),
+    "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
     # The truth inside the predicted window.
-    "oracle": Arm(predictor="oracle", risk=None, steer=True, whole_map=False),
+    "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False),
     # The whole map.
-    "full": Arm(predictor="none", risk=0.0, steer=False, whole_map=True),
+    "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),
 }
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 """The cars, and how fast each reverses [m/s]; 0: it has no reverse gear."""
@@ -97,8 +102,25 @@ class Settings(Options):
         "P",
     )
     risk: float = option(
+        0.0,
+        "chance of a collision in a drive that arm predicted may take; 0: none, by construction. "
+        "Above 0 a calibration says how far its last resort may rely upon predictions",
+        "δ",
+        low=0,
+        high=1,
+    )
+    level: float = option(
+        0.0,
+        "in place of --risk: the last resort of arm predicted may rely upon an unobserved cell if "
+        "confidence · p_free is at least 1 − λ; 0: upon none. Nothing is certified",
+        "λ",
+        low=0,
+        high=0.99,
+    )
+    reliance: float = option(
         0.05,
-        "risk: a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε",
+        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε; if that "
+        "proves wrong, the car brakes hard",
         "ε",
         low=0,
         high=1,

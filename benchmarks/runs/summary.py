@@ -120,8 +120,8 @@ def title(settings: dict[str, Any]) -> str:
         f"{named}, route {settings['route']}, {(UNNAMED | settings)['vehicle']} car; "
         f"window {settings['window']:g} m × "
         f"{settings['expansion']:g}, v_max {settings['v_max']:g} m/s, predictor "
-        f"{settings['predictor']}, risk ε = {settings['risk']:g} (0: only what was seen free "
-        "counts; 1: all not seen occupied)"
+        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}, "
+        f"risk δ = {settings['risk']:g}, level λ = {settings['level']:g}"
     )
 
 

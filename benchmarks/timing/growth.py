@@ -90,7 +90,7 @@ def believing(task: Task, window: float, expansion: float) -> Times:
         window: that the LIDAR writes into [m].
         expansion: predicted square over it.
     """
-    config = NavigatorConfig(window=window, expansion=expansion, risk=0.05)
+    config = NavigatorConfig(window=window, expansion=expansion, reliance=0.05)
     poses = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
     rng = np.random.default_rng(0)
     (*_, (known, _)) = seen_again(task, poses, window, LidarConfig(), rng, 1)
@@ -101,7 +101,7 @@ def believing(task: Task, window: float, expansion: float) -> Times:
     near = [known.crop(known.frame.square(x, y, config.risk_side)) for x, y in poses[:, :2]]
 
     def risk(i: int) -> RiskMap:
-        return RiskMap.from_prediction(near[i], beliefs[i], config.risk)
+        return RiskMap.from_prediction(near[i], beliefs[i], config.reliance)
 
     return {
         "crop": timed(lambda i: known.crop(squares[i]), REPEATS),

@@ -1,4 +1,4 @@
-"""The risk map: the cells that a plan may rely upon, at a given risk."""
+"""The risk map: the cells that a plan, and its last resort, may rely upon."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class RiskMap:
         trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
             free, 0 where seen occupied, (rows, columns).
         safe: cells that a plan may rely upon, (rows, columns).
-        certain: cells of the safe set that the last resort may rely upon: those seen free, and
-            those that an oracle says are free; at ε = 0 and ε = 1 it is `safe` itself, (rows,
-            columns).
+        certain: cells of the safe set that the last resort may rely upon: those seen free, those
+            believed free at the level λ, and those that an oracle says are free; at ε = 0 and
+            ε = 1 it is `safe` itself, (rows, columns).
         barred: cells seen occupied, or predicted, with whatever confidence, to be more likely not
             free: a plan should not end with the car's nose against them, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside it, (rows,
@@ -48,26 +48,29 @@ class RiskMap:
         epsilon: float,
         margin: float = 0.0,
         oracle: bool = False,
+        level: float = 0.0,
     ) -> RiskMap:
-        """Build the risk map at a risk ε.
+        """Build the risk map at a reliance ε and a level λ.
 
         ε = 0: only what has been seen free is safe. ε = 1: all that has not been seen occupied.
         Between them a cell not seen is safe where confidence · p_free >= 1 - ε, so that the
-        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown. No claim of a
-        predictor, whatever its confidence, makes a cell certain.
+        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown. What is certain is
+        decided in the same way by λ <= ε; at λ = 0 no claim of a predictor, whatever its
+        confidence, makes a cell certain.
 
         Args:
             known: what has been seen, on the frame of the new map.
             prediction: on a frame of the same lattice, or None.
-            epsilon: the risk ε in [0, 1].
+            epsilon: the reliance ε in [0, 1].
             margin: erosion of the safe set [m]: 3σ + 1 cell for a LIDAR of noise σ.
             oracle: whether the prediction is the truth: then a trust of 1 counts as seen.
+            level: the level λ in [0, ε].
 
         Raises:
-            ValueError: if ε lies outside [0, 1].
+            ValueError: if ε lies outside [0, 1], or λ outside [0, ε].
         """
-        if not 0.0 <= epsilon <= 1.0:
-            raise ValueError(f"risk is {epsilon}, it must lie in [0, 1]")
+        if not 0.0 <= level <= epsilon <= 1.0:
+            raise ValueError(f"level {level} and reliance {epsilon}: 0 <= level <= reliance <= 1")
         trust = known.free.astype(np.float32)
         barred = known.occupied.copy()
         if prediction is not None:
@@ -79,16 +82,18 @@ class RiskMap:
             trust[here][unseen] = believed[there][unseen]
             barred[here] |= unseen & blocked[there]
 
-        def relied(risk: float) -> NDArray[np.bool_]:
+        def relied(share: float) -> NDArray[np.bool_]:
             # A single-precision product of ones must still count at its face value.
-            cells = known.free | (known.unknown & (trust >= 1.0 - risk - 1e-6))
+            cells = known.free | (known.unknown & (trust >= 1.0 - share - 1e-6))
             if margin > 0.0:
                 cells &= distance_field(~cells) * known.frame.resolution > margin
             return cells
 
-        # A risk of -1 requires a trust of 2, which no prediction has.
+        # A share of -1 requires a trust of 2, which no prediction has.
         safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
-        certain = relied(0.0 if oracle else -1.0) if 0.0 < epsilon < 1.0 else safe
+        certain = safe
+        if 0.0 < epsilon < 1.0 and level < epsilon:
+            certain = relied(level if oracle or level > 0.0 else -1.0)
         clearance = _clearance(safe, known.frame.resolution)
         return cls(known.frame, known, trust, safe, certain, barred, clearance)
 

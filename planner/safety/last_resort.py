@@ -20,11 +20,13 @@ stay at rest because of this rule [m/s]."""
 
 
 class LastResort:
-    """Ensures that the car can stop inside what is certain if every prediction is wrong.
+    """Ensures that the car can stop inside what is certain, however wrong the rest is.
 
-    A plan relies on predictions at the risk ε. After its first step the next scan may show that
-    they are wrong; then some way to brake and swerve must still lie in what is certain. By
-    induction there always is one: the rest of the last tick's. If possible, it is one from whose
+    A plan relies on predictions at the reliance ε. After its first step the next scan may show that
+    they are wrong; then some way to brake and swerve must still lie in what is certain. As long as
+    what is certain is free there is one, by induction: the rest of the last tick's. At the level
+    λ = 0 only observed cells are certain. Above it, this rests on predictions too, and the car may
+    collide. If possible, it is one from whose
     end the car can go on, since a car that cannot reverse may otherwise stop in a corner for good.
 
     Args:

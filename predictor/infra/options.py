@@ -47,9 +47,13 @@ class Options:
         for one in fields(self):
             low, high = one.metadata.get("low"), one.metadata.get("high")
             value, choices = getattr(self, one.name), one.metadata.get("choices")
-            if low is not None and not low <= value <= high:
-                raise UsageError(f"{_flag(one)} is {value}, it must lie between {low} and {high}")
-            if choices and not set(value if isinstance(value, tuple) else (value,)) <= set(choices):
+            several = value if isinstance(value, tuple) else (value,)
+            for number in several if low is not None else ():
+                if not low <= number <= high:
+                    raise UsageError(
+                        f"{_flag(one)} is {number}, it must lie between {low} and {high}"
+                    )
+            if choices and not set(several) <= set(choices):
                 raise UsageError(f"{_flag(one)} is {value}, it must be of {', '.join(choices)}")
 
     @classmethod
@@ -83,11 +87,14 @@ def _add(parser: argparse._ActionsContainer, one: Field[Any]) -> None:
         parser.add_argument(_flag(one), action="store_true", help=told["help"])
         return
     many = isinstance(default, tuple) and told["parse"] is None
-    words = (" " if many else ",").join(default) if isinstance(default, tuple) else default
+    words, kind = default, type(default)
+    if isinstance(default, tuple):
+        words = (" " if many else ",").join(map(str, default))
+        kind = type(default[0]) if default else str
     parser.add_argument(
         _flag(one),
         default=default,
-        type=told["parse"] or (str if many else type(default)),
+        type=told["parse"] or kind,
         nargs="+" if many else None,
         metavar=told["metavar"],
         choices=told["choices"],

@@ -22,6 +22,8 @@ COMMANDS = {
     "stages": "benchmarks.stages",
     "prediction": "benchmarks.prediction",
     "evaluation": "predictor.evaluate",
+    "calibration": "benchmarks.calibrate",
+    "drives": "benchmarks.calibrate",
 }
 """The command that writes each kind of results."""
 

@@ -1,0 +1,67 @@
+"""Calibration: how far may the last resort rely upon predictions, for a chance of collision?
+
+python -m benchmarks.calibrate --world corridor narrow office paper --risks 0.05 0.02
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from benchmarks.runs.calibration_settings import CalibrateSettings
+from benchmarks.runs.settings import Settings
+from predictor.infra.command_line import OneLineParser, run_command
+
+if TYPE_CHECKING:
+    import argparse
+
+COMMAND = "benchmarks.calibrate"
+CONDITIONS = (
+    "world",
+    "route",
+    "predictor",
+    "v_max",
+    "window",
+    "expansion",
+    "noise",
+    "dropout",
+    "vehicle",
+    "reliance",
+)
+"""Settings of drives that are options of this command too."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        The exit status: 0 if each risk has a certified level; 1 if one has none; 2 for bad input;
+        130 if interrupted.
+    """
+    parser = OneLineParser(
+        prog=COMMAND,
+        description="Find the largest level at which the last resort may rely upon predictions, "
+        "while the chance of a collision in a drive stays below a bound: by learn-then-test on "
+        "drives at each level, in a fixed sequence from safe to bold. Interrupted calibrations go "
+        "on: give the same command again.",
+    )
+    CalibrateSettings.add_to(parser)
+    Settings.add_to(parser, *CONDITIONS)
+    parser.add_jobs()
+    parser.add_out("results/calibration", "folder of calibration.json and of the drives", "DIR")
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> int:
+    from benchmarks.runs.calibration import calibrate, table
+    from benchmarks.runs.drive import check_maps
+
+    settings, asked = Settings.of(args, *CONDITIONS), CalibrateSettings.of(args)
+    check_maps(settings.world)
+    found = calibrate(settings, asked, args.out, args.jobs)
+    print(table(found), "", args.out / "calibration.json", sep="\n")
+    return 0 if len(found["certified"]) == len(asked.risks) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

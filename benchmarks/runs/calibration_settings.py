@@ -1,0 +1,45 @@
+"""The settings of a calibration, apart from those of its drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from predictor.infra.command_line import UsageError
+from predictor.infra.options import Options, option
+
+SEED = 5_000_000
+"""Of the first building: none that a network has learned from, or a result was published of."""
+
+
+@dataclass(frozen=True)
+class CalibrateSettings(Options):
+    """All that decides a calibration, beside the settings of the drives."""
+
+    risks: tuple[float, ...] = option(
+        (0.05, 0.02),
+        "chances of a collision in a drive to certify, each on its own",
+        "δ",
+        low=1e-4,
+        high=0.5,
+    )
+    levels: tuple[float, ...] = option(
+        (0.001, 0.003, 0.01, 0.03, 0.05, 0.1),
+        "levels of the last resort to try, from safe to bold; the first that is not certified for "
+        "a risk ends its sequence",
+        "λ",
+        low=1e-6,
+        high=0.9,
+    )
+    drives: int = option(
+        1000, "most drives at a level, each in a building of its own", "N", low=1, high=10**6
+    )
+    confidence: float = option(
+        0.9, "probability with which each certificate shall hold", "P", low=0.5, high=0.999
+    )
+    seed: int = option(SEED, "seed of the first building", "N", low=0, high=2**31)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("risks", "levels"):
+            if len(set(getattr(self, name))) < len(getattr(self, name)):
+                raise UsageError(f"--{name} wants each number once")

@@ -1,0 +1,52 @@
+"""The level of the last resort that a calibration certifies for the drives of a comparison."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runs.drive import navigator_config
+from benchmarks.runs.settings import ARMS, Settings
+from planner.risk.calibration import SHIPPED, Calibration
+from predictor.infra.command_line import UsageError
+from predictor.provenance import fingerprint_of
+from predictor.registry import load_predictor
+
+RESOLUTION = 0.05
+"""Of the maps that the fingerprint of the planner's settings is made for [m]."""
+
+
+def conditions_of(settings: Settings) -> dict[str, Any]:
+    """Return all that a calibration on drives with some settings holds for."""
+    config = asdict(navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION))
+    weights = fingerprint_of(load_predictor(settings.predictor))
+    same = ("route", "vehicle", "v_max", "window", "expansion", "noise", "dropout", "reliance")
+    return {
+        # Without the runtime, which decides the last digits alone.
+        "predictor": (weights or settings.predictor).partition(" on ")[0],
+        "world": list(settings.world),
+        **{name: getattr(settings, name) for name in same},
+        "planner": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
+    }
+
+
+def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
+    """Return settings whose level is the one that is certified for their risk.
+
+    Args:
+        settings: of drives.
+        calibration: file of `benchmarks.calibrate`; None: the one that comes with this project.
+
+    Raises:
+        UsageError: if both risk and level are given.
+        CalibrationError: if the calibration is for other drives, or for no risk as small.
+    """
+    if settings.risk == 0.0:
+        return settings
+    if settings.level > 0.0:
+        raise UsageError("--level is in place of --risk: give one of them")
+    found = Calibration.load(calibration or SHIPPED)
+    return replace(settings, level=found.level_for(settings.risk, conditions_of(settings)))

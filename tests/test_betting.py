@@ -1,0 +1,57 @@
+"""The test by betting that `benchmarks.calibrate` certifies levels with."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from benchmarks.runs.betting import capital
+
+
+@given(st.lists(st.floats(0, 1), max_size=60), st.floats(0.001, 0.999))
+def test_the_capital_begins_near_one_and_never_becomes_negative(losses, bound):
+    money = capital(losses, bound)
+    assert money.shape == (len(losses),)
+    assert (money >= 0).all()
+    if losses:
+        assert money[0] <= 1.0 + bound / (1.0 - bound)
+
+
+@given(st.lists(st.floats(0, 1), min_size=2, max_size=40), st.data())
+def test_a_larger_loss_never_makes_the_gambler_richer(losses, data):
+    worse = list(losses)
+    where = data.draw(st.integers(0, len(losses) - 1))
+    worse[where] = data.draw(st.floats(losses[where], 1))
+    assert (capital(worse, 0.1) <= capital(losses, 0.1) + 1e-12).all()
+
+
+def test_no_bet_gains_on_average_where_the_mean_is_the_bound():
+    bound = 0.2
+    outcomes = [
+        (bound**a * (1 - bound) ** b, capital([x, y, z], bound)[-1])
+        for x in (0, 1)
+        for y in (0, 1)
+        for z in (0, 1)
+        for a, b in [(x + y + z, 3 - x - y - z)]
+    ]
+    assert sum(chance * money for chance, money in outcomes) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("bound", [0.05, 0.02])
+def test_false_certificates_are_as_rare_as_promised(bound):
+    rng = np.random.default_rng(0)
+    wrong = sum((capital(rng.random(1000) < bound, bound) >= 10).any() for _ in range(1000))
+    # 0.1 of 1000, and three standard deviations.
+    assert wrong < 100 + 3 * 9.5
+
+
+@pytest.mark.parametrize(("bound", "drives"), [(0.05, 70), (0.02, 177), (0.01, 355)])
+def test_drives_without_a_collision_convince_soon(bound, drives):
+    money = capital(np.zeros(400), bound)
+    assert np.argmax(money >= 10) + 1 == drives
+
+
+def test_a_rate_far_below_the_bound_is_nearly_always_certified():
+    rng = np.random.default_rng(1)
+    found = sum((capital(rng.random(500) < 0.015, 0.05) >= 10).any() for _ in range(200))
+    assert found > 190

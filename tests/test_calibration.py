@@ -1,0 +1,154 @@
+"""Calibrations: what they certify, for whom, and whom they refuse."""
+
+import json
+
+import pytest
+
+from benchmarks import calibrate, tables
+from benchmarks.runs import calibration
+from benchmarks.runs.certified import at_risk, conditions_of
+from benchmarks.runs.settings import Settings
+from planner.risk.calibration import Calibration, CalibrationError
+from predictor.infra.command_line import UsageError
+
+SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
+
+
+def written(path, **changes):
+    """Write a calibration of `SETTINGS` with some changes, and return its path."""
+    found = {
+        "kind": "calibration",
+        "conditions": conditions_of(SETTINGS),
+        "confidence": 0.9,
+        "certified": {"0.02": 0.003, "0.05": 0.01},
+    }
+    path.write_text(json.dumps(found | changes))
+    return path
+
+
+def test_a_risk_is_given_the_level_of_the_largest_certified_risk_below_it(tmp_path):
+    found = Calibration.load(written(tmp_path / "c.json"))
+    levels = [found.level_for(risk, conditions_of(SETTINGS)) for risk in (0.02, 0.03, 0.05, 0.5)]
+    assert levels == [0.003, 0.003, 0.01, 0.01]
+
+
+def test_a_smaller_risk_than_any_certified_one_is_refused(tmp_path):
+    found = Calibration.load(written(tmp_path / "c.json"))
+    with pytest.raises(
+        CalibrationError, match=r"no risk as small as 0.01; it certifies 0.02, 0.05"
+    ):
+        found.level_for(0.01, conditions_of(SETTINGS))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"v_max": 5.0}, "v_max"),
+        ({"vehicle": "reeds-shepp"}, "vehicle"),
+        ({"predictor": "extend"}, "predictor"),
+        ({"window": 7.5}, "window"),
+        ({"route": "fixed"}, "route"),
+        ({"reliance": 0.1}, "reliance"),
+        ({"noise": 0.02}, "noise"),
+        ({"world": ("corridor", "trap")}, "world"),
+    ],
+)
+def test_a_calibration_of_other_drives_is_refused(change, named, tmp_path):
+    found = written(tmp_path / "c.json")
+    settings = Settings(**({"world": ("corridor",), "predictor": "none", "risk": 0.05} | change))
+    with pytest.raises(CalibrationError, match=f"is for {named}"):
+        at_risk(settings, found)
+
+
+def test_a_calibration_of_another_planner_is_refused(tmp_path):
+    found = written(tmp_path / "c.json", conditions=conditions_of(SETTINGS) | {"planner": "other"})
+    with pytest.raises(CalibrationError, match="is for planner other"):
+        at_risk(Settings(predictor="none", risk=0.05), found)
+
+
+def test_one_of_the_families_of_a_mixture_is_enough(tmp_path):
+    settings = Settings(world=("narrow",), predictor="none", risk=0.05)
+    assert at_risk(settings, written(tmp_path / "c.json")).level == 0.01
+
+
+def test_without_risk_no_calibration_is_needed(tmp_path):
+    assert at_risk(SETTINGS, tmp_path / "missing.json") == SETTINGS
+
+
+def test_risk_and_level_exclude_each_other(tmp_path):
+    with pytest.raises(UsageError, match="--level is in place of --risk"):
+        at_risk(Settings(risk=0.05, level=0.01), written(tmp_path / "c.json"))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"kind": "attack"}', '{"kind": "calibration"}'])
+def test_a_file_that_is_no_calibration_is_refused_in_one_line(text, tmp_path):
+    path = tmp_path / "c.json"
+    path.write_text(text)
+    with pytest.raises(CalibrationError, match="is no calibration") as caught:
+        Calibration.load(path)
+    assert "\n" not in str(caught.value)
+
+
+def collides(share):
+    """Return a stand-in for drives, of which a share collides that is the level times `share`."""
+
+    def driven(settings, weights, index):
+        bad = ((index + 0.5) * 0.618034) % 1.0 < share * settings.level
+        return {
+            "index": index,
+            "place": settings.world[index % len(settings.world)],
+            "outcome": "collided" if bad else "reached",
+            "time": 10.0,
+            "path_length": 20.0,
+        }
+
+    return driven
+
+
+def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monkeypatch):
+    monkeypatch.setattr(calibration, "_driven", collides(1.0))
+    asked = calibrate.CalibrateSettings(levels=(0.001, 0.02, 0.2, 0.0001), drives=600)
+    found = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)
+    assert found["certified"] == {"0.02": 0.001, "0.05": 0.02}
+    assert [entry["level"] for entry in found["levels"]] == [0.0001, 0.001, 0.02, 0.2]
+    # A safe level needs few drives; a hopeless one is given up early.
+    assert found["levels"][0]["drives"] == 177
+    assert found["levels"][3]["drives"] < 600
+    loaded = Calibration.load(tmp_path / "calibration.json")
+    assert loaded.levels == {0.02: 0.001, 0.05: 0.02}
+    again = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)
+    assert again["levels"] == found["levels"]
+
+
+def test_collisions_are_told_for_each_kind_of_building(tmp_path, monkeypatch):
+    monkeypatch.setattr(calibration, "_driven", collides(1.0))
+    asked = calibrate.CalibrateSettings(risks=(0.3,), levels=(0.1,), drives=100)
+    (entry,) = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)["levels"]
+    assert entry["by_world"].keys() == {"corridor", "narrow"}
+    assert sum(drives for _, drives in entry["by_world"].values()) == entry["drives"]
+    assert sum(bad for bad, _ in entry["by_world"].values()) == entry["collided"]
+    assert "| 0.1" in calibration.table(
+        {"levels": [entry], "certified": {"0.3": 0.1}, "confidence": 0.9}
+    )
+
+
+def test_too_few_drives_to_certify_anything_are_refused_before_any_is_made(tmp_path, capsys):
+    command = ["--drives", "20", "--risks", "0.05", "--out", str(tmp_path / "run")]
+    assert calibrate.main(command) == 2
+    assert "--drives 20 cannot certify a risk of 0.05" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.slow
+def test_a_calibration_drives_and_takes_up_what_it_has(short_map, tmp_path, capsys):
+    out = tmp_path / "run"
+    command = ["--world", str(short_map), "--risks", "0.45", "--levels", "0.1", "--drives", "12"]
+    command += ["--jobs", "1", "--out", str(out)]
+    assert calibrate.main(command) == 0
+    assert "| 0.1" in capsys.readouterr().out
+    before = (out / "level-0.1.json").read_bytes()
+    assert tables.main([str(out / "calibration.json"), str(out / "level-0.1.json")]) == 0
+    assert capsys.readouterr().out.count("\n| 0.1 ") == 2
+    assert calibrate.main(command) == 0
+    assert (out / "level-0.1.json").read_bytes() == before
+    assert calibrate.main([*command, "--v-max", "3"]) == 2
