@@ -20,6 +20,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -184,6 +185,19 @@ class Samples:
         seen, truth = parted(self[index])
         return Square.of(middle(seen, CROP), seen, middle(truth, round(CROP * expansion)))
 
+    @cached_property
+    def _families(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(sorted({_family(facts) for facts in self.about}))}
+
+    @property
+    def families(self) -> int:
+        """Number of families of buildings; all maps of one's own are one."""
+        return len(self._families)
+
+    def family(self, index: int) -> int:
+        """Return the number of the family of a sample's building."""
+        return self._families[_family(self.about[self.starts[index][0]])]
+
     @property
     def worlds(self) -> frozenset[str]:
         """Hashes of the buildings, as driven through and as generated."""
@@ -196,6 +210,11 @@ class Samples:
         for block in self.codes:
             digest.update(block.tobytes())
         return digest.hexdigest()
+
+
+def _family(facts: dict[str, Any]) -> str:
+    """Return the family of a drive's building, "" for a map of one's own."""
+    return str(facts.get("family", ""))
 
 
 def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, Any]]:

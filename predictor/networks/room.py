@@ -25,14 +25,19 @@ def question(seen: Tensor) -> tuple[Tensor, Tensor]:
     return barred, (widened((seen == 2).byte()) > 0) & ~barred
 
 
-def widened(values: Tensor) -> Tensor:
-    """Return the largest value in the square around each cell; values are at least 0, (B, H, W)."""
+def widened(values: Tensor, reach: int = REACH) -> Tensor:
+    """Return the largest value in the square around each cell; values are at least 0, (B, H, W).
+
+    Args:
+        values: (B, H, W).
+        reach: of the square around its cell [cells].
+    """
     # Doubling the width, one axis after the other, is 20 times as fast as max_pool2d.
-    out = F.pad(values, (REACH, REACH, REACH, REACH))
+    out = F.pad(values, (reach, reach, reach, reach))
     for axis in (1, 2):
         width = 1
-        while width < 2 * REACH + 1:
-            step = min(width, 2 * REACH + 1 - width)
+        while width < 2 * reach + 1:
+            step = min(width, 2 * reach + 1 - width)
             length = out.shape[axis] - step
             out = torch.maximum(out.narrow(axis, 0, length), out.narrow(axis, step, length))
             width += step

@@ -10,17 +10,18 @@ from typing import Any
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from predictor.data.samples import Samples
 from predictor.data.squares import NOTHING, parted
-from predictor.networks.compact_net import ROOM, CompactNet
+from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_config import TrainConfig
 from predictor.training.group import Group
-from predictor.training.targets import batch_of, contexts_of, known_of, losses
+from predictor.training.targets import NEAR, batch_of, contexts_of, known_of, losses
 from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
 
@@ -34,6 +35,8 @@ ALONE = 0.2
 the predictor has one."""
 VALIDATED = 1024
 """Samples of a validation."""
+KIND_WEIGHT = 0.05
+"""Weight of the loss by which the context's network learns what kind of building it sees."""
 
 
 class CompactTrainer(Trainer):
@@ -77,9 +80,13 @@ class CompactTrainer(Trainer):
                 "to validate on"
             )
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.kinds = None
+        if self.net.context is not None:
+            self.kinds = KindOfBuilding(self.net.context, train.families).to(self.device)
         self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
+        learned = [*self.net.parameters(), *(self.kinds.parameters() if self.kinds else ())]
         self.optimizer = torch.optim.AdamW(
-            self.net.parameters(), config.rate, (0.9, 0.98), weight_decay=config.decay
+            learned, config.rate, (0.9, 0.98), weight_decay=config.decay
         )
         facts = {
             "config": dataclasses.asdict(config),
@@ -89,6 +96,7 @@ class CompactTrainer(Trainer):
             "threads (--jobs)": torch.get_num_threads(),
             "bfloat16": self.brief,
             "data": [train.digest, validation.digest],
+            "losses": {"near": NEAR, "kind": KIND_WEIGHT},
             "before": {
                 name: before[name]
                 for name in ("fingerprint", "config", "drives", "samples", "commit", "before")
@@ -113,12 +121,15 @@ class CompactTrainer(Trainer):
     def _state(self) -> dict[str, Any]:
         return {
             "net": self.net.state_dict(),
+            "kinds": self.kinds and self.kinds.state_dict(),
             "averaged": self.averaged,
             "optimizer": self.optimizer.state_dict(),
         }
 
     def _load(self, state: dict[str, Any]) -> None:
         self.net.load_state_dict(state["net"])
+        if self.kinds is not None:
+            self.kinds.load_state_dict(state["kinds"])
         self.averaged = state["averaged"]
         self.optimizer.load_state_dict(state["optimizer"])
 
@@ -130,7 +141,8 @@ class CompactTrainer(Trainer):
         drawn = [self.train.with_context(int(i)) for i in chosen]
         codes, contexts = [one for one, _ in drawn], [context for _, context in drawn]
         mirror, alone = rng.random(count) < 0.5, rng.random(count) < ALONE
-        return batch_of(codes, side, mirror), contexts_of(contexts, mirror, alone, side)
+        families = torch.tensor([self.train.family(int(i)) for i in chosen])
+        return batch_of(codes, side, mirror), contexts_of(contexts, mirror, alone, side), families
 
     def _learn(self, *batch: Tensor) -> list[float]:
         config, step = self.config, self.step
@@ -139,10 +151,12 @@ class CompactTrainer(Trainer):
         for group in self.optimizer.param_groups:
             group["lr"] = config.rate * share * fall
         self.net.train()
-        codes, contexts = (one.to(self.device) for one in batch)
+        codes, contexts, families = (one.to(self.device) for one in batch)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
             logits = self.net(known_of(codes), contexts)
         loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
+        if self.kinds is not None:
+            loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
         self.optimizer.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
@@ -162,6 +176,43 @@ class CompactTrainer(Trainer):
 
     def _export(self, facts: dict[str, Any]) -> None:
         save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
+
+
+class KindOfBuilding(nn.Module):
+    """Two questions that the context's network also learns from: which family, how much is free.
+
+    What a context says about the kind of building changes few cells, so that the loss of the cells
+    alone would hardly teach it. The answers are used in training only.
+
+    Args:
+        context: network whose features are to tell; they are caught on their way.
+        families: number of families of buildings.
+    """
+
+    def __init__(self, context: ContextNet, families: int) -> None:
+        super().__init__()
+        self.families = families
+        self.head = nn.Linear(2 * context.coarse.first.conv.out_channels, families + 1)
+        context.coarse.register_forward_hook(self._catch)
+
+    def _catch(self, block: nn.Module, given: Any, features: Tensor) -> None:
+        if block.training:
+            self.features = features
+
+    def loss(self, families: Tensor, codes: Tensor) -> Tensor:
+        """Compute the cross-entropy of both answers for the last batch of the network.
+
+        Args:
+            families: number of each sample's family, (B,).
+            codes: of the samples, (B, H, W).
+        """
+        features = self.features.float()
+        told = self.head(torch.cat([features.mean(dim=(2, 3)), features.amax(dim=(2, 3))], dim=1))
+        seen, truth = parted(codes)
+        unseen = seen == NOTHING
+        free = (unseen & (truth == 0)).sum(dim=(1, 2)) / unseen.sum(dim=(1, 2)).clamp(min=1)
+        of_free = F.binary_cross_entropy_with_logits(told[:, -1], free.float())
+        return F.cross_entropy(told[:, :-1], families) + of_free
 
 
 def validate(

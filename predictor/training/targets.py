@@ -63,8 +63,16 @@ def known_of(codes: Tensor) -> Tensor:
     return known.to(memory_format=torch.channels_last)
 
 
+NEAR = ((5, 2.0), (10, 1.0), (20, 0.5))
+"""Distances from what was observed [cells], and how much more a cell weighs that is nearer: the
+plans of a car rely upon such cells first."""
+
+
 def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     """Compute the mean negative log-likelihood of unobserved cells: of the classes, and of ROOM.
+
+    The classes' mean is weighted by `NEAR`. The weights depend on the input alone, so that the
+    score stays proper.
 
     Args:
         logits: (B, 4, H, W).
@@ -77,11 +85,22 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     room, asked = room_of(codes)
     # A car's square that reaches beyond the map is left out: its truth is unknown.
     asked = F.pad(asked[:, REACH:-REACH, REACH:-REACH], (REACH, REACH, REACH, REACH))
+    weight = unseen * nearness(seen)
     of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room.float(), reduction="none")
     return (
-        -(of_truth * unseen).sum() / unseen.sum().clamp(min=1),
+        -(of_truth * weight).sum() / weight.sum().clamp(min=1),
         (of_room * asked).sum() / asked.sum().clamp(min=1),
     )
+
+
+def nearness(seen: Tensor) -> Tensor:
+    """Return the weight of each cell by its distance from what was observed, (B, H, W)."""
+    reached, near = 0, (seen != NOTHING).byte()
+    weight = torch.ones(seen.shape, device=seen.device)
+    for distance, more in NEAR:
+        near, reached = widened(near, distance - reached), distance
+        weight += more * near
+    return weight
 
 
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
