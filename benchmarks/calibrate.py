@@ -27,6 +27,7 @@ CONDITIONS = (
     "dropout",
     "vehicle",
     "reliance",
+    "fixed_level",
 )
 """Settings of drives that are options of this command too."""
 

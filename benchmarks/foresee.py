@@ -14,6 +14,7 @@ COMMANDS = {
     "weave": ("benchmarks.weave", "count steering oscillations on straights"),
     "stages": ("benchmarks.stages", "time the stages of the control cycle"),
     "calibrate": ("benchmarks.calibrate", "certify how much risk the last resort may take"),
+    "risk": ("benchmarks.risk", "study requested against realised risk, and speed"),
     "attack": ("benchmarks.attack", "drive with hostile predictors"),
     "interrupt": (
         "benchmarks.interrupt",

@@ -29,6 +29,7 @@ TABLES = {
     "prediction": "benchmarks.prediction.tables:tables_of",
     "evaluation": "benchmarks.recording.evaluation:table",
     "calibration": "benchmarks.runs.calibration:table",
+    "risk": "benchmarks.risk_study.report:tables",
     "drives": "benchmarks.runs.calibration:table_of_drives",
 }
 """The function that turns each kind of results into Markdown; imported when it is needed."""

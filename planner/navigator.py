@@ -14,6 +14,7 @@ from planner.guide.guide import Guide, GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
+from planner.risk.adaptive_level import AdaptiveLevel
 from planner.risk.ask_predictor import Asker, LateError, RaisedError
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
@@ -49,6 +50,8 @@ class NavigatorConfig:
             least 1 - ε. If that proves wrong, the car brakes hard.
         level: λ in [0, ε]: so may the last resort with a probability of at least 1 - λ. If that
             proves wrong, the car may collide. 0: it relies on observed cells alone.
+        adapt: whether the level falls while predictions prove wrong, see
+            `planner.risk.adaptive_level`.
         steer: whether a prediction also changes the route.
         margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
         start_margin: margin around the body at the start that counts as seen free [m].
@@ -65,6 +68,7 @@ class NavigatorConfig:
     expansion: float = 2.0
     reliance: float = 0.0
     level: float = 0.0
+    adapt: bool = True
     steer: bool = False
     margin: float = 0.0
     start_margin: float = 0.5
@@ -163,6 +167,7 @@ class Navigator:
         self.chooser = self._choosers[1]
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
+        self._adaptive = AdaptiveLevel(config.level)
         self._gear = 1
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
@@ -194,6 +199,7 @@ class Navigator:
         self._tick += 1
         clock, faults = _Clock(), list[str]()
         self._integrate(scan, state, faults)
+        self._adaptive.check(self.known)
         clock.lap("integrate")
         prediction = self._predict(state, faults, clock)
         self._change_gear(self.guide.change_gear(state))
@@ -273,10 +279,13 @@ class Navigator:
         centre = driven[:2] + AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         # In reverse it relies only on what was seen free.
-        epsilon, level = (c.reliance, c.level) if self._gear > 0 else (0.0, 0.0)
+        level = self._adaptive.level if c.adapt else c.level
+        epsilon, level = (c.reliance, level) if self._gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
-        return RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle, level)
+        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle, level)
+        self._adaptive.believe(risk)
+        return risk
 
     def _change_gear(self, gear: int) -> None:
         if gear != self._gear:

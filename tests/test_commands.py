@@ -15,6 +15,7 @@ COMMANDS = {
     "benchmarks.optimum": "benchmarks",
     "benchmarks.plot": "benchmarks",
     "benchmarks.prediction.__main__": "predictor",
+    "benchmarks.risk": "benchmarks",
     "benchmarks.stages": "benchmarks",
     "benchmarks.stuck": "benchmarks",
     "benchmarks.tables": "benchmarks",

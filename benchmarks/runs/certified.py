@@ -23,7 +23,8 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
     """Return all that a calibration on drives with some settings holds for."""
     config = asdict(navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION))
     weights = fingerprint_of(load_predictor(settings.predictor))
-    same = ("route", "vehicle", "v_max", "window", "expansion", "noise", "dropout", "reliance")
+    lidar = ("window", "noise", "dropout")
+    same = ("route", "vehicle", "v_max", *lidar, "expansion", "reliance", "fixed_level")
     return {
         # Without the runtime, which decides the last digits alone.
         "predictor": (weights or settings.predictor).partition(" on ")[0],

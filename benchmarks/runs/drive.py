@@ -220,6 +220,7 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
         # A plan may rely upon whatever its last resort may.
         reliance=max(settings.reliance, level) if arm.reliance is None else arm.reliance,
         level=level,
+        adapt=not settings.fixed_level,
         steer=arm.steer,
         oracle=arm.predictor == "oracle",
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,

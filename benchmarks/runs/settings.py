@@ -38,7 +38,7 @@ class Arm:
         Args:
             differing: names of these settings.
         """
-        heedless = {"predictor", "weights", "risk", "level"}
+        heedless = {"predictor", "weights", "risk", "level", "fixed_level"}
         if self.predictor == "none":
             heedless.add("expansion")
         if self.reliance is not None:
@@ -116,6 +116,9 @@ class Settings(Options):
         "λ",
         low=0,
         high=0.99,
+    )
+    fixed_level: bool = option(
+        False, "keep the level of the last resort even while predictions prove wrong"
     )
     reliance: float = option(
         0.05,

@@ -23,6 +23,7 @@ COMMANDS = {
     "prediction": "benchmarks.prediction",
     "evaluation": "predictor.evaluate",
     "calibration": "benchmarks.calibrate",
+    "risk": "benchmarks.risk",
     "drives": "benchmarks.calibrate",
 }
 """The command that writes each kind of results."""

@@ -1,0 +1,92 @@
+"""The study of the risk dial: is the promise kept, and what speed does a risk buy?
+
+python -m benchmarks.risk --calibration results/calibration/calibration.json --hours 2
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from predictor.infra.command_line import OneLineParser, between, run_command
+
+COMMAND = "benchmarks.risk"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        The exit status: 0; 1 if a car has collided, or touched something, at a risk of 0; 2 for bad
+        input; 130 if interrupted.
+    """
+    parser = OneLineParser(
+        prog=COMMAND,
+        description="Drive at each risk that a calibration certifies, in buildings that it has not "
+        "seen, and compare the risk that was requested with the collisions, and the collisions "
+        "with the speed. Interrupted studies go on: give the same command again.",
+    )
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        type=Path,
+        help="calibration.json of benchmarks.calibrate (default: the one of this project)",
+    )
+    parser.add_argument(
+        "--maps",
+        metavar="W",
+        nargs="+",
+        default=[],
+        help="map_server .yaml files, or folders of them, of real buildings to drive in too",
+    )
+    parser.add_argument(
+        "--hours",
+        metavar="H",
+        type=between(0.0, 1e4),
+        default=4.0,
+        help="time that it may take [h]; all cells grow together (default: %(default)s)",
+    )
+    parser.add_argument("--quick", action="store_true", help="4 drives of each cell")
+    parser.add_jobs()
+    parser.add_out("results/risk", "folder of results.json, the figures and the drives", "DIR")
+    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> int:
+    from benchmarks.risk_study.cells import cells_of
+    from benchmarks.risk_study.drives import drive_all
+    from benchmarks.risk_study.figures import draw
+    from benchmarks.risk_study.report import against_known, promises, tables
+    from benchmarks.runs.drive import check_maps
+    from planner.risk.calibration import SHIPPED, Calibration
+    from predictor.infra.environment import commit, machine
+    from predictor.infra.results_file import write_results
+
+    calibration = Calibration.load(args.calibration or SHIPPED)
+    check_maps(tuple(args.maps))
+    cells = cells_of(calibration, args.maps, args.quick)
+    drives, missing = drive_all(cells, args.out / "drives", args.hours, args.jobs)
+    promise = promises(cells, drives)
+    found = {
+        "calibration": {
+            "conditions": calibration.conditions,
+            "certified": {f"{risk:g}": level for risk, level in calibration.levels.items()},
+            "confidence": calibration.confidence,
+        },
+        "machine": machine(),
+        "commit": commit(),
+        "missing": missing,
+        "promise": promise,
+        "pareto": against_known(cells, drives),
+    }
+    write_results(args.out / "results.json", "risk", found)
+    print("", tables(found), "", sep="\n")
+    for path in [*draw(found, args.out), args.out / "results.json"]:
+        print(path)
+    safe = [row for row in promise if row["requested"] == 0.0 or row["arm"] == "known"]
+    return 1 if any(row["collided"] or row["touched"] for row in safe) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,98 @@
+"""The drives of the study: all cells in turn, until their numbers or the time are reached."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.risk_study.cells import Cell
+from benchmarks.risk_study.geometry import touches
+from benchmarks.runs.drive import attempt
+from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.saved_run import frame_of
+from benchmarks.runs.settings import Settings
+from predictor.mapping.body import Body
+from predictor.mapping.grid import FREE
+from predictor.provenance import fingerprint_of
+from predictor.registry import load_predictor
+
+ROUND = 20
+"""Drives of a cell before the next cell's turn."""
+
+
+def drive_all(
+    cells: Sequence[Cell], out: Path, hours: float, jobs: int
+) -> tuple[dict[str, list[dict[str, Any]]], int]:
+    """Drive until each cell has its number of drives, or the time is over.
+
+    Args:
+        cells: to drive, the most important first.
+        out: folder of their files, which are taken up again.
+        hours: that it may take [h].
+        jobs: worker processes.
+
+    Returns:
+        The drives of each cell, by its name, without those that have no task; and how many are
+        still to be made.
+
+    Raises:
+        UsageError: if the folder holds other drives, or cannot be written.
+    """
+    files = {cell.name: _file(cell, out) for cell in cells}
+    end = time.monotonic() + 3600.0 * hours
+    done = 0
+    while time.monotonic() < end:
+        done += ROUND
+        lacking = [c for c in cells if len(files[c.name].first(_due(c, done))) < _due(c, done)]
+        if not lacking and all(_due(c, done) == c.settings.episodes for c in cells):
+            break
+        for cell in lacking:
+            if time.monotonic() > end:
+                break
+            print(f"{cell.name}, {_due(cell, done)} of {cell.settings.episodes}")
+            weights = fingerprint_of(load_predictor(cell.settings.predictor))
+            work = partial(_driven, cell.settings, weights)
+            files[cell.name].fill(
+                work,
+                range(_due(cell, done)),
+                jobs,
+                lambda drive: str(drive["outcome"]),
+                lambda: time.monotonic() > end,
+            )
+    found = {cell.name: files[cell.name].first(cell.settings.episodes) for cell in cells}
+    missing = sum(cell.settings.episodes - len(found[cell.name]) for cell in cells)
+    with_task = {
+        name: [drive for drive in drives if drive["outcome"] != "no task"]
+        for name, drives in found.items()
+    }
+    return with_task, missing
+
+
+def _due(cell: Cell, done: int) -> int:
+    return min(done, cell.settings.episodes)
+
+
+def _file(cell: Cell, out: Path) -> DriveFile:
+    told = json.loads(json.dumps(asdict(cell.settings)))
+    weights = fingerprint_of(load_predictor(cell.settings.predictor))
+    return DriveFile(out / f"{cell.name}.json", "drives", told | {"weights": weights}, "episodes")
+
+
+def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:
+    """Drive once; return its result, and whether an independent test says that it touched."""
+    (arm,) = settings.arms
+    driven = attempt(settings, weights, (index, arm))
+    if isinstance(driven, str):
+        return {"index": index, "outcome": "no task", "note": driven}
+    result, arrays = driven
+    cells = arrays[f"w{index}/cells"]
+    frame = frame_of(Path("trace"), arrays[f"w{index}/frame"], cells)
+    states = np.asarray(arrays[f"e{index}/{arm}/states"], dtype=np.float64)
+    return asdict(result) | {"touched": touches(states, cells != FREE, frame, Body())}

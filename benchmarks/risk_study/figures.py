@@ -1,0 +1,97 @@
+"""The figures of the study: requested against realised risk, and speed against collisions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
+
+GROUPS = {"promise": "o", "uncalibrated": "s", "not adapted": "^", "sham": "X"}
+"""Groups with a requested risk, and their markers."""
+
+
+def draw(found: dict[str, Any], out: Path) -> list[Path]:
+    """Draw the figures that the results suffice for, and return their files."""
+    paths = []
+    for name, figure in (("promise", _promise(found)), ("pareto", _pareto(found))):
+        if figure is not None:
+            figure.savefig(path := out / f"{name}.png", dpi=150)
+            paths.append(path)
+    return paths
+
+
+def _promise(found: dict[str, Any]) -> Figure | None:
+    """Draw the realised risk over the requested one, for the mixture and all controls."""
+    rows = [r for r in found["promise"] if r["requested"] and r["group"] in GROUPS]
+    if not rows:
+        return None
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    axes = figure.subplots()
+    most = max(r["interval"][1] for r in rows)
+    edge = max(most, max(r["requested"] for r in rows)) * 1.1
+    axes.plot([0, edge], [0, edge], color=INK, linewidth=0.8, label="as requested")
+    kinds = sorted({_kind(r) for r in rows})
+    for number, (group, place) in enumerate(kinds):
+        mine = sorted((r for r in rows if _kind(r) == (group, place)), key=lambda r: r["requested"])
+        # Side by side, so that the intervals can be told apart.
+        shift = edge * 0.004 * (number - len(kinds) / 2)
+        rates = [r["rate"] for r in mine]
+        axes.errorbar(
+            [r["requested"] + shift for r in mine],
+            rates,
+            [
+                [max(0.0, r["rate"] - r["interval"][0]) for r in mine],
+                [max(0.0, r["interval"][1] - r["rate"]) for r in mine],
+            ],
+            marker=GROUPS[group],
+            linewidth=0.8,
+            markersize=4,
+            capsize=2,
+            label=f"{place}" + ("" if group == "promise" else f", {group}"),
+        )
+    axes.set(
+        xlabel="requested risk δ, collisions per drive",
+        ylabel="realised risk (95 % intervals)",
+        xlim=(0, None),
+        ylim=(0, None),
+    )
+    axes.legend(fontsize=7, ncols=2)
+    return figure
+
+
+def _kind(row: dict[str, Any]) -> tuple[str, str]:
+    return row["group"], row["cell"].rpartition("-")[0]
+
+
+def _pareto(found: dict[str, Any]) -> Figure | None:
+    """Draw SCT over the rate of collisions, for each arm and top speed."""
+    rows = [r for r in found["promise"] if r["group"] in ("gap", "speed") and r["sct"] is not None]
+    if not rows:
+        return None
+    speeds = sorted({r["v_max"] for r in rows})
+    figure = Figure(figsize=(3.2 * len(speeds), 3.4), layout="constrained")
+    for axes, v_max in zip(figure.subplots(1, len(speeds), squeeze=False)[0], speeds, strict=True):
+        for arm in dict.fromkeys(r["arm"] for r in rows):
+            mine = sorted(
+                (r for r in rows if r["arm"] == arm and r["v_max"] == v_max),
+                key=lambda r: r["level"],
+            )
+            axes.errorbar(
+                [100 * r["rate"] for r in mine],
+                [r["sct"] for r in mine],
+                xerr=[
+                    [100 * max(0.0, r["rate"] - r["interval"][0]) for r in mine],
+                    [100 * max(0.0, r["interval"][1] - r["rate"]) for r in mine],
+                ],
+                color=ARM_COLOURS.get(arm, OTHER_ARM),
+                marker="o",
+                markersize=4,
+                linewidth=0.8,
+                label=arm,
+            )
+        axes.set(title=f"top speed {v_max:g} m/s", xlabel="collisions [% of drives]", ylabel="SCT")
+    axes.legend(fontsize=8)
+    return figure

@@ -1,0 +1,153 @@
+"""What the drives of the study say: promises, speed against collisions, share of the gap."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from scipy.stats import chi2
+
+from benchmarks.risk_study.cells import Cell
+from benchmarks.runs import statistics
+from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.statistics import ResultsByArm
+from predictor.infra.markdown import DASH, interval, records
+
+Drives = Mapping[str, Sequence[dict[str, Any]]]
+
+
+def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
+    """Return the requested and the realised risk of each cell that has a drive."""
+    rows = []
+    for cell in cells:
+        mine = drives[cell.name]
+        if not mine:
+            continue
+        outcomes = Counter(d["outcome"] for d in mine)
+        collided, km = outcomes["collided"], sum(d["path_length"] for d in mine) / 1e3
+        rows.append(
+            {
+                "group": cell.group,
+                "cell": cell.label,
+                "arm": cell.arm,
+                "world": list(cell.settings.world),
+                "route": cell.settings.route,
+                "v_max": cell.settings.v_max,
+                "requested": cell.risk,
+                "level": cell.settings.level,
+                "adapted": not cell.settings.fixed_level,
+                "seed": cell.settings.seed,
+                "drives": len(mine),
+                "collided": collided,
+                "rate": collided / len(mine),
+                "interval": list(statistics.wilson(collided, len(mine))),
+                "touched": sum(d["touched"] for d in mine),
+                "km": km,
+                "per_km": collided / km,
+                "per_km_interval": _poisson(collided, km),
+                "outcomes": dict(outcomes),
+                "sct": _mean([d["sct"] for d in mine]),
+                "speed": sum(d["path_length"] for d in mine) / sum(d["time"] for d in mine),
+                "impact_speed": _mean([d["impact_speed"] for d in mine]),
+                "commits": sorted({str(d["commit"]) for d in mine}),
+            }
+        )
+    return rows
+
+
+def against_known(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
+    """Return SCT, time ratio to `known` and share of the gap of each arm on a prescribed route."""
+    of = {cell.label: drives[cell.name] for cell in cells if cell.group == "gap"}
+    rows = []
+    for cell in cells:
+        if cell.group != "gap" or cell.label == "known":
+            continue
+        arms = _paired({"known": of["known"], "predicted": of[cell.label], "oracle": of["oracle"]})
+        if not arms["known"]:
+            continue
+        rows.append(
+            {
+                "arm": cell.label,
+                "level": cell.settings.level,
+                "episodes": len(arms["known"]),
+                "collided": sum(r.outcome == "collided" for r in arms["predicted"]),
+                "sct": statistics.success(arms, "predicted"),
+                "time_ratio": statistics.time_ratio(arms, "predicted", "known"),
+                "share_of_gap": {
+                    key: statistics.share_of_gap(arms, key) for key in ("sct", "time")
+                },
+            }
+        )
+    return rows
+
+
+def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
+    """Return the results of arms on the episodes that all have driven."""
+    found = {arm: {d["index"]: DriveResult.from_json(d) for d in of} for arm, of in drives.items()}
+    both = sorted(set.intersection(*(set(of) for of in found.values())))
+    return {arm: [of[index] for index in both] for arm, of in found.items()}
+
+
+def _poisson(count: int, km: float) -> list[float]:
+    """Return the exact 95 % interval of a rate [1/km]."""
+    low = chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
+    return [float(low / km), float(chi2.ppf(0.975, 2 * count + 2) / 2 / km)]
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    there = [value for value in values if value is not None]
+    return sum(there) / len(there) if there else None
+
+
+def tables(found: dict[str, Any]) -> str:
+    """Return the results of the study as Markdown."""
+    parts = [_promise_table(found["promise"])]
+    if found["pareto"]:
+        parts.append(_gap_table(found["pareto"]))
+    if found["missing"]:
+        parts.append(f"{found['missing']} drives are still to be made: the same command goes on.")
+    return "\n\n".join(parts)
+
+
+def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
+    return records(
+        [
+            {
+                "group": row["group"],
+                "drives in": row["cell"],
+                "requested δ": DASH if row["requested"] is None else f"{row['requested']:g}",
+                "level λ": f"{row['level']:.2g}",
+                "collided": f"{row['collided']} of {row['drives']}",
+                "rate (95 %)": "–".join(f"{100 * end:.1f}" for end in row["interval"]) + " %",
+                "per km (95 %)": "–".join(f"{end:.2f}" for end in row["per_km_interval"]),
+                "reached / stuck / timed out": " / ".join(
+                    str(row["outcomes"].get(name, 0)) for name in ("reached", "stuck", "timed_out")
+                ),
+                "SCT": DASH if row["sct"] is None else f"{row['sct']:.3f}",
+                "speed [m/s]": f"{row['speed']:.2f}",
+            }
+            for row in rows
+        ]
+    )
+
+
+def _gap_table(rows: Sequence[dict[str, Any]]) -> str:
+    return records(
+        [
+            {
+                "arm": row["arm"],
+                "level λ": f"{row['level']:.2g}",
+                "episodes": row["episodes"],
+                "collided": row["collided"],
+                "SCT": _told(row["sct"], ".3f"),
+                "time ratio to `known`": _told(row["time_ratio"], ".2f"),
+                "share of the gap in time [%]": _told(row["share_of_gap"]["time"], ".0f", 100.0),
+            }
+            for row in rows
+        ]
+    )
+
+
+def _told(estimate: dict[str, Any] | None, form: str, scale: float = 1.0) -> str:
+    return DASH if estimate is None else interval(estimate, form, scale)

@@ -1,0 +1,128 @@
+"""The study of the risk dial: its cells, its independent test, and what it says."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_calibration import written
+
+from benchmarks import risk, tables
+from benchmarks.risk_study import cells as study
+from benchmarks.risk_study.cells import Cell, cells_of
+from benchmarks.risk_study.geometry import touches
+from benchmarks.risk_study.sham import Sham, _questions
+from benchmarks.runs.certified import conditions_of
+from benchmarks.runs.settings import Settings
+from planner.risk.calibration import Calibration
+from predictor.mapping.body import Body
+from predictor.mapping.grid import Grid, GridFrame
+from predictor.registry import load_predictor
+
+SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
+CALIBRATION = Calibration(Path("c.json"), conditions_of(SETTINGS), {0.02: 0.001, 0.05: 0.01}, 0.9)
+FRAME = GridFrame(0.05, (0.0, 0.0), (60, 100))
+
+
+def straight(y, yaw=0.0):
+    """A drive along x at a height y [m]."""
+    x = np.arange(1.0, 4.0, 0.3)
+    return np.column_stack([x, np.full(len(x), y), np.full(len(x), yaw), np.full(len(x), 3.0)])
+
+
+@pytest.mark.parametrize(
+    ("y", "yaw", "hit"),
+    [(1.0, 0.0, False), (1.79, 0.0, False), (1.9, 0.0, True), (1.75, 0.5, True)],
+)
+def test_the_independent_test_finds_what_the_body_touches(y, yaw, hit):
+    solid = np.zeros(FRAME.shape, bool)
+    # A post of one cell, with its near side at y = 1.95 m.
+    solid[39, 50] = True
+    assert Body().half_width == pytest.approx(0.15)
+    assert touches(straight(y, yaw), solid, FRAME, Body()) == hit
+
+
+def test_to_leave_the_map_is_to_touch():
+    solid = np.zeros(FRAME.shape, bool)
+    for states in (straight(0.1), straight(2.95), straight(1.0) + np.array([2.0, 0.0, 0.0, 0.0])):
+        assert touches(states, solid, FRAME, Body())
+
+
+def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
+    cells = cells_of(CALIBRATION, ["maps/a.yaml"], quick=False)
+    names = [cell.name for cell in cells]
+    assert len(set(names)) == len(names)
+    asked = {cell.risk: cell.settings.level for cell in cells if cell.group in ("gap", "promise")}
+    assert asked == {None: 0.0, 0.0: 0.0, 0.02: 0.001, 0.05: 0.01}
+    assert {cell.settings.level for cell in cells if cell.group == "uncalibrated"} == {0.02, 0.05}
+    assert all(cell.settings.fixed_level == (cell.group == "not adapted") for cell in cells)
+    assert any(cell.settings.world == ("maps/a.yaml",) for cell in cells)
+    quick = cells_of(CALIBRATION, [], quick=True)
+    assert {cell.settings.episodes for cell in quick} == {4}
+
+
+def test_buildings_of_the_study_are_not_those_of_the_calibration():
+    seeds = {cell.settings.seed for cell in cells_of(CALIBRATION, [], quick=False)}
+    assert seeds == {study.SEED, study.GAP_SEED}
+    assert min(seeds) > 5_000_000 + 100_000
+
+
+def test_the_sham_believes_what_is_true_elsewhere():
+    known = Sham()._compact
+    sham = load_predictor(study.SHAM)
+    other, pose = _questions()[3]
+    crop = other.crop(other.frame.square(float(pose[0]), float(pose[1]), 10.0))
+    mine, theirs = known.predict(crop, pose), sham.predict(crop, pose)
+    again = sham.predict(crop, pose)
+    assert np.array_equal(theirs.confidence, again.confidence)
+    unseen = crop.unknown
+    assert not np.allclose(mine.p_free[unseen], theirs.p_free[unseen])
+    assert np.array_equal(mine.p_free[~unseen], theirs.p_free[~unseen])
+    with pytest.raises(ValueError, match="no square"):
+        sham.predict(Grid(FRAME, np.full(FRAME.shape, -1, np.int8)), np.array([2.0, 2.0, 0.0]))
+
+
+@pytest.fixture
+def few_cells(short_map, monkeypatch):
+    """A study of few drives on a short map."""
+    base = Settings(world=(str(short_map),), predictor="none", episodes=2, route="fixed")
+
+    def cells(calibration, maps, quick):
+        found = [Cell("gap", arm, replace(base, arms=(arm,)), None) for arm in ("known", "oracle")]
+        for wanted, level in ((0.0, 0.0), (0.05, 0.01)):
+            settings = replace(base, arms=("predicted",), level=level)
+            found.append(Cell("gap", f"risk-{wanted:g}", settings, wanted))
+            found.append(Cell("promise", f"mixture-{wanted:g}", settings, wanted))
+        return found
+
+    monkeypatch.setattr(study, "cells_of", cells)
+
+
+@pytest.mark.slow
+def test_the_study_drives_says_what_is_missing_and_goes_on(few_cells, tmp_path, capsys):
+    out = tmp_path / "run"
+    command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1", "--out", str(out)]
+    assert risk.main([*command, "--hours", "0"]) == 0
+    assert "12 drives are still to be made" in capsys.readouterr().out
+    assert risk.main(command) == 0
+    told = capsys.readouterr().out
+    assert "still to be made" not in told
+    assert (out / "promise.png").stat().st_size > 5000
+    assert (out / "pareto.png").stat().st_size > 5000
+    before = {path: path.read_bytes() for path in (out / "drives").iterdir()}
+    assert len(before) == 6
+    assert risk.main(command) == 0
+    assert {path: path.read_bytes() for path in (out / "drives").iterdir()} == before
+    capsys.readouterr()
+    assert tables.main([str(out / "results.json")]) == 0
+    shown = capsys.readouterr().out
+    assert "0 of 2" in shown
+    assert "| risk-0.05 " in shown
+
+
+def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_cells, tmp_path, monkeypatch):
+    from benchmarks.risk_study import drives
+
+    monkeypatch.setattr(drives, "touches", lambda *_: True)
+    command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1"]
+    assert risk.main([*command, "--out", str(tmp_path / "run")]) == 1
