@@ -21,6 +21,7 @@ CONDITIONS = (
     "route",
     "predictor",
     "v_max",
+    "braking",
     "window",
     "expansion",
     "noise",

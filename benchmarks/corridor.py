@@ -97,7 +97,7 @@ def _run(argv: list[str] | None) -> int:
     weights = fingerprint_of(load_predictor(settings.predictor))
     check_maps(settings.world)
     settings = at_risk(settings, place.calibration)
-    optima = None if place.optimum is None else optimum_of(place.optimum, settings.v_max)
+    optima = None if place.optimum is None else optimum_of(place.optimum, settings)
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:
         for note in store.notes:

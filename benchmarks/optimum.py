@@ -32,7 +32,7 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
         "benchmarks.corridor, and write them to a file. Interrupted runs go on from where they "
         "were: give the same command again.",
     )
-    Settings.add_to(parser, "world", "episodes", "seed", "v_max")
+    Settings.add_to(parser, "world", "episodes", "seed", "v_max", "braking")
     parser.add_jobs()
     parser.add_out("results/optimum.json", "file of the drives")
     args = parser.parse_args(argv)
@@ -47,7 +47,7 @@ def _run(settings: Settings, out: Path, jobs: int) -> int:
     from sim.episode import EpisodeConfig
 
     check_maps(settings.world)
-    car = dataclasses.asdict(CarLimits(v_max=settings.v_max))
+    car = dataclasses.asdict(CarLimits(v_max=settings.v_max, braking=settings.braking))
     wanted = {"world": list(settings.world), "episodes": settings.episodes, "seed": settings.seed}
     wanted |= car | {"goal_radius": EpisodeConfig().goal_radius}
     store = DriveFile(out, KIND, wanted, grows="episodes")

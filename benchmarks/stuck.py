@@ -67,7 +67,8 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     index, arm = episode.index, episode.arm
     world = World(episode.world, run.truth(index))
     states = run.trace(index, arm).states
-    car, goal = CarLimits(v_max=run.setting("v_max", 4.0)), np.array(episode.goal)
+    car = CarLimits(v_max=run.setting("v_max", 4.0), braking=run.setting("braking", 1.5))
+    goal = np.array(episode.goal)
     # Standing still is no way back.
     moved = np.flatnonzero(states[:, 3] > 0)
     end = min(int(moved[-1]) + 1, len(states) - 1) if len(moved) else 0

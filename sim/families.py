@@ -12,6 +12,8 @@ from sim.blocks import block_size, draw_blocks
 from sim.canvas import Canvas
 from sim.corridor_network import NetworkConfig, Segment, carve, grow
 from sim.floor_plan import draw_floor_plan
+from sim.maze import draw_maze
+from sim.obstacle_field import draw_obstacle_field
 from sim.office import draw_office
 from sim.world import World
 
@@ -32,6 +34,8 @@ def generate(family: str, seed: int) -> World:
     - `trap`: an obstacle just behind a blind corner; dead ends that look like a corridor going on.
     - `floor_plan`: rooms wall to wall, corridors and halls, as in real buildings.
     - `paper`: paths of 3.5–10 m around blocks, with loops: the data set of Katyal et al. 2018.
+    - `maze`: corridors of 2.5 m on 25 m × 25 m, as in Elhafsi et al. 2020.
+    - `obstacle_field`: an open field full of obstacles, as in BARN (Perille et al. 2020).
 
     Raises:
         ValueError: if there is no such family.
@@ -43,6 +47,8 @@ def generate(family: str, seed: int) -> World:
         "trap": _trap,
         "paper": _paper,
         "floor_plan": draw_floor_plan,
+        "maze": draw_maze,
+        "obstacle_field": draw_obstacle_field,
     }
     if family not in draw:
         raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")

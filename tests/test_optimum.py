@@ -200,12 +200,12 @@ def test_an_episode_without_a_drive_is_left_out_and_said_so(tmp_path, counted, c
 def test_times_are_found_by_task_whatever_the_rounding(tmp_path, counted):
     out = tmp_path / "optimum.json"
     main(["--jobs", "1", "--out", str(out), "--episodes", "3"])
-    times = optimum_of(out, v_max=4.0)
+    times = optimum_of(out, Settings())
     assert times[task_key("w-1", 1, (0.1234501, 0.0, 1.0), (3.0, 4.0))] == 2.0
     assert times[task_key("w-2", 2, (0.12345, 0.0, 1.0), (3.0, 4.0))] is None
     assert len(times) == 3
-    with pytest.raises(UsageError, match="top speed of 4 m/s, not of 3"):
-        optimum_of(out, v_max=3.0)
+    with pytest.raises(UsageError, match="is of v_max 4, not 3"):
+        optimum_of(out, Settings(v_max=3.0))
 
 
 @pytest.mark.parametrize(
@@ -270,7 +270,7 @@ def test_a_file_holds_a_drive_a_line(tmp_path):
 
 def test_the_shipped_drives_are_of_the_default_tasks_and_not_quicker_than_their_bounds():
     path = Path(__file__).parents[1] / "docs/results/optimum-corridor.json"
-    times = optimum_of(path, v_max=CAR.v_max)
+    times = optimum_of(path, Settings())
     assert len(times) == 100
     task = task_of(Settings(), 1)
     assert task_key(task.world.name, task.seed, task.start, task.goal) in times

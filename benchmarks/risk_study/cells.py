@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from benchmarks.runs.certified import SAME
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration
 from predictor.mapping.family_names import FAMILIES
@@ -59,6 +60,7 @@ def cells_of(calibration: Calibration, maps: Sequence[str], quick: bool) -> list
         *_gap(calibration),
         *_promises(calibration, maps),
         *_controls(calibration),
+        *_mazes(calibration),
         *_speeds(calibration),
     ]
     if quick:
@@ -68,8 +70,7 @@ def cells_of(calibration: Calibration, maps: Sequence[str], quick: bool) -> list
 
 def _settings(calibration: Calibration, **changes: object) -> Settings:
     """Return the settings that the calibration is for, with some changes."""
-    kept = ("route", "vehicle", "v_max", "window", "expansion", "noise", "dropout", "reliance")
-    same = {name: calibration.conditions[name] for name in kept}
+    same = {name: calibration.conditions[name] for name in SAME if name != "fixed_level"}
     world = tuple(calibration.conditions["world"])
     base = {"world": world, "seed": SEED, "arms": ("predicted",)}
     return Settings(**(base | same | changes))  # type: ignore[arg-type]
@@ -112,6 +113,18 @@ def _controls(calibration: Calibration) -> Iterator[Cell]:
             yield Cell("not adapted", f"{name}-{risk:g}", fixed, risk)
         sham = _settings(calibration, level=level, predictor=SHAM, episodes=60)
         yield Cell("sham", f"mixture-{risk:g}", sham, risk)
+
+
+def _mazes(calibration: Calibration) -> Iterator[Cell]:
+    """Mazes with the car, the LIDAR and the route of Elhafsi et al. 2020."""
+    for v_max in (1.0, 2.0, 3.0, 4.0):
+        same = {"world": ("maze",), "v_max": v_max, "braking": 3.0, "window": 7.5}
+        same |= {"route": "fixed", "seed": GAP_SEED, "episodes": 30}
+        for arm in ("full", "known"):
+            yield Cell("maze", f"{v_max:g}-{arm}", _settings(calibration, arms=(arm,), **same))
+        for risk, level in sorted({0.0: 0.0, **calibration.levels}.items()):
+            settings = _settings(calibration, level=level, **same)
+            yield Cell("maze", f"{v_max:g}-risk-{risk:g}", settings, risk)
 
 
 def _speeds(calibration: Calibration) -> Iterator[Cell]:

@@ -17,19 +17,22 @@ from predictor.registry import load_predictor
 
 RESOLUTION = 0.05
 """Of the maps that the fingerprint of the planner's settings is made for [m]."""
+SAME = (
+    *("route", "vehicle", "v_max", "braking", "window", "noise", "dropout"),
+    *("expansion", "reliance", "fixed_level"),
+)
+"""Settings that a calibration holds for, beside predictor and buildings."""
 
 
 def conditions_of(settings: Settings) -> dict[str, Any]:
     """Return all that a calibration on drives with some settings holds for."""
     config = asdict(navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION))
     weights = fingerprint_of(load_predictor(settings.predictor))
-    lidar = ("window", "noise", "dropout")
-    same = ("route", "vehicle", "v_max", *lidar, "expansion", "reliance", "fixed_level")
     return {
         # Without the runtime, which decides the last digits alone.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),
-        **{name: getattr(settings, name) for name in same},
+        **{name: getattr(settings, name) for name in SAME},
         "planner": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
     }
 

@@ -202,7 +202,9 @@ def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> D
 
 def car_of(settings: Settings) -> CarLimits:
     """Return the limits of the car that drives."""
-    return CarLimits(v_max=settings.v_max, reverse=VEHICLES[settings.vehicle])
+    return CarLimits(
+        v_max=settings.v_max, braking=settings.braking, reverse=VEHICLES[settings.vehicle]
+    )
 
 
 def navigator_config(settings: Settings, arm: Arm, resolution: float) -> NavigatorConfig:

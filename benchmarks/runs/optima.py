@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive_file import read_drives
+from benchmarks.runs.settings import Settings
 from predictor.infra.command_line import UsageError
 from predictor.infra.markdown import records
 
@@ -32,20 +33,21 @@ def _rounded(numbers: Sequence[float]) -> tuple[float, ...]:
     return tuple(round(float(number), 3) + 0.0 for number in numbers)
 
 
-def optimum_of(path: Path, v_max: float | None = None) -> dict[Key, float | None]:
+def optimum_of(path: Path, settings: Settings | None = None) -> dict[Key, float | None]:
     """Return the least times T_opt [s] by task, None where no drive was found.
 
     Args:
         path: file that `benchmarks.optimum` has written.
-        v_max: top speed that they must be of [m/s]; any if None.
+        settings: of the drives, whose car must be theirs; any if None.
 
     Raises:
-        UsageError: if the file cannot be read, or is of another top speed.
+        UsageError: if the file cannot be read, or is of another car.
     """
     found = read_optima(path)
-    theirs = found["settings"]["v_max"]
-    if v_max is not None and v_max != theirs:
-        raise UsageError(f"{path} is of a top speed of {theirs:g} m/s, not of {v_max:g}")
+    for name in ("v_max", "braking") if settings is not None else ():
+        theirs, mine = found["settings"][name], getattr(settings, name)
+        if mine != theirs:
+            raise UsageError(f"{path} is of {name} {theirs:g}, not {mine:g}")
     return {
         task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"] for d in found["drives"]
     }
@@ -61,7 +63,7 @@ def read_optima(path: Path) -> dict[str, Any]:
     try:
         # What others rely on is there.
         [(d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
-        float(found["settings"]["v_max"])
+        [float(found["settings"][name]) for name in ("v_max", "braking")]
     except (ValueError, KeyError, TypeError):
         raise UsageError(f"{path} is no file of benchmarks.optimum") from None
     return found

@@ -61,7 +61,8 @@ def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | No
 def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
     """Return what the file of optima holds of an episode, or a line why it has no drive."""
     started = time.perf_counter()
-    car, radius = CarLimits(settings.v_max), EpisodeConfig().goal_radius
+    car = CarLimits(v_max=settings.v_max, braking=settings.braking)
+    radius = EpisodeConfig().goal_radius
     try:
         task = task_of(settings, index)
     except NoTaskError as error:

@@ -21,7 +21,7 @@ from predictor.mapping.grid import Grid, GridFrame
 RESULTS, TRACES = "results.json", "traces.npz"
 """The files of a run."""
 
-UNNAMED = {"vehicle": "dubins"}
+UNNAMED = {"vehicle": "dubins", "braking": 1.5}
 """Settings that older runs do not name, and what they were driven with."""
 LARGEST = 2**30
 """Of an array; a larger one is refused before it is read [bytes]."""

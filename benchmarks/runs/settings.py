@@ -129,6 +129,7 @@ class Settings(Options):
         high=1,
     )
     v_max: float = option(4.0, "top speed [m/s]", "V", low=0.5, high=10)
+    braking: float = option(1.5, "hardest braking [m/s²]", "A", low=0.3, high=10)
     window: float = option(
         5.0,
         "side of the square around the car in which the LIDAR is used [m]",

@@ -1,0 +1,67 @@
+"""Mazes as in Elhafsi et al. 2020: 25 m × 25 m, with corridors 2.5 m wide."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.canvas import Canvas
+
+CELLS = 9
+"""Cells along each side."""
+CORRIDOR = 2.5
+"""Width of a corridor [m]."""
+WALL = 0.25
+"""Thickness of a wall between corridors [m]."""
+PITCH = CORRIDOR + WALL
+EDGE = 0.3
+"""Solid ground around the maze [m]."""
+SIZE = CELLS * PITCH - WALL + 2 * EDGE
+"""Side of the canvas [m]."""
+LOOPS = 0.08
+"""Share of the walls left by the tree that are taken down, so that there are ways round."""
+
+Node = tuple[int, int]
+
+
+def draw_maze(rng: np.random.Generator) -> Canvas:
+    """Draw a maze: a random spanning tree of the cells, and some loops."""
+    canvas = Canvas(SIZE, SIZE)
+    joined = _tree(rng)
+    for pair in _neighbours():
+        if pair not in joined and rng.random() < LOOPS:
+            joined.add(pair)
+    for column in range(CELLS):
+        for row in range(CELLS):
+            canvas.box(_middle((column, row)), (CORRIDOR, CORRIDOR), free=True)
+    for one, other in sorted(joined):
+        canvas.passage(_middle(one), _middle(other), CORRIDOR)
+    return canvas
+
+
+def _middle(node: Node) -> tuple[float, float]:
+    return tuple(EDGE + 0.5 * CORRIDOR + PITCH * at for at in node)  # type: ignore[return-value]
+
+
+def _neighbours() -> list[tuple[Node, Node]]:
+    """Return the pairs of neighbouring cells, the lower one first."""
+    nodes = [(column, row) for column in range(CELLS) for row in range(CELLS)]
+    right = [((c, r), (c + 1, r)) for c, r in nodes if c + 1 < CELLS]
+    return right + [((c, r), (c, r + 1)) for c, r in nodes if r + 1 < CELLS]
+
+
+def _tree(rng: np.random.Generator) -> set[tuple[Node, Node]]:
+    """Draw a spanning tree of the cells by a depth-first walk, which makes long corridors."""
+    first = (int(rng.integers(CELLS)), int(rng.integers(CELLS)))
+    way, seen, joined = [first], {first}, set()
+    while way:
+        column, row = here = way[-1]
+        around = [(column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1)]
+        new = [n for n in around if n not in seen and min(n) >= 0 and max(n) < CELLS]
+        if not new:
+            way.pop()
+            continue
+        there = new[int(rng.integers(len(new)))]
+        joined.add((min(here, there), max(here, there)))
+        seen.add(there)
+        way.append(there)
+    return joined
