@@ -20,12 +20,15 @@ from predictor.mapping.conventions import TICK
 from sim.world import World
 
 
-def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
+def drive(
+    world: World | str, seed: int = 0, calibration: Path | None = None, **settings: Any
+) -> Run:
     """Drive through a building with several arms, from one start to one goal.
 
     Args:
         world: the building, the name of a family of generated buildings, or a map_server file.
         seed: of start and goal, and of a generated building.
+        calibration: file of `benchmarks.calibrate`, if a `risk` above 0 is among the settings.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
             `risk`, `reliance`, `v_max` and `vehicle`.
 
@@ -36,10 +39,10 @@ def drive(world: World | str, seed: int = 0, **settings: Any) -> Run:
         NoTaskError: if the building has no way of 10 m or more.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used.
-        CalibrationError: if the shipped calibration certifies no such risk in such a building.
+        CalibrationError: if the calibration is for other drives, or for no risk as small.
     """
     name = world if isinstance(world, str) else world.name
-    chosen = at_risk(Settings(world=(name,), seed=seed, episodes=1, **settings))
+    chosen = at_risk(Settings(world=(name,), seed=seed, episodes=1, **settings), calibration)
     car = car_of(chosen)
     task = task_in(world, seed, car) if isinstance(world, str) else task_in_world(world, seed, car)
     results, arrays = [], dict[str, NDArray[Any]]()

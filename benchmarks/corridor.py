@@ -42,8 +42,8 @@ class Place(Options):
     )
     calibration: Path | None = option(
         None,
-        "what --risk allows, from benchmarks.calibrate for the same predictor, car and buildings "
-        "(default: the one that comes with this project)",
+        "how far --risk allows to rely upon predictions: a file of benchmarks.calibrate, for the "
+        "same predictor, planner, car and buildings",
         "FILE",
         parse=Path,
     )

@@ -18,7 +18,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        The exit status: 0; 1 if a car has collided, or touched something, at a risk of 0; 2 for bad
+        The exit status: 0; 1 if a car has collided, or touched something, at a risk of 0, or if
+        the interval of the realised risk of the mixture lies above the requested one; 2 for bad
         input; 130 if interrupted.
     """
     parser = OneLineParser(
@@ -31,7 +32,14 @@ def main(argv: list[str] | None = None) -> int:
         "--calibration",
         metavar="FILE",
         type=Path,
-        help="calibration.json of benchmarks.calibrate (default: the one of this project)",
+        required=True,
+        help="calibration.json of benchmarks.calibrate",
+    )
+    parser.add_argument(
+        "--predictor",
+        metavar="P",
+        default="compact",
+        help="the predictor that the calibration is for (default: %(default)s)",
     )
     parser.add_argument(
         "--maps",
@@ -57,15 +65,15 @@ def _run(args: argparse.Namespace) -> int:
     from benchmarks.risk_study.cells import cells_of
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
-    from benchmarks.risk_study.report import against_known, promises, tables
+    from benchmarks.risk_study.report import against_known, is_broken, promises, tables
     from benchmarks.runs.drive import check_maps
-    from planner.risk.calibration import SHIPPED, Calibration
+    from planner.risk.calibration import Calibration
     from predictor.infra.environment import commit, machine
     from predictor.infra.results_file import write_results
 
-    calibration = Calibration.load(args.calibration or SHIPPED)
+    calibration = Calibration.load(args.calibration)
     check_maps(tuple(args.maps))
-    cells = cells_of(calibration, args.maps, args.quick)
+    cells = cells_of(calibration, args.predictor, args.maps, args.quick)
     drives, missing = drive_all(cells, args.out / "drives", args.hours, args.jobs)
     promise = promises(cells, drives)
     found = {
@@ -84,8 +92,10 @@ def _run(args: argparse.Namespace) -> int:
     print("", tables(found), "", sep="\n")
     for path in [*draw(found, args.out), args.out / "results.json"]:
         print(path)
-    safe = [row for row in promise if row["requested"] == 0.0 or row["arm"] == "known"]
-    return 1 if any(row["collided"] or row["touched"] for row in safe) else 0
+    broken = [row for row in promise if is_broken(row)]
+    for row in broken:
+        print(f"the promise was broken: {row['group']}, {row['cell']}")
+    return 1 if broken else 0
 
 
 if __name__ == "__main__":

@@ -30,7 +30,8 @@ TABLES = {
     "evaluation": "benchmarks.recording.evaluation:table",
     "calibration": "benchmarks.runs.calibration:table",
     "risk": "benchmarks.risk_study.report:tables",
-    "drives": "benchmarks.runs.calibration:table_of_drives",
+    "calibration drives": "benchmarks.runs.calibration:table_of_drives",
+    "risk drives": "benchmarks.risk_study.report:table_of_drives",
 }
 """The function that turns each kind of results into Markdown; imported when it is needed."""
 

@@ -83,9 +83,10 @@ class NavigatorConfig:
             raise ValueError(f"reliance is {self.reliance}, it must lie in [0, 1]")
         if not 0.0 <= self.level < 1.0:
             raise ValueError(f"level is {self.level}, it must lie in [0, 1)")
-        if self.level > self.reliance:
+        if self.level > 0.0 and not self.level <= self.reliance < 1.0:
             raise ValueError(
-                f"level is {self.level}, it must be at most the reliance, {self.reliance}"
+                f"level is {self.level}: it must be at most the reliance, which is "
+                f"{self.reliance} and must be below 1"
             )
         if not self.expansion >= 1.0:
             raise ValueError(f"expansion is {self.expansion}, it must be at least 1")

@@ -59,6 +59,35 @@ def test_only_what_is_observed_later_is_checked(found, falls):
     assert (level.level < 0.1) == falls
 
 
+def test_what_is_seen_later_is_checked_later():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    level = AdaptiveLevel(0.1)
+    level.believe(believing(map_of(cells), level.level))
+    level.check(map_of(cells))
+    # The prediction no longer says so, but it was relied upon.
+    level.believe(RiskMap.from_prediction(map_of(cells).crop(FRAME), None, 0.2, level=0.1))
+    assert level.level == 0.1
+    cells[2, 2] = OCCUPIED
+    level.check(map_of(cells))
+    assert level.level < 0.1
+    fallen = level.level
+    level.believe(RiskMap.from_prediction(map_of(cells).crop(FRAME), None, 0.2, level=0.1))
+    level.check(map_of(cells))
+    # Nothing was checked, so nothing is learned.
+    assert level.level == fallen
+
+
+def test_at_level_zero_it_rises_again_though_nothing_is_checked():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    level = AdaptiveLevel(0.2)
+    level.update(1.0)
+    assert level.level == 0.0
+    for _ in range(20):
+        level.believe(believing(map_of(cells), level.level))
+        level.check(map_of(cells))
+    assert 0.0 < level.level < 0.2
+
+
 def test_what_is_not_believed_firmly_enough_is_not_checked():
     level = AdaptiveLevel(0.01)
     level.believe(believing(map_of(np.full(FRAME.shape, UNKNOWN, np.int8)), level.level))

@@ -1,12 +1,16 @@
 """Calibrations: what they certify, for whom, and whom they refuse."""
 
 import json
+from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
 from benchmarks import calibrate, tables
 from benchmarks.runs import calibration
+from benchmarks.runs.calibration_settings import CalibrateSettings
 from benchmarks.runs.certified import at_risk, conditions_of
+from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError
@@ -63,12 +67,27 @@ def test_a_calibration_of_other_drives_is_refused(change, named, tmp_path):
 def test_a_calibration_of_another_planner_is_refused(tmp_path):
     found = written(tmp_path / "c.json", conditions=conditions_of(SETTINGS) | {"planner": "other"})
     with pytest.raises(CalibrationError, match="is for planner other"):
+        at_risk(replace(SETTINGS, risk=0.05), found)
+
+
+@pytest.mark.parametrize("world", [("narrow",), ("corridor", "corridor", "narrow"), ()])
+def test_the_certificate_is_for_the_same_mixture(world, tmp_path):
+    settings = Settings(world=world, predictor="none", risk=0.05)
+    with pytest.raises(CalibrationError, match="is for world corridor, narrow"):
+        at_risk(settings, written(tmp_path / "c.json"))
+    other_order = Settings(world=("narrow", "corridor"), predictor="none", risk=0.05)
+    assert at_risk(other_order, written(tmp_path / "c.json")).level == 0.01
+
+
+def test_a_calibration_that_does_not_name_all_conditions_is_refused(tmp_path):
+    found = written(tmp_path / "c.json", conditions={"world": ["corridor"]})
+    with pytest.raises(CalibrationError, match="is for"):
         at_risk(Settings(predictor="none", risk=0.05), found)
 
 
-def test_one_of_the_families_of_a_mixture_is_enough(tmp_path):
-    settings = Settings(world=("narrow",), predictor="none", risk=0.05)
-    assert at_risk(settings, written(tmp_path / "c.json")).level == 0.01
+def test_a_risk_without_a_calibration_is_refused():
+    with pytest.raises(UsageError, match="--risk needs --calibration"):
+        at_risk(Settings(risk=0.05))
 
 
 def test_without_risk_no_calibration_is_needed(tmp_path):
@@ -97,18 +116,22 @@ def collides(share):
         return {
             "index": index,
             "place": settings.world[index % len(settings.world)],
+            "learned": False,
             "outcome": "collided" if bad else "reached",
             "time": 10.0,
             "path_length": 20.0,
+            "commit": "c",
         }
 
     return driven
 
 
+LEVELS = CalibrateSettings(levels=(0.001, 0.02, 0.2, 0.0001), drives=600)
+
+
 def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "_driven", collides(1.0))
-    asked = calibrate.CalibrateSettings(levels=(0.001, 0.02, 0.2, 0.0001), drives=600)
-    found = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)
+    found = calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
     assert found["certified"] == {"0.02": 0.001, "0.05": 0.02}
     assert [entry["level"] for entry in found["levels"]] == [0.0001, 0.001, 0.02, 0.2]
     # A safe level needs few drives; a hopeless one is given up early.
@@ -116,20 +139,80 @@ def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monke
     assert found["levels"][3]["drives"] < 600
     loaded = Calibration.load(tmp_path / "calibration.json")
     assert loaded.levels == {0.02: 0.001, 0.05: 0.02}
-    again = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)
+    again = calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
     assert again["levels"] == found["levels"]
+
+
+def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(calibration, "_driven", collides(1.0))
+    few = calibration.calibrate(SETTINGS, LEVELS, tmp_path / "few", jobs=1)
+    # As many workers leave them.
+    decided = calibration._end
+    monkeypatch.setattr(calibration, "_end", lambda *_: None)
+    calibration.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
+    monkeypatch.setattr(calibration, "_end", decided)
+    assert len(read_drives(tmp_path / "all/level-0.2.json", calibration.KINDS)["drives"]) == 600
+    again = calibration.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
+    assert again["levels"] == few["levels"]
+    assert again["certified"] == few["certified"]
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [({"levels": (0.001, 0.03)}, "levels"), ({"confidence": 0.8}, "confidence"), ({"seed": 1}, "")],
+)
+def test_a_folder_accepts_no_other_levels_later(change, named, tmp_path, monkeypatch):
+    monkeypatch.setattr(calibration, "_driven", collides(1.0))
+    calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    with pytest.raises(UsageError, match=named):
+        calibration.calibrate(SETTINGS, replace(LEVELS, **change), tmp_path, jobs=1)
+    calibration.calibrate(SETTINGS, replace(LEVELS, drives=700), tmp_path, jobs=1)
+
+
+def test_a_folder_accepts_no_drives_of_another_planner(tmp_path, monkeypatch):
+    monkeypatch.setattr(calibration, "_driven", collides(1.0))
+    calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    other = conditions_of(SETTINGS) | {"planner": "other"}
+    monkeypatch.setattr(calibration, "conditions_of", lambda _: other)
+    with pytest.raises(UsageError, match="planner"):
+        calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+
+
+def test_the_kind_of_building_is_drawn_anew_for_each_drive(monkeypatch):
+    def attempted(settings, weights, item):
+        return f"{settings.world} {settings.seed}"
+
+    monkeypatch.setattr(calibration, "attempt", attempted)
+    drives = [calibration._driven(replace(SETTINGS, seed=100), None, i) for i in range(400)]
+    assert drives[7]["note"] == f"('{drives[7]['place']}',) 107"
+    corridors = [drive["place"] == "corridor" for drive in drives]
+    assert 160 < sum(corridors) < 240
+    # In turn, they would change each time.
+    assert 160 < sum(a == b for a, b in pairwise(corridors)) < 240
+
+
+def test_buildings_that_the_predictor_has_learned_from_are_refused(tmp_path, monkeypatch):
+    driven = collides(0.0)
+    monkeypatch.setattr(calibration, "_driven", lambda *a: driven(*a) | {"learned": True})
+    with pytest.raises(UsageError, match="has learned from these buildings"):
+        calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+
+
+def test_buildings_without_a_drive_are_said_to_be_so(tmp_path, monkeypatch):
+    none = {"place": "x", "outcome": "no task", "note": "too small"}
+    monkeypatch.setattr(calibration, "_driven", lambda s, w, index: none | {"index": index})
+    with pytest.raises(UsageError, match="no drive is possible"):
+        calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
 
 
 def test_collisions_are_told_for_each_kind_of_building(tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "_driven", collides(1.0))
-    asked = calibrate.CalibrateSettings(risks=(0.3,), levels=(0.1,), drives=100)
+    asked = CalibrateSettings(risks=(0.3,), levels=(0.1,), drives=100)
     (entry,) = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)["levels"]
     assert entry["by_world"].keys() == {"corridor", "narrow"}
     assert sum(drives for _, drives in entry["by_world"].values()) == entry["drives"]
     assert sum(bad for bad, _ in entry["by_world"].values()) == entry["collided"]
-    assert "| 0.1" in calibration.table(
-        {"levels": [entry], "certified": {"0.3": 0.1}, "confidence": 0.9}
-    )
+    assert "| 0.1" in calibration.table({"levels": [entry], "certified": {"0.3": 0.1}})
 
 
 def test_too_few_drives_to_certify_anything_are_refused_before_any_is_made(tmp_path, capsys):
@@ -140,10 +223,11 @@ def test_too_few_drives_to_certify_anything_are_refused_before_any_is_made(tmp_p
 
 
 @pytest.mark.slow
-def test_a_calibration_drives_and_takes_up_what_it_has(short_map, tmp_path, capsys):
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_calibration_drives_and_takes_up_what_it_has(jobs, short_map, tmp_path, capsys):
     out = tmp_path / "run"
     command = ["--world", str(short_map), "--risks", "0.45", "--levels", "0.1", "--drives", "12"]
-    command += ["--jobs", "1", "--out", str(out)]
+    command += ["--jobs", jobs, "--out", str(out)]
     assert calibrate.main(command) == 0
     assert "| 0.1" in capsys.readouterr().out
     before = (out / "level-0.1.json").read_bytes()

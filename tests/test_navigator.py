@@ -36,6 +36,7 @@ def test_a_state_that_is_not_finite_is_refused():
         {"level": 1.0},
         {"level": math.nan},
         {"level": 0.2, "reliance": 0.1},
+        {"level": 0.2, "reliance": 1.0},
         {"expansion": 0.9},
         {"margin": math.nan},
         {"margin": -0.1},

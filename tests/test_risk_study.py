@@ -11,10 +11,12 @@ from benchmarks import risk, tables
 from benchmarks.risk_study import cells as study
 from benchmarks.risk_study.cells import Cell, cells_of
 from benchmarks.risk_study.geometry import touches
+from benchmarks.risk_study.report import is_broken
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
-from planner.risk.calibration import Calibration
+from planner.risk.calibration import Calibration, CalibrationError
+from predictor.infra.command_line import UsageError
 from predictor.mapping.body import Body
 from predictor.mapping.grid import Grid, GridFrame
 from predictor.registry import load_predictor
@@ -49,20 +51,54 @@ def test_to_leave_the_map_is_to_touch():
 
 
 def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
-    cells = cells_of(CALIBRATION, ["maps/a.yaml"], quick=False)
+    cells = cells_of(CALIBRATION, "none", ["maps/a.yaml"], quick=False)
     names = [cell.name for cell in cells]
     assert len(set(names)) == len(names)
     asked = {cell.risk: cell.settings.level for cell in cells if cell.group in ("gap", "promise")}
-    assert asked == {None: 0.0, 0.0: 0.0, 0.02: 0.001, 0.05: 0.01}
+    assert asked == {None: 0.01, 0.0: 0.0, 0.02: 0.001, 0.05: 0.01}
     assert {cell.settings.level for cell in cells if cell.group == "uncalibrated"} == {0.02, 0.05}
     assert all(cell.settings.fixed_level == (cell.group == "not adapted") for cell in cells)
     assert any(cell.settings.world == ("maps/a.yaml",) for cell in cells)
-    quick = cells_of(CALIBRATION, [], quick=True)
+    quick = cells_of(CALIBRATION, "none", [], quick=True)
     assert {cell.settings.episodes for cell in quick} == {4}
 
 
+def test_a_calibration_for_another_predictor_is_refused():
+    with pytest.raises(CalibrationError, match="is for predictor none, not extend"):
+        cells_of(CALIBRATION, "extend", [], quick=False)
+
+
+def test_maps_of_the_same_name_are_refused():
+    with pytest.raises(UsageError, match="a name of its own"):
+        cells_of(CALIBRATION, "none", ["a/map.yaml", "b/map.yaml"], quick=False)
+
+
+def test_a_fixed_level_is_studied_as_it_was_calibrated():
+    fixed = replace(CALIBRATION, conditions=conditions_of(replace(SETTINGS, fixed_level=True)))
+    assert all(cell.settings.fixed_level for cell in cells_of(fixed, "none", [], quick=False))
+
+
+@pytest.mark.parametrize(
+    ("change", "broken"),
+    [
+        ({}, False),
+        ({"interval": [0.06, 0.2]}, True),
+        ({"interval": [0.06, 0.2], "cell": "trap-0.05"}, False),
+        ({"requested": 0.0, "collided": 0}, False),
+        ({"requested": 0.0}, True),
+        ({"requested": 0.0, "collided": 0, "touched": 1}, True),
+        ({"requested": None, "arm": "known"}, True),
+        ({"requested": None, "group": "gap"}, False),
+    ],
+)
+def test_a_broken_promise_is_noticed(change, broken):
+    row = {"group": "promise", "cell": "mixture-0.05", "arm": "predicted", "requested": 0.05}
+    row |= {"collided": 1, "touched": 0, "interval": [0.04, 0.2]}
+    assert is_broken(row | change) == broken
+
+
 def test_buildings_of_the_study_are_not_those_of_the_calibration():
-    seeds = {cell.settings.seed for cell in cells_of(CALIBRATION, [], quick=False)}
+    seeds = {cell.settings.seed for cell in cells_of(CALIBRATION, "none", [], quick=False)}
     assert seeds == {study.SEED, study.GAP_SEED}
     assert min(seeds) > 5_000_000 + 100_000
 
@@ -87,7 +123,7 @@ def few_cells(short_map, monkeypatch):
     """A study of few drives on a short map."""
     base = Settings(world=(str(short_map),), predictor="none", episodes=2, route="fixed")
 
-    def cells(calibration, maps, quick):
+    def cells(calibration, predictor, maps, quick):
         found = [Cell("gap", arm, replace(base, arms=(arm,)), None) for arm in ("known", "oracle")]
         for wanted, level in ((0.0, 0.0), (0.05, 0.01)):
             settings = replace(base, arms=("predicted",), level=level)

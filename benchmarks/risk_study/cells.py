@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.runs.certified import SAME
+from benchmarks.runs.certified import SAME, conditions_of
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration
+from predictor.infra.command_line import UsageError
 from predictor.mapping.family_names import FAMILIES
 
 SEED = 6_000_000
@@ -28,7 +29,7 @@ class Cell:
         group: the question that it belongs to.
         label: what sets it apart in its group.
         settings: of the drives; `episodes` is their number.
-        risk: δ that was requested, if one was.
+        risk: δ that was requested, if one was; 0 wherever the level is 0.
     """
 
     group: str
@@ -48,94 +49,110 @@ class Cell:
         return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
 
 
-def cells_of(calibration: Calibration, maps: Sequence[str], quick: bool) -> list[Cell]:
+def cells_of(
+    calibration: Calibration, predictor: str, maps: Sequence[str], quick: bool
+) -> list[Cell]:
     """Return the cells of the study, those first whose answers matter most.
 
     Args:
         calibration: gives the level for each risk, and the mixture that it was made for.
+        predictor: that it was made for.
         maps: map files or folders of real buildings; there may be none.
         quick: a few drives of each.
+
+    Raises:
+        CalibrationError: if the calibration is for another predictor, planner or car.
+        UsageError: if two of the maps have the same name.
     """
+    mixture = _settings(calibration, predictor)
+    for risk in calibration.levels:
+        calibration.level_for(risk, conditions_of(mixture))
     found = [
-        *_gap(calibration),
-        *_promises(calibration, maps),
-        *_controls(calibration),
-        *_mazes(calibration),
-        *_speeds(calibration),
+        *_gap(calibration, mixture),
+        *_promises(calibration, mixture, maps),
+        *_controls(calibration, mixture),
+        *_mazes(calibration, mixture),
+        *_speeds(calibration, mixture),
     ]
+    if len({cell.name for cell in found}) < len(found):
+        raise UsageError("--maps: each map or folder must have a name of its own")
     if quick:
         found = [replace(c, settings=replace(c.settings, episodes=4)) for c in found]
     return found
 
 
-def _settings(calibration: Calibration, **changes: object) -> Settings:
-    """Return the settings that the calibration is for, with some changes."""
-    same = {name: calibration.conditions[name] for name in SAME if name != "fixed_level"}
+def _settings(calibration: Calibration, predictor: str) -> Settings:
+    """Return the settings that the calibration is for."""
+    same = {name: calibration.conditions[name] for name in SAME}
     world = tuple(calibration.conditions["world"])
-    base = {"world": world, "seed": SEED, "arms": ("predicted",)}
-    return Settings(**(base | same | changes))  # type: ignore[arg-type]
+    return Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
 
 
-def _gap(calibration: Calibration) -> Iterator[Cell]:
+def _levels(calibration: Calibration) -> list[tuple[float, float]]:
+    """Return the risks, from 0 on, and their levels."""
+    return sorted({0.0: 0.0, **calibration.levels}.items())
+
+
+def _gap(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """Speed on a prescribed route: `known`, `oracle`, and `predicted` at each level."""
-    same = {"route": "fixed", "seed": GAP_SEED, "episodes": 100}
+    same = replace(mixture, route="fixed", seed=GAP_SEED, episodes=100)
     for arm in ("known", "oracle"):
-        yield Cell("gap", arm, _settings(calibration, arms=(arm,), **same))
-    for risk, level in sorted({0.0: 0.0, **calibration.levels}.items()):
-        yield Cell("gap", f"risk-{risk:g}", _settings(calibration, level=level, **same), risk)
+        yield Cell("gap", arm, replace(same, arms=(arm,)))
+    for risk, level in _levels(calibration):
+        yield Cell("gap", f"risk-{risk:g}", replace(same, level=level), None if risk else 0.0)
 
 
-def _promises(calibration: Calibration, maps: Sequence[str]) -> Iterator[Cell]:
+def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Cell]:
     """Requested against realised risk: the mixture, each family, and real maps."""
-    levels = sorted({0.0: 0.0, **calibration.levels}.items())
-    for risk, level in levels:
-        settings = _settings(calibration, level=level, episodes=300)
+    for risk, level in _levels(calibration):
+        settings = replace(mixture, level=level, episodes=300)
         yield Cell("promise", f"mixture-{risk:g}", settings, risk)
-    for family in FAMILIES:
-        for risk, level in levels:
-            settings = _settings(calibration, world=(family,), level=level, episodes=60)
-            yield Cell("promise", f"{family}-{risk:g}", settings, risk)
-    for place in maps:
-        for risk, level in levels:
-            settings = _settings(calibration, world=(place,), level=level, episodes=60)
-            yield Cell("promise", f"{Path(place).name}-{risk:g}", settings, risk)
+    for place in (*FAMILIES, *maps):
+        for risk, level in _levels(calibration):
+            settings = replace(mixture, world=(place,), level=level, episodes=60)
+            yield Cell("promise", f"{Path(place).stem}-{risk:g}", settings, risk)
 
 
-def _controls(calibration: Calibration) -> Iterator[Cell]:
+def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """What must be worse: no calibration, no adaptation, and a sham."""
-    worlds = {"mixture": tuple(calibration.conditions["world"]), "trap": ("trap",)}
+    worlds = {"mixture": mixture.world, "trap": ("trap",)}
     for risk, level in sorted(calibration.levels.items()):
         for name, world in worlds.items():
-            same = {"world": world, "episodes": 60}
-            uncalibrated = _settings(calibration, level=risk, **same)
-            yield Cell("uncalibrated", f"{name}-{risk:g}", uncalibrated, risk)
-            fixed = _settings(calibration, level=level, fixed_level=True, **same)
+            same = replace(mixture, world=world, episodes=60)
+            yield Cell("uncalibrated", f"{name}-{risk:g}", replace(same, level=risk), risk)
+            fixed = replace(same, level=level, fixed_level=True)
             yield Cell("not adapted", f"{name}-{risk:g}", fixed, risk)
-        sham = _settings(calibration, level=level, predictor=SHAM, episodes=60)
+        sham = replace(mixture, level=level, predictor=SHAM, episodes=60)
         yield Cell("sham", f"mixture-{risk:g}", sham, risk)
 
 
-def _mazes(calibration: Calibration) -> Iterator[Cell]:
-    """Mazes with the car, the LIDAR and the route of Elhafsi et al. 2020."""
+def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
+    """Mazes as in Elhafsi et al. 2020: their top speeds, braking and window, a given route."""
     for v_max in (1.0, 2.0, 3.0, 4.0):
-        same = {"world": ("maze",), "v_max": v_max, "braking": 3.0, "window": 7.5}
-        same |= {"route": "fixed", "seed": GAP_SEED, "episodes": 30}
+        same = replace(
+            mixture,
+            world=("maze",),
+            v_max=v_max,
+            braking=3.0,
+            window=7.5,
+            route="fixed",
+            seed=GAP_SEED,
+            episodes=30,
+        )
         for arm in ("full", "known"):
-            yield Cell("maze", f"{v_max:g}-{arm}", _settings(calibration, arms=(arm,), **same))
-        for risk, level in sorted({0.0: 0.0, **calibration.levels}.items()):
-            settings = _settings(calibration, level=level, **same)
-            yield Cell("maze", f"{v_max:g}-risk-{risk:g}", settings, risk)
+            yield Cell("maze", f"{v_max:g}-{arm}", replace(same, arms=(arm,)))
+        for risk, level in _levels(calibration):
+            settings = replace(same, level=level)
+            yield Cell("maze", f"{v_max:g}-risk-{risk:g}", settings, None if risk else 0.0)
 
 
-def _speeds(calibration: Calibration) -> Iterator[Cell]:
+def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """Top speeds at which `optimistic` collides."""
     bold = max(calibration.levels, default=0.0)
     for v_max in SPEEDS:
-        same = {"v_max": v_max, "route": "fixed", "seed": GAP_SEED, "episodes": 40}
+        same = replace(mixture, v_max=v_max, route="fixed", seed=GAP_SEED, episodes=40)
         for arm in ("known", "optimistic"):
-            settings = _settings(calibration, arms=(arm,), **same)
-            yield Cell("speed", f"{v_max:g}-{arm}", settings)
+            yield Cell("speed", f"{v_max:g}-{arm}", replace(same, arms=(arm,)))
         for risk in dict.fromkeys((0.0, bold)):
-            level = calibration.levels.get(risk, 0.0)
-            settings = _settings(calibration, level=level, **same)
-            yield Cell("speed", f"{v_max:g}-risk-{risk:g}", settings, risk)
+            settings = replace(same, level=calibration.levels.get(risk, 0.0))
+            yield Cell("speed", f"{v_max:g}-risk-{risk:g}", settings, None if risk else 0.0)

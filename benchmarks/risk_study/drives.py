@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from predictor.mapping.grid import FREE
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 
+KIND = "risk drives"
+"""Kind of the files of drives."""
 ROUND = 20
 """Drives of a cell before the next cell's turn."""
 
@@ -66,13 +69,19 @@ def drive_all(
                 lambda drive: str(drive["outcome"]),
                 lambda: time.monotonic() > end,
             )
-    found = {cell.name: files[cell.name].first(cell.settings.episodes) for cell in cells}
+    found = {cell.name: _in_order(files[cell.name], cell.settings.episodes) for cell in cells}
     missing = sum(cell.settings.episodes - len(found[cell.name]) for cell in cells)
     with_task = {
         name: [drive for drive in drives if drive["outcome"] != "no task"]
         for name, drives in found.items()
     }
     return with_task, missing
+
+
+def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
+    """Return the drives up to the first that is missing: of those after it, the short ones are
+    there first, and collisions are short."""
+    return [file.drives[i] for i in takewhile(lambda i: i in file.drives, range(most))]
 
 
 def _due(cell: Cell, done: int) -> int:
@@ -82,7 +91,7 @@ def _due(cell: Cell, done: int) -> int:
 def _file(cell: Cell, out: Path) -> DriveFile:
     told = json.loads(json.dumps(asdict(cell.settings)))
     weights = fingerprint_of(load_predictor(cell.settings.predictor))
-    return DriveFile(out / f"{cell.name}.json", "drives", told | {"weights": weights}, "episodes")
+    return DriveFile(out / f"{cell.name}.json", KIND, told | {"weights": weights}, "episodes")
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A test of a drive against the true map that shares no code with planner and simulator."""
+"""A test of a drive against the true map, other than those of the planner and the simulator."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from predictor.mapping.grid import GridFrame
 SPACING = 0.02
 """Distance of the points of the body that are tested, and between two of its places [m]."""
 TOLERANCE = 0.01
-"""The body is tested this much smaller on each side, since cells are squares and a place between
-two recorded states is interpolated [m]."""
+"""The body is tested this much smaller on each side, since its places between two recorded states
+are interpolated on a straight line [m]."""
 
 
 def touches(

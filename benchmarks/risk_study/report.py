@@ -44,16 +44,23 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "interval": list(statistics.wilson(collided, len(mine))),
                 "touched": sum(d["touched"] for d in mine),
                 "km": km,
-                "per_km": collided / km,
                 "per_km_interval": _poisson(collided, km),
                 "outcomes": dict(outcomes),
                 "sct": _mean([d["sct"] for d in mine]),
-                "speed": sum(d["path_length"] for d in mine) / sum(d["time"] for d in mine),
+                "speed": 1e3 * km / sum(d["time"] for d in mine),
                 "impact_speed": _mean([d["impact_speed"] for d in mine]),
                 "commits": sorted({str(d["commit"]) for d in mine}),
             }
         )
     return rows
+
+
+def is_broken(row: dict[str, Any]) -> bool:
+    """Return whether a row of `promises` says that a promise was broken."""
+    if row["requested"] == 0.0 or row["arm"] in ("known", "full"):
+        return bool(row["collided"] or row["touched"])
+    promised = row["group"] == "promise" and row["cell"].startswith("mixture")
+    return promised and row["interval"][0] > row["requested"]
 
 
 def against_known(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
@@ -89,8 +96,16 @@ def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
     return {arm: [of[index] for index in both] for arm, of in found.items()}
 
 
-def _poisson(count: int, km: float) -> list[float]:
-    """Return the exact 95 % interval of a rate [1/km]."""
+def table_of_drives(found: dict[str, Any]) -> str:
+    """Return the outcomes of the drives of one cell as Markdown."""
+    outcomes = Counter(drive["outcome"] for drive in found["drives"])
+    return records([{"outcome": name, "drives": count} for name, count in sorted(outcomes.items())])
+
+
+def _poisson(count: int, km: float) -> list[float] | None:
+    """Return the exact 95 % interval of a rate [1/km]; None if nothing was driven."""
+    if km == 0.0:
+        return None
     low = chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
     return [float(low / km), float(chi2.ppf(0.975, 2 * count + 2) / 2 / km)]
 
@@ -120,7 +135,7 @@ def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
                 "level λ": f"{row['level']:.2g}",
                 "collided": f"{row['collided']} of {row['drives']}",
                 "rate (95 %)": "–".join(f"{100 * end:.1f}" for end in row["interval"]) + " %",
-                "per km (95 %)": "–".join(f"{end:.2f}" for end in row["per_km_interval"]),
+                "per km (95 %)": "–".join(f"{end:.2f}" for end in row["per_km_interval"] or ()),
                 "reached / stuck / timed out": " / ".join(
                     str(row["outcomes"].get(name, 0)) for name in ("reached", "stuck", "timed_out")
                 ),

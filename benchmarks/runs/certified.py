@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.runs.drive import navigator_config
 from benchmarks.runs.settings import ARMS, Settings
-from planner.risk.calibration import SHIPPED, Calibration
+from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
@@ -42,15 +42,17 @@ def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
 
     Args:
         settings: of drives.
-        calibration: file of `benchmarks.calibrate`; None: the one that comes with this project.
+        calibration: file of `benchmarks.calibrate`; needed for a risk above 0.
 
     Raises:
-        UsageError: if both risk and level are given.
+        UsageError: if both risk and level are given, or a risk without a calibration.
         CalibrationError: if the calibration is for other drives, or for no risk as small.
     """
     if settings.risk == 0.0:
         return settings
     if settings.level > 0.0:
         raise UsageError("--level is in place of --risk: give one of them")
-    found = Calibration.load(calibration or SHIPPED)
+    if calibration is None:
+        raise UsageError("--risk needs --calibration, a file that benchmarks.calibrate has written")
+    found = Calibration.load(calibration)
     return replace(settings, level=found.level_for(settings.risk, conditions_of(settings)))

@@ -14,8 +14,6 @@ from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
 
 KIND = "calibration"
-SHIPPED = Path(__file__).with_name("calibration.json")
-"""The calibration that comes with this project, of the shipped predictor."""
 
 
 class CalibrationError(LineError):
@@ -59,18 +57,22 @@ class Calibration:
         """Return the level λ of the last resort that a chance of collision allows.
 
         Args:
-            risk: chance of a collision in a drive δ; 0 allows the level 0 without any calibration.
-            conditions: of the drives to come.
+            risk: chance of a collision in a drive δ, above 0.
+            conditions: of the drives to come; `world` may be in any order, but must name the same
+                buildings, since the certificate is for their mixture.
 
         Raises:
             CalibrationError: if the certificate is for other conditions, or for no risk as small.
         """
-        for name, wanted in self.conditions.items():
-            mine = conditions.get(name)
-            # Of several kinds of buildings each must have been part of the drives.
-            if mine != wanted and not (name == "world" and _within(mine, wanted)):
+        names = self.conditions.keys() | conditions.keys()
+        # The hash of the planner's settings last: what a line says of it helps nobody.
+        for name in sorted(names, key=lambda name: (name == "planner", name)):
+            theirs, mine = self.conditions.get(name), conditions.get(name)
+            if name == "world":
+                theirs, mine = sorted(theirs or ()), sorted(mine or ())
+            if mine != theirs:
                 raise CalibrationError(
-                    f"{self.path} is for {name} {_told(wanted)}, not {_told(mine)}: calibrate anew "
+                    f"{self.path} is for {name} {_told(theirs)}, not {_told(mine)}: calibrate anew "
                     "with benchmarks.calibrate"
                 )
         allowed = [certified for certified in self.levels if certified <= risk]
@@ -80,10 +82,6 @@ class Calibration:
                 f"it certifies {', '.join(f'{one:g}' for one in sorted(self.levels)) or 'none'}"
             )
         return self.levels[max(allowed)]
-
-
-def _within(mine: Any, theirs: Any) -> bool:
-    return isinstance(mine, list | tuple) and isinstance(theirs, list) and set(mine) <= set(theirs)
 
 
 def _told(value: Any) -> str:

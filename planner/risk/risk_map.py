@@ -92,7 +92,7 @@ class RiskMap:
         # A share of -1 requires a trust of 2, which no prediction has.
         safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
         certain = safe
-        if 0.0 < epsilon < 1.0 and level < epsilon:
+        if 0.0 < epsilon < 1.0:
             certain = relied(level if oracle or level > 0.0 else -1.0)
         clearance = _clearance(safe, known.frame.resolution)
         return cls(known.frame, known, trust, safe, certain, barred, clearance)

@@ -23,11 +23,12 @@ class LastResort:
     """Ensures that the car can stop inside what is certain, however wrong the rest is.
 
     A plan relies on predictions at the reliance ε. After its first step the next scan may show that
-    they are wrong; then some way to brake and swerve must still lie in what is certain. As long as
-    what is certain is free there is one, by induction: the rest of the last tick's. At the level
-    λ = 0 only observed cells are certain. Above it, this rests on predictions too, and the car may
-    collide. If possible, it is one from whose
-    end the car can go on, since a car that cannot reverse may otherwise stop in a corner for good.
+    they are wrong; then some way to brake and swerve must still lie in what is certain. At the
+    level λ = 0 only observed cells are certain, and by induction there always is one: the rest of
+    the last tick's. Above it, predictions are certain, too. Then there may be none, because a
+    prediction was wrong, has changed, or the level has fallen, and the car may collide. If
+    possible, it is a way from whose end the car can go on, since a car that cannot reverse may
+    otherwise stop in a corner for good.
 
     Args:
         mpc: rolls plans out, and knows the car's limits.

@@ -191,7 +191,7 @@ class Samples:
 
     @property
     def families(self) -> int:
-        """Number of families of buildings; all maps of one's own are one."""
+        """Number of families of buildings; all maps of one's own count as one."""
         return len(self._families)
 
     def family(self, index: int) -> int:
@@ -213,7 +213,7 @@ class Samples:
 
 
 def _family(facts: dict[str, Any]) -> str:
-    """Return the family of a drive's building, "" for a map of one's own."""
+    """Return the family of a drive's building, or "map" or "log" for one's own."""
     return str(facts.get("family", ""))
 
 

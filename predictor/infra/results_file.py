@@ -24,7 +24,8 @@ COMMANDS = {
     "evaluation": "predictor.evaluate",
     "calibration": "benchmarks.calibrate",
     "risk": "benchmarks.risk",
-    "drives": "benchmarks.calibrate",
+    "calibration drives": "benchmarks.calibrate",
+    "risk drives": "benchmarks.risk",
 }
 """The command that writes each kind of results."""
 
