@@ -34,8 +34,12 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
     for episode in older["episodes"]:
         for name in ("sct", "t_bound", "t_opt", "detour", "shortest_length", "vehicle"):
             episode.pop(name, None)
-    older["settings"].pop("vehicle", None)
+    for name in ("vehicle", "reliance", "level", "fixed_level"):
+        older["settings"].pop(name)
+    # The reliance was called so.
+    older["settings"]["risk"] = 0.07
     text = tables.tables_of(overview.summarised(older))
+    assert "reliance ε = 0.07, risk δ = 0, level λ = 0" in text
     assert "dubins car" in text
     ratio = next(line for line in text.splitlines() if "time ratio" in line)
     assert re.search(r"0\.\d\d \(0\.\d\d to \d\.\d\d\)", ratio)

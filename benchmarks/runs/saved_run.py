@@ -21,7 +21,7 @@ from predictor.mapping.grid import Grid, GridFrame
 RESULTS, TRACES = "results.json", "traces.npz"
 """The files of a run."""
 
-UNNAMED = {"vehicle": "dubins", "braking": 1.5}
+UNNAMED = {"vehicle": "dubins", "braking": 1.5, "risk": 0.0, "level": 0.0, "fixed_level": False}
 """Settings that older runs do not name, and what they were driven with."""
 LARGEST = 2**30
 """Of an array; a larger one is refused before it is read [bytes]."""
@@ -53,6 +53,13 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
 }
 """The shape of each array of a drive of T ticks, or the name of the array that has the same shape.
 `first_seen` has the shape of the map."""
+
+
+def named(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of a run, also of an older one, by their present names."""
+    if "reliance" in settings or "risk" not in settings:
+        return UNNAMED | settings
+    return UNNAMED | settings | {"reliance": settings["risk"], "risk": 0.0}
 
 
 class RunError(LineError):
@@ -271,7 +278,7 @@ class Run:
             raise RunError(f"{path} is broken: {error}") from None
         if not episodes:
             raise RunError(f"{path} holds no episodes")
-        settings, archive = UNNAMED | results["settings"], Archive(directory / TRACES)
+        settings, archive = named(results["settings"]), Archive(directory / TRACES)
         return cls(directory, settings, results["summary"], episodes, archive)
 
     @property

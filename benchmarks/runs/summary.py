@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.saved_run import UNNAMED
+from benchmarks.runs.saved_run import named
 from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, figure, interval, markdown
 
@@ -114,10 +114,10 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
 
 def title(settings: dict[str, Any]) -> str:
     """Return in a line what was compared."""
-    worlds = settings["world"]
-    named = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
+    settings, worlds = named(settings), settings["world"]
+    places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     return (
-        f"{named}, route {settings['route']}, {(UNNAMED | settings)['vehicle']} car; "
+        f"{places}, route {settings['route']}, {settings['vehicle']} car; "
         f"window {settings['window']:g} m × "
         f"{settings['expansion']:g}, v_max {settings['v_max']:g} m/s, predictor "
         f"{settings['predictor']}, reliance ε = {settings['reliance']:g}, "
