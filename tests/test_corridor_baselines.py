@@ -23,7 +23,7 @@ def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
         }
         for e in episodes
     ]
-    head = {"kind": "optimum", "settings": {"v_max": v_max}, "drives": found}
+    head = {"kind": "optimum", "settings": {"v_max": v_max, "braking": 1.5}, "drives": found}
     path.write_text(json.dumps(head))
     return path
 
