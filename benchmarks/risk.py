@@ -49,6 +49,14 @@ def main(argv: list[str] | None = None) -> int:
         help="map_server .yaml files, or folders of them, of real buildings to drive in too",
     )
     parser.add_argument(
+        "--runs",
+        metavar="DIR",
+        nargs="+",
+        type=Path,
+        default=[],
+        help="runs of benchmarks.corridor at a risk of 0, whose drives are tested and counted too",
+    )
+    parser.add_argument(
         "--hours",
         metavar="H",
         type=between(0.0, 1e4),
@@ -66,6 +74,7 @@ def _run(args: argparse.Namespace) -> int:
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
     from benchmarks.risk_study.report import against_known, is_broken, promises, tables
+    from benchmarks.risk_study.saved_drives import saved_drives
     from benchmarks.runs.drive import check_maps
     from planner.risk.calibration import Calibration
     from predictor.infra.environment import commit, machine
@@ -74,8 +83,9 @@ def _run(args: argparse.Namespace) -> int:
     calibration = Calibration.load(args.calibration)
     check_maps(tuple(args.maps))
     cells = cells_of(calibration, args.predictor, args.maps, args.quick)
+    saved_cells, saved = saved_drives(args.runs)
     drives, missing = drive_all(cells, args.out / "drives", args.hours, args.jobs)
-    promise = promises(cells, drives)
+    promise = promises([*cells, *saved_cells], drives | saved)
     found = {
         "calibration": {
             "conditions": calibration.conditions,

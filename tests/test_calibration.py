@@ -159,7 +159,11 @@ def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monk
 
 @pytest.mark.parametrize(
     ("change", "named"),
-    [({"levels": (0.001, 0.03)}, "levels"), ({"confidence": 0.8}, "confidence"), ({"seed": 1}, "seed")],
+    [
+        ({"levels": (0.001, 0.03)}, "levels"),
+        ({"confidence": 0.8}, "confidence"),
+        ({"seed": 1}, "seed"),
+    ],
 )
 def test_a_folder_accepts_no_other_levels_later(change, named, tmp_path, monkeypatch):
     monkeypatch.setattr(calibration, "_driven", collides(1.0))

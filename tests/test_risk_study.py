@@ -1,5 +1,6 @@
 """The study of the risk dial: its cells, its independent test, and what it says."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,11 +8,11 @@ import numpy as np
 import pytest
 from test_calibration import written
 
-from benchmarks import risk, tables
+from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import cells as study
 from benchmarks.risk_study.cells import Cell, cells_of
 from benchmarks.risk_study.geometry import touches
-from benchmarks.risk_study.report import is_broken
+from benchmarks.risk_study.report import _by_family, is_broken
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
@@ -154,6 +155,37 @@ def test_the_study_drives_says_what_is_missing_and_goes_on(few_cells, tmp_path, 
     shown = capsys.readouterr().out
     assert "0 of 2" in shown
     assert "| risk-0.05 " in shown
+
+
+def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):
+    saved = tmp_path / "saved"
+    words = ["--world", str(short_map), "--route", "fixed", "--predictor", "none", "--jobs", "1"]
+    words += ["--arms", "known,optimistic", "--episodes", "2"]
+    assert corridor.main([*words, "--out", str(saved)]) == 0
+    command = ["--calibration", str(written(tmp_path / "c.json")), "--hours", "0", "--jobs", "1"]
+    command += ["--out", str(tmp_path / "run"), "--runs", str(saved)]
+    assert risk.main(command) == 0
+    rows = json.loads((tmp_path / "run/results.json").read_text())["promise"]
+    mine = [(r["arm"], r["requested"], r["drives"], r["touched"]) for r in rows]
+    assert mine == [("known", 0.0, 2, 0), ("optimistic", None, 2, 0)]
+    capsys.readouterr()
+    assert risk.main([*command, str(saved)]) == 2
+    assert "a name of its own" in capsys.readouterr().err
+    results = saved / "results.json"
+    told = json.loads(results.read_text())
+    told["settings"]["level"] = 0.1
+    results.write_text(json.dumps(told))
+    assert risk.main(command) == 2
+    assert "was not driven at a risk of 0" in capsys.readouterr().err
+
+
+def test_collisions_are_counted_in_each_family():
+    cell = Cell("promise", "mixture-0.05", replace(SETTINGS, arms=("predicted",)), 0.05)
+    outcomes = ["reached", "collided", "collided", "collided", "reached"]
+    drives = [{"index": i, "outcome": one} for i, one in enumerate(outcomes)]
+    assert _by_family(cell, drives) == {"corridor": [1, 3], "narrow": [2, 2]}
+    on_maps = replace(cell, settings=replace(cell.settings, world=("maps/a.yaml",)))
+    assert _by_family(on_maps, drives) == {}
 
 
 def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_cells, tmp_path, monkeypatch):

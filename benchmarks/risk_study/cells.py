@@ -10,15 +10,16 @@ from benchmarks.runs.certified import SAME, conditions_of
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
-from predictor.mapping.family_names import FAMILIES
 
 SEED = 6_000_000
 """Of the first building of each cell: none that a network, or a calibration, has learned from."""
 GAP_SEED = 6_500_000
 """Of those in which arms are compared with each other."""
 SHAM = "benchmarks.risk_study.sham:Sham"
-SPEEDS = (2.0, 4.0, 6.0, 8.0)
-"""Top speeds at which `optimistic` and `predicted` are compared [m/s]."""
+HELD_OUT = ("trap", "maze", "obstacle_field")
+"""Families that no network, and no calibration, has learned from."""
+CARS = ((2.0, 1.5), (4.0, 1.5), (6.0, 1.5), (8.0, 1.5), (4.0, 3.0))
+"""Top speed [m/s] and braking [m/s²] at which `optimistic` and `predicted` are compared."""
 
 
 @dataclass(frozen=True)
@@ -103,11 +104,11 @@ def _gap(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
 
 
 def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Cell]:
-    """Requested against realised risk: the mixture, each family, and real maps."""
+    """Requested against realised risk: the mixture, held-out families, and real maps."""
     for risk, level in _levels(calibration):
         settings = replace(mixture, level=level, episodes=300)
         yield Cell("promise", f"mixture-{risk:g}", settings, risk)
-    for place in (*FAMILIES, *maps):
+    for place in (*HELD_OUT, *maps):
         for risk, level in _levels(calibration):
             settings = replace(mixture, world=(place,), level=level, episodes=60)
             yield Cell("promise", f"{Path(place).stem}-{risk:g}", settings, risk)
@@ -115,15 +116,13 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """What must be worse: no calibration, no adaptation, and a sham."""
-    worlds = {"mixture": mixture.world, "trap": ("trap",)}
     for risk, level in sorted(calibration.levels.items()):
-        for name, world in worlds.items():
-            same = replace(mixture, world=world, episodes=60)
-            yield Cell("uncalibrated", f"{name}-{risk:g}", replace(same, level=risk), risk)
-            fixed = replace(same, level=level, fixed_level=True)
+        same = replace(mixture, level=level, episodes=60)
+        yield Cell("uncalibrated", f"mixture-{risk:g}", replace(same, level=risk), risk)
+        for name, world in (("mixture", mixture.world), ("trap", ("trap",))):
+            fixed = replace(same, world=world, fixed_level=True)
             yield Cell("not adapted", f"{name}-{risk:g}", fixed, risk)
-        sham = replace(mixture, level=level, predictor=SHAM, episodes=60)
-        yield Cell("sham", f"mixture-{risk:g}", sham, risk)
+        yield Cell("sham", f"mixture-{risk:g}", replace(same, predictor=SHAM), risk)
 
 
 def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
@@ -139,20 +138,26 @@ def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
             seed=GAP_SEED,
             episodes=30,
         )
-        for arm in ("full", "known"):
-            yield Cell("maze", f"{v_max:g}-{arm}", replace(same, arms=(arm,)))
-        for risk, level in _levels(calibration):
-            settings = replace(same, level=level)
-            yield Cell("maze", f"{v_max:g}-risk-{risk:g}", settings, None if risk else 0.0)
+        yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full", "known"))
 
 
 def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
-    """Top speeds at which `optimistic` collides."""
+    """Cars with which `optimistic` collides."""
+    for v_max, braking in CARS:
+        same = replace(
+            mixture, v_max=v_max, braking=braking, route="fixed", seed=GAP_SEED, episodes=30
+        )
+        label = f"{v_max:g}-{braking:g}"
+        yield from _with_and_without(calibration, same, "speed", label, ("known", "optimistic"))
+
+
+def _with_and_without(
+    calibration: Calibration, same: Settings, group: str, label: str, arms: Sequence[str]
+) -> Iterator[Cell]:
+    """Drives of other arms, and of `predicted` at 0 and at the largest level certified."""
+    for arm in arms:
+        yield Cell(group, f"{label}-{arm}", replace(same, arms=(arm,)))
     bold = max(calibration.levels, default=0.0)
-    for v_max in SPEEDS:
-        same = replace(mixture, v_max=v_max, route="fixed", seed=GAP_SEED, episodes=40)
-        for arm in ("known", "optimistic"):
-            yield Cell("speed", f"{v_max:g}-{arm}", replace(same, arms=(arm,)))
-        for risk in dict.fromkeys((0.0, bold)):
-            settings = replace(same, level=calibration.levels.get(risk, 0.0))
-            yield Cell("speed", f"{v_max:g}-risk-{risk:g}", settings, None if risk else 0.0)
+    for risk in dict.fromkeys((0.0, bold)):
+        settings = replace(same, level=calibration.levels.get(risk, 0.0))
+        yield Cell(group, f"{label}-risk-{risk:g}", settings, None if risk else 0.0)

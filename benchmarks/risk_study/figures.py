@@ -67,16 +67,16 @@ def _kind(row: dict[str, Any]) -> tuple[str, str]:
 
 
 def _pareto(found: dict[str, Any]) -> Figure | None:
-    """Draw SCT over the rate of collisions, for each arm and top speed."""
+    """Draw SCT over the rate of collisions, for each arm, top speed and braking."""
     rows = [r for r in found["promise"] if r["group"] in ("gap", "speed") and r["sct"] is not None]
     if not rows:
         return None
-    speeds = sorted({r["v_max"] for r in rows})
-    figure = Figure(figsize=(3.2 * len(speeds), 3.4), layout="constrained")
-    for axes, v_max in zip(figure.subplots(1, len(speeds), squeeze=False)[0], speeds, strict=True):
+    cars = sorted({(r["v_max"], r["braking"]) for r in rows})
+    figure = Figure(figsize=(3.2 * len(cars), 3.4), layout="constrained")
+    for axes, car in zip(figure.subplots(1, len(cars), squeeze=False)[0], cars, strict=True):
         for arm in dict.fromkeys(r["arm"] for r in rows):
             mine = sorted(
-                (r for r in rows if r["arm"] == arm and r["v_max"] == v_max),
+                (r for r in rows if r["arm"] == arm and (r["v_max"], r["braking"]) == car),
                 key=lambda r: r["level"],
             )
             axes.errorbar(
@@ -92,6 +92,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
                 linewidth=0.8,
                 label=arm,
             )
-        axes.set(title=f"top speed {v_max:g} m/s", xlabel="collisions [% of drives]", ylabel="SCT")
+        title = "{:g} m/s, {:g} m/s²".format(*car)
+        axes.set(title=title, xlabel="collisions [% of drives]", ylabel="SCT")
     axes.legend(fontsize=8)
     return figure

@@ -13,6 +13,7 @@ from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, interval, records
+from predictor.mapping.family_names import FAMILIES
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
 
@@ -33,7 +34,9 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "arm": cell.arm,
                 "world": list(cell.settings.world),
                 "route": cell.settings.route,
+                "vehicle": cell.settings.vehicle,
                 "v_max": cell.settings.v_max,
+                "braking": cell.settings.braking,
                 "requested": cell.risk,
                 "level": cell.settings.level,
                 "adapted": not cell.settings.fixed_level,
@@ -46,6 +49,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "km": km,
                 "per_km_interval": _poisson(collided, km),
                 "outcomes": dict(outcomes),
+                "by_family": _by_family(cell, mine),
                 "sct": _mean([d["sct"] for d in mine]),
                 "speed": 1e3 * km / sum(d["time"] for d in mine),
                 "impact_speed": _mean([d["impact_speed"] for d in mine]),
@@ -100,6 +104,21 @@ def table_of_drives(found: dict[str, Any]) -> str:
     """Return the outcomes of the drives of one cell as Markdown."""
     outcomes = Counter(drive["outcome"] for drive in found["drives"])
     return records([{"outcome": name, "drives": count} for name, count in sorted(outcomes.items())])
+
+
+def _by_family(cell: Cell, mine: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
+    """Return the collisions and the drives in each family of a mixture; families take turns."""
+    families = cell.settings.world
+    if not set(families) <= set(FAMILIES):
+        return {}
+    turns = {
+        family: [d for d in mine if d["index"] % len(families) == turn]
+        for turn, family in enumerate(families)
+    }
+    return {
+        family: [sum(d["outcome"] == "collided" for d in drives), len(drives)]
+        for family, drives in turns.items()
+    }
 
 
 def _poisson(count: int, km: float) -> list[float] | None:

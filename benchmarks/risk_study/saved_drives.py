@@ -1,0 +1,65 @@
+"""Drives that runs of `benchmarks.corridor` have saved, under the independent test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from benchmarks.risk_study.cells import Cell
+from benchmarks.risk_study.geometry import touches
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.settings import ARMS, Settings
+from predictor.infra.command_line import UsageError
+from predictor.mapping.body import Body
+from predictor.mapping.grid import FREE
+
+
+def saved_drives(folders: Sequence[Path]) -> tuple[list[Cell], dict[str, list[dict[str, Any]]]]:
+    """Return a cell for each arm of each run, and its drives, by the cell's name.
+
+    Args:
+        folders: of runs at a risk of 0.
+
+    Raises:
+        RunError: if a folder holds no run, or a damaged one.
+        UsageError: if a run was not at a risk of 0, or two folders have the same name.
+    """
+    cells: list[Cell] = []
+    drives: dict[str, list[dict[str, Any]]] = {}
+    for folder in folders:
+        run = Run.load(folder)
+        if run.settings["risk"] or run.settings["level"]:
+            raise UsageError(f"--runs: {folder} was not driven at a risk of 0")
+        for arm in run.arms:
+            cell = _cell(run, arm)
+            if cell.name in drives:
+                raise UsageError(f"--runs: each folder must have a name of its own, as {folder}")
+            cells.append(cell)
+            drives[cell.name] = _tested(run, arm)
+    return cells, drives
+
+
+def _cell(run: Run, arm: str) -> Cell:
+    told = {
+        field.name: run.settings[field.name]
+        for field in fields(Settings)
+        if field.name in run.settings
+    }
+    told |= {"world": tuple(run.settings["world"]), "arms": (arm,)}
+    # Whoever takes unobserved space for observed promises nothing.
+    risk = None if ARMS[arm].reliance == 1.0 else 0.0
+    return Cell("run", run.label, Settings(**told), risk)
+
+
+def _tested(run: Run, arm: str) -> list[dict[str, Any]]:
+    found = []
+    mine = [episode for episode in run.episodes if episode.arm == arm]
+    for episode in tqdm(mine, desc=f"{run.label}, {arm}", unit="drive"):
+        truth, trace = run.truth(episode.index), run.trace(episode.index, arm)
+        touched = touches(trace.states, truth.cells != FREE, truth.frame, Body())
+        found.append(asdict(episode) | {"touched": touched})
+    return found
