@@ -372,6 +372,23 @@ def test_a_given_way_is_not_left_for_a_short_cut_through_what_has_not_been_seen(
     assert followed(way, [(2.0, 1.5)])[:, 0].max() > 8.0
 
 
+def test_a_line_keeps_to_a_given_way_through_what_is_predicted_free():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    cells[np.ix_(abs(Y - 2.0) < 1.5, abs(X - 2.0) < 1.5)] = FREE
+    way = np.array([[2.0, 2.0], [2.0, 8.0], [9.0, 8.0]])
+    known, free = grid(cells), prediction(1.0, 0.0, 0.99)
+    risk = RiskMap.from_prediction(known.crop(known.frame.square(2.0, 2.0, 10.0)), None, 0.0)
+    guide = Guide((9.0, 8.0), way, CAR, GuideConfig(), seed=1)
+    ahead = np.array([[2.0, 2.0, math.pi / 2, 1.0]])
+    # A path that is smoothed again and again must not creep from the way.
+    for tick in range(0, 200, 10):
+        guide.plan_if_due(tick, ahead, known, risk, free)
+        guide.update(tick + guide.config.delay, ahead[0], risk)
+    assert guide.path is not None
+    corner = np.hypot(*(guide.path.points - [2.0, 8.0]).T).min()
+    assert corner < 0.8
+
+
 def test_a_car_that_was_beside_a_given_way_is_not_called_back():
     way = np.array([[1.0, 2.0], [31.0, 2.0]])
     beside = [(float(x), 3.3) for x in range(2, 11, 2)]

@@ -26,6 +26,10 @@ from predictor.prediction import Prediction
 
 REST = 1e-6
 """A car slower than this stands, and may change its gear [m/s]."""
+PRESCRIBED_TETHER = 8.0
+"""Weight of a squared metre off a prescribed route, where it is unseen [1/m²].
+
+A line that cuts its corners there leads into walls beside the route, seen too late for the turn."""
 
 
 @dataclass(frozen=True)
@@ -267,7 +271,10 @@ class Guide:
             self.counts["no_route"] += 1
             return None
         pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
-        smoother = Smoother(cost, risk, self.goal, self.car, self.config.line)
+        line = self.config.line
+        if way is not None:
+            line = replace(line, tether=PRESCRIBED_TETHER)
+        smoother = Smoother(cost, risk, self.goal, self.car, line)
         fresh = smoother.along(Path.through(route, "route").points, pose, "route")
         present = self._present(smoother, pose)
         if fresh is None and present is None:

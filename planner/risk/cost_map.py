@@ -37,7 +37,8 @@ class CostMap:
         density: cost of a metre [1], (rows, columns).
         clearance: distance to the nearest cell seen occupied [m], (rows, columns).
         room: likewise, to the nearest cell that was seen or is predicted to be occupied.
-        unsure: cells neither seen nor predicted to be free, (rows, columns).
+        unsure: cells neither seen nor predicted to be free; on a prescribed route, which is surer
+            than any prediction, all unseen cells, (rows, columns).
         required: clearance below which the body does not fit [m].
     """
 
@@ -81,8 +82,8 @@ class CostMap:
             steered = unseen & np.isfinite(predicted_cost)
             walls = steered & (predicted_cost > PREDICTED_WALL)
             room = distance_field(occupied | walls) * np.float32(frame.resolution)
-            unsure = unseen & ~(steered & (predicted_cost < 0.5 * (1.0 + UNKNOWN_COST)))
             if way is None:
+                unsure = unseen & ~(steered & (predicted_cost < 0.5 * (1.0 + UNKNOWN_COST)))
                 # Where a wall goes on is as much in doubt as the prediction leaves it.
                 doubt = np.clip(predicted_cost - 1.0, 0.0, 1.0)
                 density[steered] = (predicted_cost + prior * doubt)[steered]
