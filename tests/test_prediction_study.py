@@ -9,7 +9,8 @@ from generated_frames import generated, write_frames
 
 from benchmarks.prediction import tables
 from benchmarks.prediction.__main__ import main
-from benchmarks.prediction.contestants import contestants, entrant, reduced
+from benchmarks.prediction.contestants import _contestant, contestants, entrant, reduced
+from benchmarks.prediction.cost import _size
 from benchmarks.prediction.evaluation import spaced
 from benchmarks.prediction.pictures import straight
 from benchmarks.prediction.report import SSIM
@@ -20,6 +21,7 @@ from predictor import Prediction, PredictorError
 from predictor.data.frames import Frames
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet
+from predictor.registry import load_predictor
 from predictor.scoring.images import LEVELS, beyond_crop, similarity
 from predictor.weights import save_weights
 
@@ -152,6 +154,14 @@ def test_an_image_is_wholly_like_itself_and_less_like_any_other():
     other = similarity(blank, np.where(unseen, blank, truth), truth, unseen)
     assert all(value < 0.9 for value in vars(other).values())
     assert other.ssim < other.ssim_kept
+
+
+@pytest.mark.parametrize("name", ["compact", "compact-logs"])
+def test_the_cost_of_a_shipped_network_is_counted(name):
+    predictor = load_predictor(name)
+    size = _size(_contestant(name, name), predictor, 200)
+    assert size["parameters"] > 1_000_000
+    assert size["macs"] > 100_000_000
 
 
 def test_far_off_a_shift_by_a_cell_costs_less_at_a_coarser_resolution():

@@ -23,6 +23,7 @@ from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.infra.environment import machine
 from predictor.infra.errors import one_line
+from predictor.mapping.context import CELLS
 from predictor.networks import ARCHITECTURES
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_config import ImageConfig
@@ -109,7 +110,7 @@ def _examples(evaluation: Evaluation, expansion: float) -> list[ScoredSquare]:
 def _printed(arch: str) -> dict[str, Any]:
     """Measure the cost of an architecture of `ARCHITECTURES` in the paper's size."""
     net = ImageNet(ImageConfig(arch)).eval()
-    size = _counted(net, 1, net.config.side)
+    size = _counted(net, (1, net.config.side, net.config.side))
     given = torch.zeros(1, 1, net.config.side, net.config.side)
     taken = []
     with torch.inference_mode():
@@ -131,7 +132,9 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
     """
     if isinstance(predictor, Compact):
         net = load_weights(predictor.weights, CompactNet)[0]
-        return _counted(net, 2, n + -n % net.config.multiple)
+        side = n + -n % net.config.multiple
+        context = [(2, CELLS, CELLS)] if net.config.context else []
+        return _counted(net, (2, side, side), *context)
     weights = [Path(contestant.spec)]
     if isinstance(predictor, Fused):
         # Networks that are wider than the square needs are not run.
@@ -140,14 +143,19 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
     elif not isinstance(predictor, ImagePredictor):
         return {"parameters": None, "macs": None}
     nets = [load_weights(path, ImageNet)[0] for path in weights]
-    sizes = [_counted(net, 1, net.config.side) for net in nets]
+    sizes = [_counted(net, (1, net.config.side, net.config.side)) for net in nets]
     return {name: sum(size[name] for size in sizes) for name in sizes[0]}
 
 
-def _counted(net: nn.Module, channels: int, side: int) -> dict[str, int]:
-    """Count the parameters of a network, and the multiply-accumulates of one run."""
+def _counted(net: nn.Module, *shapes: tuple[int, ...]) -> dict[str, int]:
+    """Count the parameters of a network, and the multiply-accumulates of one run.
+
+    Args:
+        net: network.
+        shapes: of its inputs, without their first axis.
+    """
     with torch.inference_mode(), FlopCounterMode(display=False) as counter:
-        net(torch.zeros(1, channels, side, side))
+        net(*(torch.zeros(1, *shape) for shape in shapes))
     # The counter counts a multiplication and an addition as two operations.
     macs = counter.get_total_flops() // 2
     return {"parameters": sum(p.numel() for p in net.parameters()), "macs": macs}
