@@ -284,13 +284,15 @@ class OccupancyGrid:
         return wanted
 
 
-def _classify(log_odds: NDArray[np.int8]) -> NDArray[np.int8]:
-    return _MEANING[np.ascontiguousarray(log_odds).view(np.uint8)]
-
-
-_MEANING = np.full(256, UNKNOWN, dtype=np.int8)
-_MEANING[1:128], _MEANING[128:] = OCCUPIED, FREE
-"""Cell values by log-odds, whose negative numbers are the upper half of a byte."""
+@njit(cache=True, nogil=True)
+def _classify(log_odds):  # type: ignore[no-untyped-def]
+    """Return the values of cells by their log-odds, (rows, columns)."""
+    cells = np.empty(log_odds.shape, dtype=np.int8)
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            value = log_odds[i, j]
+            cells[i, j] = UNKNOWN if value == 0 else OCCUPIED if value > 0 else FREE
+    return cells
 
 
 @njit(cache=True, nogil=True)
