@@ -12,6 +12,7 @@ COMMANDS = {
     "optimum": ("benchmarks.optimum", "compute time-optimal drives"),
     "stuck": ("benchmarks.stuck", "find out why drives got stuck"),
     "weave": ("benchmarks.weave", "count steering oscillations on straights"),
+    "sweeps": ("benchmarks.sweeps", "compare scores of how far to rely on a prediction"),
     "stages": ("benchmarks.stages", "time the stages of the control cycle"),
     "calibrate": ("benchmarks.calibrate", "certify how much risk the last resort may take"),
     "risk": ("benchmarks.risk", "study requested against realised risk, and speed"),

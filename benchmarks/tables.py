@@ -25,6 +25,7 @@ TABLES = {
     "interrupt": "benchmarks.robustness.interruptions:table",
     "stuck": "benchmarks.stuck:table",
     "weave": "benchmarks.weave:table",
+    "sweeps": "benchmarks.sweeps:table",
     "stages": "benchmarks.timing.tables:tables",
     "prediction": "benchmarks.prediction.tables:tables_of",
     "evaluation": "benchmarks.recording.evaluation:table",

@@ -20,6 +20,7 @@ COMMANDS = {
     "benchmarks.stuck": "benchmarks",
     "benchmarks.tables": "benchmarks",
     "benchmarks.weave": "benchmarks",
+    "benchmarks.sweeps": "benchmarks",
     "predictor.check": "predictor",
     "predictor.dataset": "predictor",
     "predictor.drives": "predictor",

@@ -19,6 +19,7 @@ COMMANDS = {
     "interrupt": "benchmarks.interrupt",
     "stuck": "benchmarks.stuck",
     "weave": "benchmarks.weave",
+    "sweeps": "benchmarks.sweeps",
     "stages": "benchmarks.stages",
     "prediction": "benchmarks.prediction",
     "evaluation": "predictor.evaluate",
