@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -26,8 +27,8 @@ from predictor.registry import load_predictor
 
 KIND = "risk drives"
 """Kind of the files of drives."""
-ROUND = 20
-"""Drives of a cell before the next cell's turn."""
+ROUNDS = 5
+"""Number of turns in which a cell is driven."""
 
 
 def drive_all(
@@ -50,21 +51,17 @@ def drive_all(
     """
     files = {cell.name: _file(cell, out) for cell in cells}
     end = time.monotonic() + 3600.0 * hours
-    done = 0
-    while time.monotonic() < end:
-        done += ROUND
-        lacking = [c for c in cells if len(files[c.name].first(_due(c, done))) < _due(c, done)]
-        if not lacking and all(_due(c, done) == c.settings.episodes for c in cells):
-            break
-        for cell in lacking:
-            if time.monotonic() > end:
-                break
-            print(f"{cell.name}, {_due(cell, done)} of {cell.settings.episodes}")
+    for turn in range(1, ROUNDS + 1):
+        for cell in cells:
+            due = math.ceil(cell.settings.episodes * turn / ROUNDS)
+            if time.monotonic() > end or len(files[cell.name].first(due)) == due:
+                continue
+            print(f"{cell.name}, {due} of {cell.settings.episodes}")
             weights = fingerprint_of(load_predictor(cell.settings.predictor))
             work = partial(_driven, cell.settings, weights)
             files[cell.name].fill(
                 work,
-                range(_due(cell, done)),
+                range(due),
                 jobs,
                 lambda drive: str(drive["outcome"]),
                 lambda: time.monotonic() > end,
@@ -82,10 +79,6 @@ def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
     """Return the drives up to the first that is missing: of those after it, the short ones are
     there first, and collisions are short."""
     return [file.drives[i] for i in takewhile(lambda i: i in file.drives, range(most))]
-
-
-def _due(cell: Cell, done: int) -> int:
-    return min(done, cell.settings.episodes)
 
 
 def _file(cell: Cell, out: Path) -> DriveFile:
