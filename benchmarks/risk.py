@@ -73,7 +73,7 @@ def _run(args: argparse.Namespace) -> int:
     from benchmarks.risk_study.cells import cells_of
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
-    from benchmarks.risk_study.report import against_known, is_broken, promises, tables
+    from benchmarks.risk_study.report import comparisons, is_broken, promises, tables
     from benchmarks.risk_study.saved_drives import saved_drives
     from benchmarks.runs.drive import check_maps
     from planner.risk.calibration import Calibration
@@ -96,7 +96,7 @@ def _run(args: argparse.Namespace) -> int:
         "commit": commit(),
         "missing": missing,
         "promise": promise,
-        "pareto": against_known(cells, drives),
+        "pareto": comparisons(cells, drives),
     }
     write_results(args.out / "results.json", "risk", found)
     print("", tables(found), "", sep="\n")

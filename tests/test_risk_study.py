@@ -12,7 +12,7 @@ from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import cells as study
 from benchmarks.risk_study.cells import Cell, cells_of
 from benchmarks.risk_study.geometry import touches
-from benchmarks.risk_study.report import _by_family, is_broken
+from benchmarks.risk_study.report import COMPARED, _by_family, _same_tasks, is_broken
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
@@ -62,6 +62,19 @@ def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
     assert any(cell.settings.world == ("maps/a.yaml",) for cell in cells)
     quick = cells_of(CALIBRATION, "none", [], quick=True)
     assert {cell.settings.episodes for cell in quick} == {4}
+
+
+def test_cells_are_compared_with_those_that_drive_the_same_tasks():
+    cells = cells_of(CALIBRATION, "none", [], quick=False)
+    arms = {
+        cell.name: sorted(other.arm for other in cells if _same_tasks(other, cell))
+        for cell in cells
+        if cell.group in COMPARED
+    }
+    # `predicted` at 0 and at both risks, and with `extend`.
+    assert arms["gap-known-known"] == ["known", "oracle", *["predicted"] * 4]
+    assert arms["maze-2-bold-predicted"] == ["full", "known", "predicted", "predicted"]
+    assert arms["speed-4-3-5-known-known"] == ["known", "optimistic", "predicted", "predicted"]
 
 
 def test_a_calibration_for_another_predictor_is_refused():

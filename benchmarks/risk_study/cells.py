@@ -18,8 +18,16 @@ GAP_SEED = 6_500_000
 SHAM = "benchmarks.risk_study.sham:Sham"
 HELD_OUT = ("trap", "maze", "obstacle_field")
 """Families that no network, and no calibration, has learned from."""
-CARS = ((2.0, 1.5), (4.0, 1.5), (6.0, 1.5), (8.0, 1.5), (4.0, 3.0))
-"""Top speed [m/s] and braking [m/s²] at which `optimistic` and `predicted` are compared."""
+CARS = (
+    (2.0, 1.5, 5.0),
+    (4.0, 1.5, 5.0),
+    (8.0, 1.5, 5.0),
+    (4.0, 3.0, 5.0),
+    (4.0, 1.5, 7.5),
+    (4.0, 1.5, 10.0),
+)
+"""Top speed [m/s], braking [m/s²] and window [m] at which `optimistic` and `predicted` are
+compared."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +102,11 @@ def _levels(calibration: Calibration) -> list[tuple[float, float]]:
     return sorted({0.0: 0.0, **calibration.levels}.items())
 
 
+def _boldest(calibration: Calibration) -> float:
+    """Return the largest level that is certified; 0 if none is."""
+    return max(calibration.levels.values(), default=0.0)
+
+
 def _gap(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """Speed on a prescribed route: `known`, `oracle`, and `predicted` at each level."""
     same = replace(mixture, route="fixed", seed=GAP_SEED, episodes=60)
@@ -101,6 +114,8 @@ def _gap(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
         yield Cell("gap", arm, replace(same, arms=(arm,)))
     for risk, level in _levels(calibration):
         yield Cell("gap", f"risk-{risk:g}", replace(same, level=level), None if risk else 0.0)
+    extend = replace(same, predictor="extend", level=_boldest(calibration))
+    yield Cell("gap", "extend", extend)
 
 
 def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Cell]:
@@ -110,14 +125,14 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
         yield Cell("promise", f"mixture-{risk:g}", settings, risk)
     for place in (*HELD_OUT, *maps):
         for risk, level in sorted(calibration.levels.items()):
-            settings = replace(mixture, world=(place,), level=level, episodes=60)
+            settings = replace(mixture, world=(place,), level=level, episodes=40)
             yield Cell("promise", f"{Path(place).stem}-{risk:g}", settings, risk)
 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """What must be worse: no calibration, no adaptation, and a sham."""
     for risk, level in sorted(calibration.levels.items()):
-        same = replace(mixture, level=level, episodes=60)
+        same = replace(mixture, level=level, episodes=40)
         yield Cell("uncalibrated", f"mixture-{risk:g}", replace(same, level=risk), risk)
         fixed = replace(same, world=("trap",), fixed_level=True)
         yield Cell("not adapted", f"trap-{risk:g}", fixed, risk)
@@ -137,26 +152,24 @@ def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
             seed=GAP_SEED,
             episodes=30,
         )
-        yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full",))
+        yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full", "known"))
 
 
 def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     """Cars with which `optimistic` collides."""
-    for v_max, braking in CARS:
-        same = replace(
-            mixture, v_max=v_max, braking=braking, route="fixed", seed=GAP_SEED, episodes=20
-        )
-        label = f"{v_max:g}-{braking:g}"
+    for v_max, braking, window in CARS:
+        car = replace(mixture, v_max=v_max, braking=braking, window=window)
+        same = replace(car, route="fixed", seed=GAP_SEED, episodes=20)
+        label = f"{v_max:g}-{braking:g}-{window:g}"
         yield from _with_and_without(calibration, same, "speed", label, ("known", "optimistic"))
 
 
 def _with_and_without(
     calibration: Calibration, same: Settings, group: str, label: str, arms: Sequence[str]
 ) -> Iterator[Cell]:
-    """Drives of other arms, and of `predicted` at 0 and at the largest level certified."""
+    """Drives of other arms, and of `predicted` at 0 and at the largest certified level."""
     for arm in arms:
         yield Cell(group, f"{label}-{arm}", replace(same, arms=(arm,)))
-    bold = max(calibration.levels, default=0.0)
-    for risk in dict.fromkeys((0.0, bold)):
-        settings = replace(same, level=calibration.levels.get(risk, 0.0))
-        yield Cell(group, f"{label}-risk-{risk:g}", settings, None if risk else 0.0)
+    yield Cell(group, f"{label}-risk-0", same, 0.0)
+    if bold := _boldest(calibration):
+        yield Cell(group, f"{label}-bold", replace(same, level=bold))

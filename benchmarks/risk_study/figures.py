@@ -71,13 +71,12 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
     rows = [r for r in found["promise"] if r["group"] in ("gap", "speed") and r["sct"] is not None]
     if not rows:
         return None
-    cars = sorted({(r["v_max"], r["braking"]) for r in rows})
+    cars = sorted({_car(r) for r in rows})
     figure = Figure(figsize=(3.2 * len(cars), 3.4), layout="constrained")
     for axes, car in zip(figure.subplots(1, len(cars), squeeze=False)[0], cars, strict=True):
-        for arm in dict.fromkeys(r["arm"] for r in rows):
+        for arm in dict.fromkeys(_arm(r) for r in rows):
             mine = sorted(
-                (r for r in rows if r["arm"] == arm and (r["v_max"], r["braking"]) == car),
-                key=lambda r: r["level"],
+                (r for r in rows if _arm(r) == arm and _car(r) == car), key=lambda r: r["level"]
             )
             axes.errorbar(
                 [100 * r["rate"] for r in mine],
@@ -92,7 +91,16 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
                 linewidth=0.8,
                 label=arm,
             )
-        title = "{:g} m/s, {:g} m/s²".format(*car)
+        title = "{:g} m/s, {:g} m/s²,\nwindow {:g} m".format(*car)
         axes.set(title=title, xlabel="collisions [% of drives]", ylabel="SCT")
     axes.legend(fontsize=8)
     return figure
+
+
+def _arm(row: dict[str, Any]) -> str:
+    """Return the name of a line: the arm, or `extend` for drives with that predictor."""
+    return "extend" if row["predictor"] == "extend" else str(row["arm"])
+
+
+def _car(row: dict[str, Any]) -> tuple[float, float, float]:
+    return row["v_max"], row["braking"], row["window"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from scipy.stats import chi2
@@ -16,6 +17,9 @@ from predictor.infra.markdown import DASH, interval, records
 from predictor.mapping.family_names import FAMILIES
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
+COMPARED = ("gap", "maze", "speed")
+"""Groups in which arms drive the same tasks."""
+BASELINES = ("known", "oracle", "full")
 
 
 def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
@@ -32,11 +36,13 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "group": cell.group,
                 "cell": cell.label,
                 "arm": cell.arm,
+                "predictor": cell.settings.predictor,
                 "world": list(cell.settings.world),
                 "route": cell.settings.route,
                 "vehicle": cell.settings.vehicle,
                 "v_max": cell.settings.v_max,
                 "braking": cell.settings.braking,
+                "window": cell.settings.window,
                 "requested": cell.risk,
                 "level": cell.settings.level,
                 "adapted": not cell.settings.fixed_level,
@@ -67,30 +73,49 @@ def is_broken(row: dict[str, Any]) -> bool:
     return promised and row["interval"][0] > row["requested"]
 
 
-def against_known(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
-    """Return SCT, time ratio to `known` and share of the gap of each arm on a prescribed route."""
-    of = {cell.label: drives[cell.name] for cell in cells if cell.group == "gap"}
+def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
+    """Return SCT, times and share of the gap of each cell, among the cells with its tasks."""
     rows = []
     for cell in cells:
-        if cell.group != "gap" or cell.label == "known":
+        if cell.group not in COMPARED:
             continue
-        arms = _paired({"known": of["known"], "predicted": of[cell.label], "oracle": of["oracle"]})
-        if not arms["known"]:
+        rivals = {other.arm: drives[other.name] for other in cells if _same_tasks(other, cell)}
+        baselines = {arm: rivals[arm] for arm in BASELINES if arm in rivals and arm != cell.arm}
+        # The statistics call the arm that is compared `predicted`.
+        arms = _paired({"predicted": drives[cell.name], **baselines})
+        if not arms["predicted"] or not baselines:
             continue
+        known, full = (
+            statistics.time_ratio(arms, "predicted", one) if one in baselines else None
+            for one in ("known", "full")
+        )
         rows.append(
             {
-                "arm": cell.label,
+                "group": cell.group,
+                "cell": cell.label,
+                "arm": cell.arm,
+                "predictor": cell.settings.predictor,
                 "level": cell.settings.level,
-                "episodes": len(arms["known"]),
+                "v_max": cell.settings.v_max,
+                "braking": cell.settings.braking,
+                "window": cell.settings.window,
+                "episodes": len(arms["predicted"]),
                 "collided": sum(r.outcome == "collided" for r in arms["predicted"]),
                 "sct": statistics.success(arms, "predicted"),
-                "time_ratio": statistics.time_ratio(arms, "predicted", "known"),
+                "time_ratio": known,
+                "time_over_full": full,
                 "share_of_gap": {
                     key: statistics.share_of_gap(arms, key) for key in ("sct", "time")
                 },
             }
         )
     return rows
+
+
+def _same_tasks(one: Cell, other: Cell) -> bool:
+    """Return whether the drives of two cells differ in arm, level or predictor at most."""
+    same = {name: getattr(other.settings, name) for name in ("arms", "level", "predictor")}
+    return one.group == other.group and replace(one.settings, **same) == other.settings
 
 
 def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
@@ -138,7 +163,7 @@ def tables(found: dict[str, Any]) -> str:
     """Return the results of the study as Markdown."""
     parts = [_promise_table(found["promise"])]
     if found["pareto"]:
-        parts.append(_gap_table(found["pareto"]))
+        parts.append(_pareto_table(found["pareto"]))
     if found["missing"]:
         parts.append(f"{found['missing']} drives are still to be made: the same command goes on.")
     return "\n\n".join(parts)
@@ -166,16 +191,19 @@ def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _gap_table(rows: Sequence[dict[str, Any]]) -> str:
+def _pareto_table(rows: Sequence[dict[str, Any]]) -> str:
     return records(
         [
             {
+                "group": row["group"],
+                "cell": row["cell"],
                 "arm": row["arm"],
                 "level λ": f"{row['level']:.2g}",
                 "episodes": row["episodes"],
                 "collided": row["collided"],
                 "SCT": _told(row["sct"], ".3f"),
                 "time ratio to `known`": _told(row["time_ratio"], ".2f"),
+                "time over that of `full`": _told(row["time_over_full"], ".2f"),
                 "share of the gap in time [%]": _told(row["share_of_gap"]["time"], ".0f", 100.0),
             }
             for row in rows
