@@ -61,7 +61,7 @@ def main(argv: list[str] | None = None) -> int:
         metavar="H",
         type=between(0.0, 1e4),
         default=4.0,
-        help="time that it may take [h]; all cells grow together (default: %(default)s)",
+        help="time that it may take [h]; the cells grow in turns (default: %(default)s)",
     )
     parser.add_argument("--quick", action="store_true", help="4 drives of each cell")
     parser.add_jobs()

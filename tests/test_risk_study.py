@@ -12,7 +12,7 @@ from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import cells as study
 from benchmarks.risk_study.cells import Cell, cells_of
 from benchmarks.risk_study.geometry import touches
-from benchmarks.risk_study.report import COMPARED, _by_family, _same_tasks, is_broken
+from benchmarks.risk_study.report import _by_family, is_broken
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
@@ -55,7 +55,7 @@ def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
     cells = cells_of(CALIBRATION, "none", ["maps/a.yaml"], quick=False)
     names = [cell.name for cell in cells]
     assert len(set(names)) == len(names)
-    asked = {cell.risk: cell.settings.level for cell in cells if cell.group in ("gap", "promise")}
+    asked = {cell.risk: cell.settings.level for cell in cells if cell.group == "promise"}
     assert asked == {None: 0.01, 0.0: 0.0, 0.02: 0.001, 0.05: 0.01}
     assert {cell.settings.level for cell in cells if cell.group == "uncalibrated"} == {0.02, 0.05}
     assert all(cell.settings.fixed_level == (cell.group == "not adapted") for cell in cells)
@@ -66,15 +66,17 @@ def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
 
 def test_cells_are_compared_with_those_that_drive_the_same_tasks():
     cells = cells_of(CALIBRATION, "none", [], quick=False)
-    arms = {
-        cell.name: sorted(other.arm for other in cells if _same_tasks(other, cell))
-        for cell in cells
-        if cell.group in COMPARED
-    }
+    same = {}
+    for cell in cells:
+        same.setdefault((cell.group, cell.tasks), []).append(cell)
+    arms = {kind: sorted(cell.arm for cell in of) for kind, of in same.items()}
     # `predicted` at 0 and at both risks, and with `extend`.
-    assert arms["gap-known-known"] == ["known", "oracle", *["predicted"] * 4]
-    assert arms["maze-2-bold-predicted"] == ["full", "known", "predicted", "predicted"]
-    assert arms["speed-4-3-5-known-known"] == ["known", "optimistic", "predicted", "predicted"]
+    assert arms["promise", "mixture"] == ["known", "oracle", *["predicted"] * 4]
+    assert arms["maze", "2"] == ["full", "known", "predicted", "predicted"]
+    assert arms["speed", "4-3-5"] == ["known", "optimistic", "predicted", "predicted"]
+    for of in same.values():
+        other = {"arms": ("known",), "level": 0.0, "predictor": "none", "episodes": 1}
+        assert len({replace(cell.settings, **other) for cell in of}) == 1
 
 
 def test_a_calibration_for_another_predictor_is_refused():
@@ -97,23 +99,23 @@ def test_a_fixed_level_is_studied_as_it_was_calibrated():
     [
         ({}, False),
         ({"interval": [0.06, 0.2]}, True),
-        ({"interval": [0.06, 0.2], "cell": "trap-0.05"}, False),
+        ({"interval": [0.06, 0.2], "tasks": "trap"}, False),
         ({"requested": 0.0, "collided": 0}, False),
         ({"requested": 0.0}, True),
         ({"requested": 0.0, "collided": 0, "touched": 1}, True),
         ({"requested": None, "arm": "known"}, True),
-        ({"requested": None, "group": "gap"}, False),
+        ({"requested": None}, False),
     ],
 )
 def test_a_broken_promise_is_noticed(change, broken):
-    row = {"group": "promise", "cell": "mixture-0.05", "arm": "predicted", "requested": 0.05}
+    row = {"group": "promise", "tasks": "mixture", "arm": "predicted", "requested": 0.05}
     row |= {"collided": 1, "touched": 0, "interval": [0.04, 0.2]}
     assert is_broken(row | change) == broken
 
 
 def test_buildings_of_the_study_are_not_those_of_the_calibration():
     seeds = {cell.settings.seed for cell in cells_of(CALIBRATION, "none", [], quick=False)}
-    assert seeds == {study.SEED, study.GAP_SEED}
+    assert seeds == {study.SEED, study.OTHER_SEED}
     assert min(seeds) > 5_000_000 + 100_000
 
 
@@ -138,10 +140,12 @@ def few_cells(short_map, monkeypatch):
     base = Settings(world=(str(short_map),), predictor="none", episodes=2, route="fixed")
 
     def cells(calibration, predictor, maps, quick):
-        found = [Cell("gap", arm, replace(base, arms=(arm,)), None) for arm in ("known", "oracle")]
+        found = [
+            Cell("promise", f"mixture-{arm}", replace(base, arms=(arm,)), 0.0)
+            for arm in ("known", "oracle")
+        ]
         for wanted, level in ((0.0, 0.0), (0.05, 0.01)):
             settings = replace(base, arms=("predicted",), level=level)
-            found.append(Cell("gap", f"risk-{wanted:g}", settings, wanted))
             found.append(Cell("promise", f"mixture-{wanted:g}", settings, wanted))
         return found
 
@@ -153,21 +157,21 @@ def test_the_study_drives_says_what_is_missing_and_goes_on(few_cells, tmp_path, 
     out = tmp_path / "run"
     command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1", "--out", str(out)]
     assert risk.main([*command, "--hours", "0"]) == 0
-    assert "12 drives are still to be made" in capsys.readouterr().out
+    assert "8 drives are still to be made" in capsys.readouterr().out
     assert risk.main(command) == 0
     told = capsys.readouterr().out
     assert "still to be made" not in told
     assert (out / "promise.png").stat().st_size > 5000
     assert (out / "pareto.png").stat().st_size > 5000
     before = {path: path.read_bytes() for path in (out / "drives").iterdir()}
-    assert len(before) == 6
+    assert len(before) == 4
     assert risk.main(command) == 0
     assert {path: path.read_bytes() for path in (out / "drives").iterdir()} == before
     capsys.readouterr()
     assert tables.main([str(out / "results.json")]) == 0
     shown = capsys.readouterr().out
     assert "0 of 2" in shown
-    assert "| risk-0.05 " in shown
+    assert "| mixture-0.05 " in shown
 
 
 def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.runs.certified import SAME, conditions_of
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import ARMS, Settings
 from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
 
 SEED = 6_000_000
 """Of the first building of each cell: none that a network, or a calibration, has learned from."""
-GAP_SEED = 6_500_000
-"""Of those in which arms are compared with each other."""
+OTHER_SEED = 6_500_000
+"""Of the first one of cells for other cars or windows than those of the calibration."""
 SHAM = "benchmarks.risk_study.sham:Sham"
 HELD_OUT = ("trap", "maze", "obstacle_field")
 """Families that no network, and no calibration, has learned from."""
@@ -36,20 +36,27 @@ class Cell:
 
     Attributes:
         group: the question that it belongs to.
-        label: what sets it apart in its group.
+        label: what sets it apart in its group: its tasks, a hyphen, and who drives them.
         settings: of the drives; `episodes` is their number.
         risk: δ that was requested, if one was; 0 wherever the level is 0.
+        turns: number of turns in which it is driven; the fewer, the sooner it is complete.
     """
 
     group: str
     label: str
     settings: Settings
     risk: float | None = None
+    turns: int = 5
 
     @property
     def arm(self) -> str:
         """The arm that drives."""
         return self.settings.arms[0]
+
+    @property
+    def tasks(self) -> str:
+        """Name of what is driven; cells of a group with the same can be compared."""
+        return self.label.rpartition("-")[0]
 
     @property
     def name(self) -> str:
@@ -77,7 +84,6 @@ def cells_of(
     for risk in calibration.levels:
         calibration.level_for(risk, conditions_of(mixture))
     found = [
-        *_gap(calibration, mixture),
         *_promises(calibration, mixture, maps),
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
@@ -107,22 +113,17 @@ def _boldest(calibration: Calibration) -> float:
     return max(calibration.levels.values(), default=0.0)
 
 
-def _gap(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
-    """Speed on a prescribed route: `known`, `oracle`, and `predicted` at each level."""
-    same = replace(mixture, route="fixed", seed=GAP_SEED, episodes=60)
-    for arm in ("known", "oracle"):
-        yield Cell("gap", arm, replace(same, arms=(arm,)))
-    for risk, level in _levels(calibration):
-        yield Cell("gap", f"risk-{risk:g}", replace(same, level=level), None if risk else 0.0)
-    extend = replace(same, predictor="extend", level=_boldest(calibration))
-    yield Cell("gap", "extend", extend)
-
-
 def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Cell]:
     """Requested against realised risk: the mixture, held-out families, and real maps."""
     for risk, level in _levels(calibration):
         settings = replace(mixture, level=level, episodes=300 if risk else 60)
-        yield Cell("promise", f"mixture-{risk:g}", settings, risk)
+        yield Cell("promise", f"mixture-{risk:g}", settings, risk, turns=2)
+    # What the speed at each risk is compared with.
+    same = replace(mixture, episodes=60)
+    for arm in ("known", "oracle"):
+        yield Cell("promise", f"mixture-{arm}", replace(same, arms=(arm,)), 0.0, turns=2)
+    extend = replace(same, predictor="extend", level=_boldest(calibration))
+    yield Cell("promise", "mixture-extend", extend, turns=2)
     for place in (*HELD_OUT, *maps):
         for risk, level in sorted(calibration.levels.items()):
             settings = replace(mixture, world=(place,), level=level, episodes=40)
@@ -149,19 +150,22 @@ def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
             braking=3.0,
             window=7.5,
             route="fixed",
-            seed=GAP_SEED,
+            seed=OTHER_SEED,
             episodes=30,
         )
         yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full", "known"))
 
 
 def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
-    """Cars with which `optimistic` collides."""
+    """Cars and buildings with which `optimistic` may collide."""
     for v_max, braking, window in CARS:
         car = replace(mixture, v_max=v_max, braking=braking, window=window)
-        same = replace(car, route="fixed", seed=GAP_SEED, episodes=20)
+        same = replace(car, route="fixed", seed=OTHER_SEED, episodes=20)
         label = f"{v_max:g}-{braking:g}-{window:g}"
         yield from _with_and_without(calibration, same, "speed", label, ("known", "optimistic"))
+    # An obstacle behind a blind corner, as in Tordesillas et al. 2019, and dead ends.
+    corner = replace(mixture, world=("trap",), route="fixed", seed=OTHER_SEED, episodes=30)
+    yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
 
 
 def _with_and_without(
@@ -169,7 +173,8 @@ def _with_and_without(
 ) -> Iterator[Cell]:
     """Drives of other arms, and of `predicted` at 0 and at the largest certified level."""
     for arm in arms:
-        yield Cell(group, f"{label}-{arm}", replace(same, arms=(arm,)))
-    yield Cell(group, f"{label}-risk-0", same, 0.0)
+        risk = None if ARMS[arm].reliance == 1.0 else 0.0
+        yield Cell(group, f"{label}-{arm}", replace(same, arms=(arm,)), risk)
+    yield Cell(group, f"{label}-0", same, 0.0)
     if bold := _boldest(calibration):
         yield Cell(group, f"{label}-bold", replace(same, level=bold))

@@ -27,8 +27,6 @@ from predictor.registry import load_predictor
 
 KIND = "risk drives"
 """Kind of the files of drives."""
-ROUNDS = 5
-"""Number of turns in which a cell is driven."""
 
 
 def drive_all(
@@ -51,9 +49,9 @@ def drive_all(
     """
     files = {cell.name: _file(cell, out) for cell in cells}
     end = time.monotonic() + 3600.0 * hours
-    for turn in range(1, ROUNDS + 1):
+    for turn in range(1, max(cell.turns for cell in cells) + 1):
         for cell in cells:
-            due = math.ceil(cell.settings.episodes * turn / ROUNDS)
+            due = math.ceil(cell.settings.episodes * min(1.0, turn / cell.turns))
             if time.monotonic() > end or len(files[cell.name].first(due)) == due:
                 continue
             print(f"{cell.name}, {due} of {cell.settings.episodes}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -63,21 +64,22 @@ def _promise(found: dict[str, Any]) -> Figure | None:
 
 
 def _kind(row: dict[str, Any]) -> tuple[str, str]:
-    return row["group"], row["cell"].rpartition("-")[0]
+    return row["group"], row["tasks"]
 
 
 def _pareto(found: dict[str, Any]) -> Figure | None:
-    """Draw SCT over the rate of collisions, for each arm, top speed and braking."""
-    rows = [r for r in found["promise"] if r["group"] in ("gap", "speed") and r["sct"] is not None]
-    if not rows:
+    """Draw SCT over the rate of collisions of all arms, for each kind of tasks."""
+    compared = dict.fromkeys(_kind(r) for r in found["pareto"])
+    if not compared:
         return None
-    cars = sorted({_car(r) for r in rows})
-    figure = Figure(figsize=(3.2 * len(cars), 3.4), layout="constrained")
-    for axes, car in zip(figure.subplots(1, len(cars), squeeze=False)[0], cars, strict=True):
-        for arm in dict.fromkeys(_arm(r) for r in rows):
-            mine = sorted(
-                (r for r in rows if _arm(r) == arm and _car(r) == car), key=lambda r: r["level"]
-            )
+    columns = min(4, len(compared))
+    rows = math.ceil(len(compared) / columns)
+    figure = Figure(figsize=(3.2 * columns, 3.0 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, kind in zip(panels, compared, strict=False):
+        here = [r for r in found["promise"] if _kind(r) == kind and r["sct"] is not None]
+        for arm in dict.fromkeys(map(_arm, here)):
+            mine = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
             axes.errorbar(
                 [100 * r["rate"] for r in mine],
                 [r["sct"] for r in mine],
@@ -91,9 +93,13 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
                 linewidth=0.8,
                 label=arm,
             )
-        title = "{:g} m/s, {:g} m/s²,\nwindow {:g} m".format(*car)
-        axes.set(title=title, xlabel="collisions [% of drives]", ylabel="SCT")
-    axes.legend(fontsize=8)
+        car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**here[0])
+        place = " ".join(here[0]["world"]) if len(here[0]["world"]) == 1 else "mixture"
+        axes.set_title(f"{place}\n{car}", fontsize=9)
+        axes.set(xlabel="collisions [% of drives]", ylabel="SCT")
+        axes.legend(fontsize=7)
+    for axes in panels[len(compared) :]:
+        axes.set_axis_off()
     return figure
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from scipy.stats import chi2
@@ -17,8 +16,6 @@ from predictor.infra.markdown import DASH, interval, records
 from predictor.mapping.family_names import FAMILIES
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
-COMPARED = ("gap", "maze", "speed")
-"""Groups in which arms drive the same tasks."""
 BASELINES = ("known", "oracle", "full")
 
 
@@ -35,6 +32,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
             {
                 "group": cell.group,
                 "cell": cell.label,
+                "tasks": cell.tasks,
                 "arm": cell.arm,
                 "predictor": cell.settings.predictor,
                 "world": list(cell.settings.world),
@@ -69,30 +67,33 @@ def is_broken(row: dict[str, Any]) -> bool:
     """Return whether a row of `promises` says that a promise was broken."""
     if row["requested"] == 0.0 or row["arm"] in ("known", "full"):
         return bool(row["collided"] or row["touched"])
-    promised = row["group"] == "promise" and row["cell"].startswith("mixture")
-    return promised and row["interval"][0] > row["requested"]
+    promised = row["requested"] and row["group"] == "promise" and row["tasks"] == "mixture"
+    return bool(promised and row["interval"][0] > row["requested"])
 
 
 def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
     """Return SCT, times and share of the gap of each cell, among the cells with its tasks."""
     rows = []
     for cell in cells:
-        if cell.group not in COMPARED:
+        same = [c for c in cells if (c.group, c.tasks) == (cell.group, cell.tasks)]
+        rivals = {c.arm: drives[c.name] for c in same if c.arm in BASELINES}
+        if not rivals:
             continue
-        rivals = {other.arm: drives[other.name] for other in cells if _same_tasks(other, cell)}
-        baselines = {arm: rivals[arm] for arm in BASELINES if arm in rivals and arm != cell.arm}
         # The statistics call the arm that is compared `predicted`.
+        baselines = {arm: rivals[arm] for arm in rivals if arm != cell.arm}
         arms = _paired({"predicted": drives[cell.name], **baselines})
-        if not arms["predicted"] or not baselines:
+        if not arms["predicted"]:
             continue
         known, full = (
             statistics.time_ratio(arms, "predicted", one) if one in baselines else None
             for one in ("known", "full")
         )
+        keys = ("sct", "time") if cell.settings.route == "fixed" else ("sct",)
         rows.append(
             {
                 "group": cell.group,
                 "cell": cell.label,
+                "tasks": cell.tasks,
                 "arm": cell.arm,
                 "predictor": cell.settings.predictor,
                 "level": cell.settings.level,
@@ -104,18 +105,10 @@ def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "sct": statistics.success(arms, "predicted"),
                 "time_ratio": known,
                 "time_over_full": full,
-                "share_of_gap": {
-                    key: statistics.share_of_gap(arms, key) for key in ("sct", "time")
-                },
+                "share_of_gap": {key: statistics.share_of_gap(arms, key) for key in keys},
             }
         )
     return rows
-
-
-def _same_tasks(one: Cell, other: Cell) -> bool:
-    """Return whether the drives of two cells differ in arm, level or predictor at most."""
-    same = {name: getattr(other.settings, name) for name in ("arms", "level", "predictor")}
-    return one.group == other.group and replace(one.settings, **same) == other.settings
 
 
 def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
@@ -204,7 +197,9 @@ def _pareto_table(rows: Sequence[dict[str, Any]]) -> str:
                 "SCT": _told(row["sct"], ".3f"),
                 "time ratio to `known`": _told(row["time_ratio"], ".2f"),
                 "time over that of `full`": _told(row["time_over_full"], ".2f"),
-                "share of the gap in time [%]": _told(row["share_of_gap"]["time"], ".0f", 100.0),
+                "share of the gap in time [%]": _told(
+                    row["share_of_gap"].get("time"), ".0f", 100.0
+                ),
             }
             for row in rows
         ]
