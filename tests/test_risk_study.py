@@ -12,7 +12,7 @@ from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import cells as study
 from benchmarks.risk_study.cells import Cell, cells_of
 from benchmarks.risk_study.geometry import touches
-from benchmarks.risk_study.report import _by_family, is_broken
+from benchmarks.risk_study.report import _barn, _by_family, is_broken
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
@@ -203,6 +203,15 @@ def test_collisions_are_counted_in_each_family():
     assert _by_family(cell, drives) == {"corridor": [1, 3], "narrow": [2, 2]}
     on_maps = replace(cell, settings=replace(cell.settings, world=("maps/a.yaml",)))
     assert _by_family(on_maps, drives) == {}
+
+
+@pytest.mark.parametrize(
+    ("outcome", "time", "score"),
+    [("reached", 10.0, 0.5), ("reached", 30.0, 1 / 3), ("reached", 99.0, 1 / 8), ("stuck", 9.0, 0)],
+)
+def test_the_score_of_barn(outcome, time, score):
+    drive = {"outcome": outcome, "time": time, "shortest_length": 40.0}
+    assert _barn(drive, v_max=4.0) == pytest.approx(score)
 
 
 def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_cells, tmp_path, monkeypatch):

@@ -88,6 +88,7 @@ def cells_of(
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
         *_speeds(calibration, mixture),
+        *_field(calibration, mixture),
     ]
     if len({cell.name for cell in found}) < len(found):
         raise UsageError("--maps: each map or folder must have a name of its own")
@@ -166,6 +167,12 @@ def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     # An obstacle behind a blind corner, as in Tordesillas et al. 2019, and dead ends.
     corner = replace(mixture, world=("trap",), route="fixed", seed=OTHER_SEED, episodes=30)
     yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
+
+
+def _field(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
+    """Fields of obstacles as in BARN: a goal beyond them, no route."""
+    same = replace(mixture, world=("obstacle_field",), route="free", seed=OTHER_SEED, episodes=30)
+    yield from _with_and_without(calibration, same, "field", "barn", ("full", "known"))
 
 
 def _with_and_without(

@@ -27,6 +27,8 @@ from predictor.registry import load_predictor
 
 KIND = "risk drives"
 """Kind of the files of drives."""
+NO_TASK = "no task"
+"""Outcome in a building without a way that the car can drive."""
 
 
 def drive_all(
@@ -41,8 +43,8 @@ def drive_all(
         jobs: worker processes.
 
     Returns:
-        The drives of each cell, by its name, without those that have no task; and how many are
-        still to be made.
+        The drives of each cell, by its name, those in buildings without a task too; and how many
+        are still to be made.
 
     Raises:
         UsageError: if the folder holds other drives, or cannot be written.
@@ -66,11 +68,7 @@ def drive_all(
             )
     found = {cell.name: _in_order(files[cell.name], cell.settings.episodes) for cell in cells}
     missing = sum(cell.settings.episodes - len(found[cell.name]) for cell in cells)
-    with_task = {
-        name: [drive for drive in drives if drive["outcome"] != "no task"]
-        for name, drives in found.items()
-    }
-    return with_task, missing
+    return found, missing
 
 
 def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
@@ -90,7 +88,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     (arm,) = settings.arms
     driven = attempt(settings, weights, (index, arm))
     if isinstance(driven, str):
-        return {"index": index, "outcome": "no task", "note": driven}
+        return {"index": index, "outcome": NO_TASK, "note": driven}
     result, arrays = driven
     cells = arrays[f"w{index}/cells"]
     frame = frame_of(Path("trace"), arrays[f"w{index}/frame"], cells)

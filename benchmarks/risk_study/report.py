@@ -9,6 +9,7 @@ from typing import Any
 from scipy.stats import chi2
 
 from benchmarks.risk_study.cells import Cell
+from benchmarks.risk_study.drives import NO_TASK
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
@@ -23,7 +24,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
     """Return the requested and the realised risk of each cell that has a drive."""
     rows = []
     for cell in cells:
-        mine = drives[cell.name]
+        mine = _with_task(drives[cell.name])
         if not mine:
             continue
         outcomes = Counter(d["outcome"] for d in mine)
@@ -46,6 +47,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "adapted": not cell.settings.fixed_level,
                 "seed": cell.settings.seed,
                 "drives": len(mine),
+                "no_task": len(drives[cell.name]) - len(mine),
                 "collided": collided,
                 "rate": collided / len(mine),
                 "interval": list(statistics.wilson(collided, len(mine))),
@@ -55,6 +57,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "outcomes": dict(outcomes),
                 "by_family": _by_family(cell, mine),
                 "sct": _mean([d["sct"] for d in mine]),
+                "barn": _mean([_barn(d, cell.settings.v_max) for d in mine]),
                 "speed": 1e3 * km / sum(d["time"] for d in mine),
                 "impact_speed": _mean([d["impact_speed"] for d in mine]),
                 "commits": sorted({str(d["commit"]) for d in mine}),
@@ -113,7 +116,10 @@ def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
 
 def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
     """Return the results of arms on the episodes that all have driven."""
-    found = {arm: {d["index"]: DriveResult.from_json(d) for d in of} for arm, of in drives.items()}
+    found = {
+        arm: {d["index"]: DriveResult.from_json(d) for d in _with_task(of)}
+        for arm, of in drives.items()
+    }
     both = sorted(set.intersection(*(set(of) for of in found.values())))
     return {arm: [of[index] for index in both] for arm, of in found.items()}
 
@@ -137,6 +143,23 @@ def _by_family(cell: Cell, mine: Sequence[dict[str, Any]]) -> dict[str, list[int
         family: [sum(d["outcome"] == "collided" for d in drives), len(drives)]
         for family, drives in turns.items()
     }
+
+
+def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [drive for drive in drives if drive["outcome"] != NO_TASK]
+
+
+def _barn(drive: dict[str, Any], v_max: float) -> float | None:
+    """Return the score of the BARN challenge: with the time T of the shortest way at top speed, T
+    over the time of the drive, which counts as 2 T to 8 T; 0 if the goal was not reached.
+
+    None where the shortest way is not known.
+    """
+    if drive["shortest_length"] is None:
+        return None
+    best = drive["shortest_length"] / v_max
+    in_time = min(max(drive["time"], 2 * best), 8 * best)
+    return float(best / in_time) if drive["outcome"] == "reached" else 0.0
 
 
 def _poisson(count: int, km: float) -> list[float] | None:
@@ -173,10 +196,18 @@ def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
                 "collided": f"{row['collided']} of {row['drives']}",
                 "rate (95 %)": "–".join(f"{100 * end:.1f}" for end in row["interval"]) + " %",
                 "per km (95 %)": "–".join(f"{end:.2f}" for end in row["per_km_interval"] or ()),
-                "reached / stuck / timed out": " / ".join(
-                    str(row["outcomes"].get(name, 0)) for name in ("reached", "stuck", "timed_out")
+                "reached / stuck / timed out / no task": " / ".join(
+                    str(n)
+                    for n in (
+                        *(
+                            row["outcomes"].get(name, 0)
+                            for name in ("reached", "stuck", "timed_out")
+                        ),
+                        row["no_task"],
+                    )
                 ),
                 "SCT": DASH if row["sct"] is None else f"{row['sct']:.3f}",
+                "BARN": DASH if row["barn"] is None else f"{row['barn']:.3f}",
                 "speed [m/s]": f"{row['speed']:.2f}",
             }
             for row in rows
