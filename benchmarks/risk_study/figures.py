@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
 
-GROUPS = {"promise": "o", "uncalibrated": "s", "not adapted": "^", "sham": "X"}
-"""Groups with a requested risk, and their markers."""
+GROUPS = ("promise", "not adapted", "uncalibrated", "sham")
+"""Groups with a requested risk, from top to bottom."""
+SPEEDS = ("promise", "speed", "corner", "field")
+"""Groups whose speed is drawn over the collisions."""
 
 
 def draw(found: dict[str, Any], out: Path) -> list[Path]:
@@ -25,41 +27,42 @@ def draw(found: dict[str, Any], out: Path) -> list[Path]:
 
 
 def _promise(found: dict[str, Any]) -> Figure | None:
-    """Draw the realised risk over the requested one, for the mixture and all controls."""
+    """Draw the realised risk of the mixture, of other buildings and of all controls beside the
+    requested one."""
     rows = [r for r in found["promise"] if r["requested"] and r["group"] in GROUPS]
     if not rows:
         return None
-    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
-    axes = figure.subplots()
-    most = max(r["interval"][1] for r in rows)
-    edge = max(most, max(r["requested"] for r in rows)) * 1.1
-    axes.plot([0, edge], [0, edge], color=INK, linewidth=0.8, label="as requested")
-    kinds = sorted({_kind(r) for r in rows})
-    for number, (group, place) in enumerate(kinds):
-        mine = sorted((r for r in rows if _kind(r) == (group, place)), key=lambda r: r["requested"])
-        # Side by side, so that the intervals can be told apart.
-        shift = edge * 0.004 * (number - len(kinds) / 2)
-        rates = [r["rate"] for r in mine]
-        axes.errorbar(
-            [r["requested"] + shift for r in mine],
-            rates,
-            [
-                [max(0.0, r["rate"] - r["interval"][0]) for r in mine],
-                [max(0.0, r["interval"][1] - r["rate"]) for r in mine],
-            ],
-            marker=GROUPS[group],
-            linewidth=0.8,
-            markersize=4,
-            capsize=2,
-            label=f"{place}" + ("" if group == "promise" else f", {group}"),
-        )
-    axes.set(
-        xlabel="requested risk δ, collisions per drive",
-        ylabel="realised risk (95 % intervals)",
-        xlim=(0, None),
-        ylim=(0, None),
-    )
-    axes.legend(fontsize=7, ncols=2)
+    kinds = sorted(dict.fromkeys(map(_kind, rows)), key=lambda kind: GROUPS.index(kind[0]))
+    risks = sorted({r["requested"] for r in rows})
+    figure = Figure(figsize=(2.6 + 3.0 * len(risks), 1.0 + 0.28 * len(kinds)), layout="constrained")
+    panels = figure.subplots(1, len(risks), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, risk in zip(panels, risks, strict=True):
+        axes.axvline(100 * risk, color=INK, linewidth=0.8, linestyle="--")
+        for row in (r for r in rows if r["requested"] == risk):
+            place = len(kinds) - 1 - kinds.index(_kind(row))
+            axes.errorbar(
+                100 * row["rate"],
+                place,
+                xerr=_around(row["rate"], row["interval"]),
+                color=ARM_COLOURS["predicted"] if row["group"] == "promise" else INK,
+                marker="o",
+                markersize=4,
+                linewidth=1.0,
+            )
+            axes.annotate(
+                f"{row['collided']} of {row['drives']}",
+                (100 * row["interval"][1], place),
+                (4, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=7,
+            )
+        axes.set_title(f"requested: {100 * risk:g} %", fontsize=9)
+        axes.set_xlabel("collisions [% of drives]")
+        axes.margins(x=0.2)
+        axes.set_xlim(-1, None)
+    names = [place if group == "promise" else f"{place}, {group}" for group, place in kinds]
+    panels[0].set_yticks(range(len(kinds)), reversed(names), fontsize=8)
     return figure
 
 
@@ -69,44 +72,48 @@ def _kind(row: dict[str, Any]) -> tuple[str, str]:
 
 def _pareto(found: dict[str, Any]) -> Figure | None:
     """Draw SCT over the rate of collisions of all arms, for each kind of tasks."""
-    compared = dict.fromkeys(_kind(r) for r in found["pareto"])
-    if not compared:
+    rates = {(r["group"], r["cell"]): r for r in found["promise"]}
+    compared = [r for r in found["pareto"] if r["group"] in SPEEDS and r["sct"] is not None]
+    kinds = list(dict.fromkeys(_kind(r) for r in compared))
+    if not kinds:
         return None
-    columns = min(4, len(compared))
-    rows = math.ceil(len(compared) / columns)
+    columns = min(4, len(kinds))
+    rows = math.ceil(len(kinds) / columns)
     figure = Figure(figsize=(3.2 * columns, 3.0 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, kind in zip(panels, compared, strict=False):
-        here = [r for r in found["promise"] if _kind(r) == kind and r["sct"] is not None]
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, kind in zip(panels, kinds, strict=False):
+        here = [r for r in compared if _kind(r) == kind]
         for arm in dict.fromkeys(map(_arm, here)):
             mine = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
-            axes.errorbar(
-                [100 * r["rate"] for r in mine],
-                [r["sct"] for r in mine],
-                xerr=[
-                    [100 * max(0.0, r["rate"] - r["interval"][0]) for r in mine],
-                    [100 * max(0.0, r["interval"][1] - r["rate"]) for r in mine],
-                ],
+            risks = [rates[r["group"], r["cell"]] for r in mine]
+            axes.plot(
+                [100 * r["rate"] for r in risks],
+                [r["sct"]["value"] for r in mine],
                 color=ARM_COLOURS.get(arm, OTHER_ARM),
                 marker="o",
                 markersize=4,
                 linewidth=0.8,
                 label=arm,
             )
-        car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**here[0])
-        place = " ".join(here[0]["world"]) if len(here[0]["world"]) == 1 else "mixture"
+        first = rates[here[0]["group"], here[0]["cell"]]
+        car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**first)
+        place = " ".join(first["world"]) if len(first["world"]) == 1 else "mixture"
         axes.set_title(f"{place}\n{car}", fontsize=9)
-        axes.set(xlabel="collisions [% of drives]", ylabel="SCT")
-        axes.legend(fontsize=7)
-    for axes in panels[len(compared) :]:
+        axes.set(xlabel="collisions [% of drives]")
+        axes.legend(fontsize=7, loc="upper right")
+    for axes in panels[::columns]:
+        axes.set(ylabel="SCT", ylim=(0, 1))
+    for axes in panels[len(kinds) :]:
         axes.set_axis_off()
     return figure
+
+
+def _around(rate: float, interval: list[float]) -> list[list[float]]:
+    """Return an error bar [%]; an interval ends at 0 or 1 only within the precision of floats."""
+    low, high = interval
+    return [[100 * max(0.0, rate - low)], [100 * max(0.0, high - rate)]]
 
 
 def _arm(row: dict[str, Any]) -> str:
     """Return the name of a line: the arm, or `extend` for drives with that predictor."""
     return "extend" if row["predictor"] == "extend" else str(row["arm"])
-
-
-def _car(row: dict[str, Any]) -> tuple[float, float, float]:
-    return row["v_max"], row["braking"], row["window"]
