@@ -73,6 +73,7 @@ def _run(args: argparse.Namespace) -> int:
     from benchmarks.risk_study.cells import cells_of
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
+    from benchmarks.risk_study.recalibration import recalibrations
     from benchmarks.risk_study.report import comparisons, is_broken, promises, tables
     from benchmarks.risk_study.saved_drives import saved_drives
     from benchmarks.runs.drive import check_maps
@@ -97,6 +98,7 @@ def _run(args: argparse.Namespace) -> int:
         "missing": missing,
         "promise": promise,
         "pareto": comparisons(cells, drives),
+        "recalibrations": recalibrations(cells, drives, args.predictor, calibration.confidence),
     }
     write_results(args.out / "results.json", "risk", found)
     print("", tables(found), "", sep="\n")

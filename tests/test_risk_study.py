@@ -6,13 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drive_results import a_result
 from test_calibration import written
 
 from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import cells as study
+from benchmarks.risk_study import report
 from benchmarks.risk_study.cells import Cell, cells_of
+from benchmarks.risk_study.figures import draw
 from benchmarks.risk_study.geometry import touches
-from benchmarks.risk_study.report import _barn, _by_family, is_broken
+from benchmarks.risk_study.recalibration import BLOCK, recalibrations
+from benchmarks.risk_study.report import _barn, _by_family, _times_by_family, is_broken
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
@@ -56,9 +60,9 @@ def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
     names = [cell.name for cell in cells]
     assert len(set(names)) == len(names)
     asked = {cell.risk: cell.settings.level for cell in cells if cell.group == "promise"}
-    assert asked == {None: 0.01, 0.0: 0.0, 0.02: 0.001, 0.05: 0.01}
-    assert {cell.settings.level for cell in cells if cell.group == "uncalibrated"} == {0.02, 0.05}
-    assert all(cell.settings.fixed_level == (cell.group == "not adapted") for cell in cells)
+    assert asked == {None: 0.3, 0.0: 0.0, 0.01: 0.003, 0.02: 0.001, 0.05: 0.01}
+    assert all(cell.settings.fixed_level == ("not adapted" in cell.group) for cell in cells)
+    assert {cell.settings.level for cell in cells if "sham" in cell.group} == {0.01}
     assert any(cell.settings.world == ("maps/a.yaml",) for cell in cells)
     quick = cells_of(CALIBRATION, "none", [], quick=True)
     assert {cell.settings.episodes for cell in quick} == {4}
@@ -70,8 +74,8 @@ def test_cells_are_compared_with_those_that_drive_the_same_tasks():
     for cell in cells:
         same.setdefault((cell.group, cell.tasks), []).append(cell)
     arms = {kind: sorted(cell.arm for cell in of) for kind, of in same.items()}
-    # `predicted` at 0 and at both risks, and with `extend`.
-    assert arms["promise", "mixture"] == ["known", "oracle", *["predicted"] * 4]
+    # `predicted` at 0, at three risks and at two bolder levels, and with `extend`.
+    assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 7]
     assert arms["maze", "2"] == ["full", "known", "predicted", "predicted"]
     assert arms["speed", "4-3-5"] == ["known", "optimistic", "predicted", "predicted"]
     for of in same.values():
@@ -194,6 +198,72 @@ def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):
     results.write_text(json.dumps(told))
     assert risk.main(command) == 2
     assert "was not driven at a risk of 0" in capsys.readouterr().err
+
+
+@pytest.fixture
+def levels():
+    """Cells of the mixture at three levels."""
+    told = {0.003: 0.01, 0.01: 0.02, 0.03: 0.05}
+    return [
+        Cell("promise", f"mixture-{risk:g}", replace(SETTINGS, arms=("predicted",), level=level))
+        for level, risk in told.items()
+    ]
+
+
+def drives_with(cells, *collided, count=2 * BLOCK):
+    """Drives of each cell: those with the given indices collide."""
+    return {
+        cell.name: [
+            {"index": i, "outcome": "collided" if i in those else "reached"} for i in range(count)
+        ]
+        for cell, those in zip(cells, collided, strict=True)
+    }
+
+
+def test_a_block_without_collisions_certifies_the_boldest_level(levels):
+    rows = recalibrations(levels, drives_with(levels, (), (), (BLOCK,)), "none", 0.9)
+    first = [(r["requested"], r["level"], r["collided"], r["drives"]) for r in rows[:3]]
+    assert first == [(risk, 0.03, 1, BLOCK) for risk in (0.05, 0.1, 0.2)]
+    # The collision is in the second block: it certifies less, and is judged in the first.
+    assert (rows[3]["level"], rows[3]["collided"]) == (0.01, 0)
+    assert rows[5]["level"] == 0.03
+
+
+def test_the_first_level_that_is_not_certified_ends_a_calibration(levels):
+    often = range(0, BLOCK, 2)
+    rows = recalibrations(levels, drives_with(levels, (), often, ()), "none", 0.9)
+    assert {r["level"] for r in rows if r["block"] == 0} == {0.003}
+    assert {r["level"] for r in rows if r["block"] == 1} == {0.03}
+    rows = recalibrations(levels, drives_with(levels, often, (), ()), "none", 0.9)
+    assert rows[0]["level"] == 0.0
+    assert rows[0]["rate"] is None
+
+
+def test_only_whole_blocks_of_the_calibrated_predictor_are_used(levels):
+    assert recalibrations(levels, drives_with(levels, (), (), (), count=70), "none", 0.9) == []
+    assert recalibrations(levels, drives_with(levels, (), (), ()), "extend", 0.9) == []
+
+
+def test_repeated_calibrations_are_shown(levels, tmp_path):
+    rows = recalibrations(levels, drives_with(levels, (), (), (BLOCK,)), "none", 0.9)
+    found = {"promise": [], "pareto": [], "missing": 0, "recalibrations": rows}
+    assert f"1 of {BLOCK}" in report.tables(found)
+    assert [path.name for path in draw(found, tmp_path)] == ["recalibrations.png"]
+
+
+def test_times_are_compared_in_each_family():
+    cell = Cell("promise", "mixture-0.05", replace(SETTINGS, route="fixed", arms=("predicted",)))
+    speeds = {"known": 1.0, "predicted": 1.25, "oracle": 2.0}
+    arms = {
+        arm: [a_result(index=i, arm=arm, world=str(i), time=20.0 / speed) for i in range(12)]
+        for arm, speed in speeds.items()
+    }
+    times = _times_by_family(cell, arms)
+    assert set(times) == {"corridor", "narrow"}
+    for of in times.values():
+        assert of["time_ratio"]["value"] == pytest.approx(0.8)
+        assert of["share_of_gap"]["value"] == pytest.approx(0.4)
+    assert _times_by_family(replace(cell, settings=SETTINGS), arms) == {}
 
 
 def test_collisions_are_counted_in_each_family():

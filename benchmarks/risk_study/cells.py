@@ -129,9 +129,12 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
         bold = replace(mixture, level=level, episodes=150)
         yield Cell("promise", f"mixture-level {level:g}", bold, turns=4)
     for place in (*HELD_OUT, *maps):
+        there = replace(mixture, world=(place,), episodes=40)
+        known = replace(there, arms=("known",))
+        yield Cell("promise", f"{Path(place).stem}-known", known, 0.0)
         for risk, level in sorted(calibration.levels.items()):
-            settings = replace(mixture, world=(place,), level=level, episodes=40)
-            yield Cell("promise", f"{Path(place).stem}-{risk:g}", settings, risk)
+            at_level = replace(there, level=level)
+            yield Cell("promise", f"{Path(place).stem}-{risk:g}", at_level, risk)
 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:

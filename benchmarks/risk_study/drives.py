@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from itertools import takewhile
@@ -25,6 +25,8 @@ from predictor.mapping.grid import FREE
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 
+Drives = Mapping[str, Sequence[dict[str, Any]]]
+"""The drives of each cell, by its name."""
 KIND = "risk drives"
 """Kind of the files of drives."""
 NO_TASK = "no task"

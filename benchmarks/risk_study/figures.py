@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
 
-GROUPS = ("promise", "not adapted", "uncalibrated", "sham")
+GROUPS = ("promise", "not adapted", "sham", "sham, not adapted")
 """Groups with a requested risk, from top to bottom."""
 SPEEDS = ("promise", "speed", "corner", "field")
 """Groups whose speed is drawn over the collisions."""
@@ -19,7 +19,12 @@ SPEEDS = ("promise", "speed", "corner", "field")
 def draw(found: dict[str, Any], out: Path) -> list[Path]:
     """Draw the figures that the results suffice for, and return their files."""
     paths = []
-    for name, figure in (("promise", _promise(found)), ("pareto", _pareto(found))):
+    for name, drawn in (
+        ("promise", _promise),
+        ("pareto", _pareto),
+        ("recalibrations", _recalibrations),
+    ):
+        figure = drawn(found)
         if figure is not None:
             figure.savefig(path := out / f"{name}.png", dpi=150)
             paths.append(path)
@@ -105,6 +110,35 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
         axes.set(ylabel="SCT", ylim=(0, 1))
     for axes in panels[len(kinds) :]:
         axes.set_axis_off()
+    return figure
+
+
+def _recalibrations(found: dict[str, Any]) -> Figure | None:
+    """Draw the realised over the requested risk of each repeated calibration."""
+    rows = [r for r in found["recalibrations"] if r["rate"] is not None]
+    if not rows:
+        return None
+    blocks = sorted({r["block"] for r in rows})
+    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    axes = figure.subplots()
+    largest = 100 * max(r["requested"] for r in rows)
+    axes.plot([0, largest], [0, largest], color=INK, linewidth=0.8, linestyle="--")
+    for place, block in enumerate(blocks):
+        mine = [r for r in rows if r["block"] == block]
+        bars = [_around(r["rate"], r["interval"]) for r in mine]
+        axes.errorbar(
+            # Side by side, since many rates are the same.
+            [100 * r["requested"] + 0.5 * (place - (len(blocks) - 1) / 2) for r in mine],
+            [100 * r["rate"] for r in mine],
+            yerr=[[bar[end][0] for bar in bars] for end in range(2)],
+            marker="o",
+            markersize=4,
+            linewidth=1.0,
+            linestyle="none",
+            label=f"calibrated in block {block + 1}",
+        )
+    axes.set(xlabel="requested δ [% of drives]", ylabel="collisions in the other blocks [%]")
+    axes.legend(fontsize=7)
     return figure
 
 

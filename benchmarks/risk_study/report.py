@@ -9,14 +9,13 @@ from typing import Any
 from scipy.stats import chi2
 
 from benchmarks.risk_study.cells import Cell
-from benchmarks.risk_study.drives import NO_TASK
+from benchmarks.risk_study.drives import NO_TASK, Drives
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, interval, records
 from predictor.mapping.family_names import FAMILIES
 
-Drives = Mapping[str, Sequence[dict[str, Any]]]
 BASELINES = ("known", "oracle", "full")
 
 
@@ -109,6 +108,7 @@ def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "time_ratio": known,
                 "time_over_full": full,
                 "share_of_gap": {key: statistics.share_of_gap(arms, key) for key in keys},
+                "time_by_family": _times_by_family(cell, arms),
             }
         )
     return rows
@@ -131,18 +131,39 @@ def table_of_drives(found: dict[str, Any]) -> str:
 
 
 def _by_family(cell: Cell, mine: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
-    """Return the collisions and the drives in each family of a mixture; families take turns."""
-    families = cell.settings.world
-    if not set(families) <= set(FAMILIES):
-        return {}
-    turns = {
-        family: [d for d in mine if d["index"] % len(families) == turn]
-        for turn, family in enumerate(families)
-    }
+    """Return the collisions and the drives in each family of a mixture."""
     return {
         family: [sum(d["outcome"] == "collided" for d in drives), len(drives)]
-        for family, drives in turns.items()
+        for family in _families(cell)
+        if (drives := [d for d in mine if _family(cell, d["index"]) == family])
     }
+
+
+def _times_by_family(cell: Cell, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
+    """Return the time ratio to `known` and the share of the gap in time, in each family."""
+    found = {}
+    for family in _families(cell):
+        here = {
+            arm: [r for r in results if _family(cell, r.index) == family]
+            for arm, results in arms.items()
+        }
+        if "known" in here and here["known"] and cell.settings.route == "fixed":
+            found[family] = {
+                "time_ratio": statistics.time_ratio(here, "predicted", "known"),
+                "share_of_gap": statistics.share_of_gap(here, "time"),
+            }
+    return found
+
+
+def _families(cell: Cell) -> tuple[str, ...]:
+    """Return the families of generated buildings that a cell drives in; none for maps."""
+    families = cell.settings.world
+    return families if set(families) <= set(FAMILIES) else ()
+
+
+def _family(cell: Cell, index: int) -> str:
+    """Return the family of a drive: families take turns."""
+    return cell.settings.world[index % len(cell.settings.world)]
 
 
 def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -180,6 +201,10 @@ def tables(found: dict[str, Any]) -> str:
     parts = [_promise_table(found["promise"])]
     if found["pareto"]:
         parts.append(_pareto_table(found["pareto"]))
+    if families := _family_table(found["pareto"]):
+        parts.append(families)
+    if found.get("recalibrations"):
+        parts.append(_recalibration_table(found["recalibrations"]))
     if found["missing"]:
         parts.append(f"{found['missing']} drives are still to be made: the same command goes on.")
     return "\n\n".join(parts)
@@ -230,6 +255,39 @@ def _pareto_table(rows: Sequence[dict[str, Any]]) -> str:
                 "time over that of `full`": _told(row["time_over_full"], ".2f"),
                 "share of the gap in time [%]": _told(
                     row["share_of_gap"].get("time"), ".0f", 100.0
+                ),
+            }
+            for row in rows
+        ]
+    )
+
+
+def _family_table(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the times in each family of a mixture as Markdown; "" if there is no mixture."""
+    return records(
+        [
+            {
+                "cell": row["cell"],
+                "family": family,
+                "time ratio to `known`": _told(times["time_ratio"], ".2f"),
+                "share of the gap in time [%]": _told(times["share_of_gap"], ".0f", 100.0),
+            }
+            for row in rows
+            if row["group"] == "promise" and row["arm"] == "predicted"
+            for family, times in row.get("time_by_family", {}).items()
+        ]
+    )
+
+
+def _recalibration_table(rows: Sequence[dict[str, Any]]) -> str:
+    return records(
+        [
+            {
+                "block": row["block"] + 1,
+                "requested δ": f"{row['requested']:g}",
+                "certified level λ": f"{row['level']:g}" if row["level"] else DASH,
+                "collided in the other blocks": (
+                    f"{row['collided']:.0f} of {row['drives']}" if row["drives"] else DASH
                 ),
             }
             for row in rows

@@ -1,0 +1,95 @@
+"""Repeated calibrations: in disjoint blocks of the study's drives, each judged in the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from benchmarks.risk_study.cells import Cell
+from benchmarks.risk_study.drives import NO_TASK, Drives
+from benchmarks.runs import statistics
+from benchmarks.runs.betting import capital
+
+BLOCK = 75
+"""Buildings in a block. Without a collision, 70 drives certify a risk of 0.05."""
+RISKS = (0.05, 0.1, 0.2)
+"""Risks δ that each block calibrates for."""
+
+
+def recalibrations(
+    cells: Sequence[Cell], drives: Drives, predictor: str, confidence: float
+) -> list[dict[str, Any]]:
+    """Calibrate in each block as `benchmarks.calibrate` does, and count collisions elsewhere.
+
+    The levels are tried from safe to bold, as far as a block has drives at them. The collisions are
+    counted in the drives of the other blocks at the level that was certified.
+
+    Args:
+        cells: of the study.
+        drives: of each cell, by its name.
+        predictor: name of the predictor that is calibrated.
+        confidence: with which a block certifies a level.
+
+    Returns:
+        A row for each block and risk. Where the first level was not certified, the level is 0 and
+        nothing is counted.
+    """
+    by_level = dict(
+        sorted(
+            (cell.settings.level, [_collided(drive) for drive in drives[cell.name]])
+            for cell in cells
+            if _is_calibrated(cell, predictor)
+        )
+    )
+    rows = []
+    for block in range(max(map(len, by_level.values()), default=0) // BLOCK):
+        for risk in RISKS:
+            level = _certified(by_level, block, risk, confidence)
+            others = _outside(by_level.get(level, []), block)
+            rows.append(
+                {
+                    "block": block,
+                    "requested": risk,
+                    "level": level,
+                    "drives": len(others),
+                    "collided": sum(others),
+                    "rate": sum(others) / len(others) if others else None,
+                    "interval": list(statistics.wilson(int(sum(others)), len(others)))
+                    if others
+                    else None,
+                }
+            )
+    return rows
+
+
+def _is_calibrated(cell: Cell, predictor: str) -> bool:
+    """Return whether a cell has drives at a level above 0, in the mixture of the calibration."""
+    return (
+        (cell.group, cell.tasks, cell.arm) == ("promise", "mixture", "predicted")
+        and cell.settings.predictor == predictor
+        and cell.settings.level > 0.0
+    )
+
+
+def _certified(
+    by_level: dict[float, list[float | None]], block: int, risk: float, confidence: float
+) -> float:
+    """Return the largest level that a block certifies for a risk; 0 if it certifies none."""
+    certified = 0.0
+    for level, collided in by_level.items():
+        mine = collided[block * BLOCK : (block + 1) * BLOCK]
+        losses = [loss for loss in mine if loss is not None]
+        if len(mine) < BLOCK or not (capital(losses, risk) >= 1.0 / (1.0 - confidence)).any():
+            break
+        certified = level
+    return certified
+
+
+def _outside(collided: list[float | None], block: int) -> list[float]:
+    there = collided[: block * BLOCK] + collided[(block + 1) * BLOCK :]
+    return [loss for loss in there if loss is not None]
+
+
+def _collided(drive: dict[str, Any]) -> float | None:
+    """Return 1 for a collision, 0 for none; None for a building without a task."""
+    return None if drive["outcome"] == NO_TASK else float(drive["outcome"] == "collided")
