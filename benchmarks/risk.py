@@ -8,8 +8,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from predictor.infra.command_line import OneLineParser, between, run_command
+
+if TYPE_CHECKING:
+    from benchmarks.risk_study.cells import Cell
+    from planner.risk.calibration import Calibration
 
 COMMAND = "benchmarks.risk"
 
@@ -71,22 +76,30 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from benchmarks.risk_study.cells import cells_of
+    from benchmarks.runs.drive import check_maps
+    from planner.risk.calibration import Calibration
+    from predictor.infra.resumable import ResumableFolder
+
+    calibration = Calibration.load(args.calibration)
+    check_maps(tuple(args.maps))
+    cells = cells_of(calibration, args.predictor, args.maps, args.quick)
+    told = calibration.conditions | {"quick": args.quick}
+    with ResumableFolder(args.out, told, exclusive=True):
+        return _study(args, calibration, cells)
+
+
+def _study(args: argparse.Namespace, calibration: Calibration, cells: list[Cell]) -> int:
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
     from benchmarks.risk_study.recalibration import recalibrations
     from benchmarks.risk_study.report import comparisons, is_broken, promises, tables
     from benchmarks.risk_study.saved_drives import saved_drives
-    from benchmarks.runs.drive import check_maps
-    from planner.risk.calibration import Calibration
     from predictor.infra.environment import commit, machine
     from predictor.infra.results_file import write_results
 
-    calibration = Calibration.load(args.calibration)
-    check_maps(tuple(args.maps))
-    cells = cells_of(calibration, args.predictor, args.maps, args.quick)
     saved_cells, saved = saved_drives(args.runs)
     drives, missing = drive_all(cells, args.out / "drives", args.hours, args.jobs)
-    promise = promises([*cells, *saved_cells], drives | saved)
+    promise = promises([*cells, *saved_cells], drives | saved, calibration.levels)
     found = {
         "calibration": {
             "conditions": calibration.conditions,
@@ -104,6 +117,12 @@ def _run(args: argparse.Namespace) -> int:
     print("", tables(found), "", sep="\n")
     for path in [*draw(found, args.out), args.out / "results.json"]:
         print(path)
+    for row in promise:
+        if row["learned"]:
+            print(
+                f"warning: {row['cell']}: the predictor was trained in buildings of "
+                f"{row['learned']} drives"
+            )
     broken = [row for row in promise if is_broken(row)]
     for row in broken:
         print(f"the promise was broken: {row['group']}, {row['cell']}")

@@ -14,6 +14,7 @@ from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError
+from sim import empty_straight, save_world
 
 SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
 
@@ -25,6 +26,8 @@ def written(path, **changes):
         "conditions": conditions_of(SETTINGS),
         "confidence": 0.9,
         "certified": {"0.02": 0.003, "0.05": 0.01},
+        "seed": 100,
+        "levels": [{"drives": 200}, {"drives": 50}],
     }
     path.write_text(json.dumps(found | changes))
     return path
@@ -83,6 +86,29 @@ def test_a_calibration_that_does_not_name_all_conditions_is_refused(tmp_path):
     found = written(tmp_path / "c.json", conditions={"world": ["corridor"]})
     with pytest.raises(CalibrationError, match="is for"):
         at_risk(Settings(predictor="none", risk=0.05), found)
+
+
+def test_the_certificate_is_for_maps_with_the_same_cells(tmp_path):
+    path = tmp_path / "map.yaml"
+    save_world(empty_straight(20.0, 3.0), path)
+    settings = Settings(world=(str(path),), predictor="none", risk=0.05)
+    found = written(tmp_path / "c.json", conditions=conditions_of(settings))
+    assert at_risk(settings, found).level == 0.01
+    save_world(empty_straight(20.0, 2.5), path)
+    with pytest.raises(CalibrationError, match="is for maps"):
+        at_risk(settings, found)
+
+
+def test_a_calibration_knows_the_buildings_that_it_was_made_in(tmp_path):
+    found = Calibration.load(written(tmp_path / "c.json"))
+    asked = [(0, 100), (0, 101), (299, 5), (300, 5)]
+    assert [found.has_used(*one) for one in asked] == [False, True, True, False]
+
+
+@pytest.mark.parametrize("risky", [{"risk": 0.05}, {"level": 0.05}])
+def test_a_planner_that_takes_everything_for_free_has_no_level(risky):
+    with pytest.raises(UsageError, match="--reliance below 1"):
+        Settings(reliance=1.0, **risky)
 
 
 def test_a_risk_without_a_calibration_is_refused():

@@ -17,6 +17,7 @@ from benchmarks.risk_study.figures import draw
 from benchmarks.risk_study.geometry import touches
 from benchmarks.risk_study.recalibration import BLOCK, recalibrations
 from benchmarks.risk_study.report import _barn, _by_family, _times_by_family, is_broken
+from benchmarks.risk_study.saved_drives import saved_drives
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
@@ -27,7 +28,9 @@ from predictor.mapping.grid import Grid, GridFrame
 from predictor.registry import load_predictor
 
 SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
-CALIBRATION = Calibration(Path("c.json"), conditions_of(SETTINGS), {0.02: 0.001, 0.05: 0.01}, 0.9)
+CALIBRATION = Calibration(
+    Path("c.json"), conditions_of(SETTINGS), {0.02: 0.001, 0.05: 0.01}, 0.9, seed=7, drives=300
+)
 FRAME = GridFrame(0.05, (0.0, 0.0), (60, 100))
 
 
@@ -88,6 +91,32 @@ def test_a_calibration_for_another_predictor_is_refused():
         cells_of(CALIBRATION, "extend", [], quick=False)
 
 
+def test_a_calibration_of_another_planner_is_refused_even_if_it_certifies_nothing():
+    conditions = CALIBRATION.conditions | {"planner": "other"}
+    with pytest.raises(CalibrationError, match="is for planner other"):
+        cells_of(replace(CALIBRATION, conditions=conditions, levels={}), "none", [], quick=False)
+
+
+def test_a_calibration_in_buildings_of_the_study_is_refused():
+    with pytest.raises(CalibrationError, match="made in buildings of this study"):
+        cells_of(replace(CALIBRATION, seed=study.SEED), "none", [], quick=False)
+
+
+def test_a_damaged_calibration_is_refused_in_one_line():
+    conditions = {k: v for k, v in CALIBRATION.conditions.items() if k != "v_max"}
+    with pytest.raises(CalibrationError, match=r"c.json is no calibration: .*v_max"):
+        cells_of(replace(CALIBRATION, conditions=conditions), "none", [], quick=False)
+
+
+def test_a_level_that_is_certified_is_not_measured_once_more():
+    levels = {0.05: 0.003}
+    cells = cells_of(replace(CALIBRATION, levels=levels), "none", [], quick=False)
+    assert [cell.risk for cell in cells if cell.settings.level == 0.003 and cell.turns == 2] == [
+        0.05,
+        None,
+    ]
+
+
 def test_maps_of_the_same_name_are_refused():
     with pytest.raises(UsageError, match="a name of its own"):
         cells_of(CALIBRATION, "none", ["a/map.yaml", "b/map.yaml"], quick=False)
@@ -104,15 +133,17 @@ def test_a_fixed_level_is_studied_as_it_was_calibrated():
         ({}, False),
         ({"interval": [0.06, 0.2]}, True),
         ({"interval": [0.06, 0.2], "tasks": "trap"}, False),
+        ({"interval": [0.06, 0.2], "certified": False}, False),
         ({"requested": 0.0, "collided": 0}, False),
         ({"requested": 0.0}, True),
         ({"requested": 0.0, "collided": 0, "touched": 1}, True),
         ({"requested": None, "arm": "known"}, True),
-        ({"requested": None}, False),
+        ({"requested": None, "certified": False}, False),
     ],
 )
 def test_a_broken_promise_is_noticed(change, broken):
     row = {"group": "promise", "tasks": "mixture", "arm": "predicted", "requested": 0.05}
+    row |= {"certified": True}
     row |= {"collided": 1, "touched": 0, "interval": [0.04, 0.2]}
     assert is_broken(row | change) == broken
 
@@ -194,6 +225,10 @@ def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):
     assert "a name of its own" in capsys.readouterr().err
     results = saved / "results.json"
     told = json.loads(results.read_text())
+    told["settings"]["noise"] = 0.02
+    results.write_text(json.dumps(told))
+    cells, _ = saved_drives([saved])
+    assert [cell.risk for cell in cells] == [None, None]
     told["settings"]["level"] = 0.1
     results.write_text(json.dumps(told))
     assert risk.main(command) == 2

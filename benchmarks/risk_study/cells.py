@@ -8,8 +8,9 @@ from pathlib import Path
 
 from benchmarks.runs.certified import SAME, conditions_of
 from benchmarks.runs.settings import ARMS, Settings
-from planner.risk.calibration import Calibration
+from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError
+from predictor.infra.errors import one_line
 
 SEED = 6_000_000
 """Of the first building of each cell: none that a network, or a calibration, has learned from."""
@@ -80,12 +81,12 @@ def cells_of(
         quick: a few drives of each.
 
     Raises:
-        CalibrationError: if the calibration is for another predictor, planner or car.
+        CalibrationError: if the calibration is for another predictor, planner or car, or was made
+            in buildings of the study.
         UsageError: if two of the maps have the same name.
     """
     mixture = _settings(calibration, predictor)
-    for risk in calibration.levels:
-        calibration.level_for(risk, conditions_of(mixture))
+    calibration.refuse_other(conditions_of(mixture))
     found = [
         *_promises(calibration, mixture, maps),
         *_controls(calibration, mixture),
@@ -95,6 +96,10 @@ def cells_of(
     ]
     if len({cell.name for cell in found}) < len(found):
         raise UsageError("--maps: each map or folder must have a name of its own")
+    if any(calibration.has_used(cell.settings.seed, cell.settings.episodes) for cell in found):
+        raise CalibrationError(
+            f"{calibration.path} was made in buildings of this study: calibrate with another --seed"
+        )
     if quick:
         found = [replace(c, settings=replace(c.settings, episodes=4)) for c in found]
     return found
@@ -102,9 +107,12 @@ def cells_of(
 
 def _settings(calibration: Calibration, predictor: str) -> Settings:
     """Return the settings that the calibration is for."""
-    same = {name: calibration.conditions[name] for name in SAME}
-    world = tuple(calibration.conditions["world"])
-    return Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
+    try:
+        same = {name: calibration.conditions[name] for name in SAME}
+        world = tuple(map(str, calibration.conditions["world"]))
+        return Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CalibrationError(f"{calibration.path} is no calibration: {one_line(error)}") from None
 
 
 def _boldest(calibration: Calibration) -> float:
@@ -114,7 +122,9 @@ def _boldest(calibration: Calibration) -> float:
 
 def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Cell]:
     """Requested against realised risk: the mixture, held-out families, and real maps."""
-    for risk, level in sorted({0.0: 0.0, **MEASURED, **calibration.levels}.items()):
+    certified = calibration.levels
+    measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
+    for risk, level in sorted({0.0: 0.0, **measured, **certified}.items()):
         settings = replace(mixture, level=level, episodes=300 if risk else 60)
         yield Cell("promise", f"mixture-{risk:g}", settings, risk, turns=2)
     # What the speed and the collisions at each risk are compared with.
@@ -132,7 +142,7 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
         yield Cell("promise", f"{Path(place).stem}-known", known, 0.0)
-        for risk, level in sorted(calibration.levels.items()):
+        for risk, level in sorted(certified.items()):
             at_level = replace(there, level=level)
             yield Cell("promise", f"{Path(place).stem}-{risk:g}", at_level, risk)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import Any
 
 from benchmarks.risk_study.cells import Cell
@@ -19,10 +20,11 @@ RISKS = (0.05, 0.1, 0.2)
 def recalibrations(
     cells: Sequence[Cell], drives: Drives, predictor: str, confidence: float
 ) -> list[dict[str, Any]]:
-    """Calibrate in each block as `benchmarks.calibrate` does, and count collisions elsewhere.
+    """Calibrate in each block as `benchmarks.calibrate` tests and count collisions elsewhere.
 
-    The levels are tried from safe to bold, as far as a block has drives at them. The collisions are
-    counted in the drives of the other blocks at the level that was certified.
+    The levels are tried from safe to bold, up to the boldest at which all blocks have drives. The
+    collisions are counted in the drives of the other blocks at the level that was certified. The
+    families take turns in a block, whereas `benchmarks.calibrate` draws them at random.
 
     Args:
         cells: of the study.
@@ -41,8 +43,11 @@ def recalibrations(
             if _is_calibrated(cell, predictor)
         )
     )
+    blocks = max(map(len, by_level.values()), default=0) // BLOCK
+    complete = takewhile(lambda level: len(by_level[level]) >= blocks * BLOCK, by_level)
+    by_level = {level: by_level[level] for level in complete}
     rows = []
-    for block in range(max(map(len, by_level.values()), default=0) // BLOCK):
+    for block in range(blocks):
         for risk in RISKS:
             level = _certified(by_level, block, risk, confidence)
             others = _outside(by_level.get(level, []), block)
@@ -79,7 +84,7 @@ def _certified(
     for level, collided in by_level.items():
         mine = collided[block * BLOCK : (block + 1) * BLOCK]
         losses = [loss for loss in mine if loss is not None]
-        if len(mine) < BLOCK or not (capital(losses, risk) >= 1.0 / (1.0 - confidence)).any():
+        if not (capital(losses, risk) >= 1.0 / (1.0 - confidence)).any():
             break
         certified = level
     return certified

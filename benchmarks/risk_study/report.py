@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 from scipy.stats import chi2
@@ -19,8 +19,16 @@ from predictor.mapping.family_names import FAMILIES
 BASELINES = ("known", "oracle", "full")
 
 
-def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
-    """Return the requested and the realised risk of each cell that has a drive."""
+def promises(
+    cells: Sequence[Cell], drives: Drives, certified: Container[float]
+) -> list[dict[str, Any]]:
+    """Return the requested and the realised risk of each cell that has a drive.
+
+    Args:
+        cells: of the study.
+        drives: of each cell, by its name.
+        certified: risks that the calibration has certified.
+    """
     rows = []
     for cell in cells:
         mine = _with_task(drives[cell.name])
@@ -42,6 +50,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "braking": cell.settings.braking,
                 "window": cell.settings.window,
                 "requested": cell.risk,
+                "certified": cell.risk in certified,
                 "level": cell.settings.level,
                 "adapted": not cell.settings.fixed_level,
                 "seed": cell.settings.seed,
@@ -51,6 +60,7 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "rate": collided / len(mine),
                 "interval": list(statistics.wilson(collided, len(mine))),
                 "touched": sum(d["touched"] for d in mine),
+                "learned": sum(d["learned"] for d in mine),
                 "km": km,
                 "per_km_interval": _poisson(collided, km),
                 "outcomes": dict(outcomes),
@@ -66,10 +76,13 @@ def promises(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
 
 
 def is_broken(row: dict[str, Any]) -> bool:
-    """Return whether a row of `promises` says that a promise was broken."""
+    """Return whether a row of `promises` says that a promise was broken.
+
+    At a risk of 0 no car may collide. A certified risk is for the mixture of the calibration.
+    """
     if row["requested"] == 0.0 or row["arm"] in ("known", "full"):
         return bool(row["collided"] or row["touched"])
-    promised = row["requested"] and row["group"] == "promise" and row["tasks"] == "mixture"
+    promised = row["certified"] and row["group"] == "promise" and row["tasks"] == "mixture"
     return bool(promised and row["interval"][0] > row["requested"])
 
 

@@ -50,8 +50,10 @@ def _cell(run: Run, arm: str) -> Cell:
         if field.name in run.settings
     }
     told |= {"world": tuple(run.settings["world"]), "arms": (arm,)}
-    # Whoever takes unobserved space for observed promises nothing.
-    risk = None if ARMS[arm].reliance == 1.0 else 0.0
+    reliance = ARMS[arm].reliance
+    reliance = run.settings["reliance"] if reliance is None else reliance
+    # Whoever takes unobserved space for free promises nothing, nor does anyone with a noisy LIDAR.
+    risk = None if reliance == 1.0 or run.setting("noise", 0.0) > 0.0 else 0.0
     return Cell("run", run.label, Settings(**told), risk)
 
 

@@ -24,7 +24,7 @@ from benchmarks.runs.statistics import wilson
 from planner.risk.calibration import KIND
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import machine
-from predictor.infra.markdown import records
+from predictor.infra.markdown import DASH, records
 from predictor.infra.results_file import write_results
 from predictor.infra.resumable import ResumableFolder
 from predictor.provenance import fingerprint_of
@@ -216,7 +216,7 @@ def _summary(tested: Tested) -> dict[str, Any]:
         "outcomes": dict(outcomes),
         "by_world": {place: [bad[place], places[place]] for place in sorted(places)},
         "capital": {f"{risk:g}": float(one.max()) for risk, one in tested.capital.items()},
-        "speed": metres / seconds,
+        "speed": metres / seconds if seconds else None,
     }
 
 
@@ -244,7 +244,7 @@ def table(found: dict[str, Any]) -> str:
                 "collided": entry["collided"],
                 "nominal 95 % interval": f"{100 * low:.1f}–{100 * high:.1f} %",
                 "km": f"{entry['km']:.1f}",
-                "speed [m/s]": f"{entry['speed']:.2f}",
+                "speed [m/s]": f"{entry['speed']:.2f}" if entry["speed"] else DASH,
                 "certified for δ": ", ".join(risks) or "–",
             }
         )

@@ -8,12 +8,15 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runs.drive import navigator_config
+from benchmarks.runs.drive import navigator_config, sources
 from benchmarks.runs.settings import ARMS, Settings
 from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
+from predictor.mapping.family_names import FAMILIES
+from predictor.mapping.grid import world_hash
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
+from sim.map_server import load_world
 
 RESOLUTION = 0.05
 """Of the maps that the fingerprint of the planner's settings is made for [m]."""
@@ -28,7 +31,14 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
     """Return all that a calibration on drives with some settings holds for."""
     config = asdict(navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION))
     weights = fingerprint_of(load_predictor(settings.predictor))
+    maps = [place for place in sources(settings.world) if place not in FAMILIES]
     return {
+        # By what they hold: a file may change.
+        **(
+            {"maps": sorted(world_hash(load_world(path).grid.cells) for path in maps)}
+            if maps
+            else {}
+        ),
         # Without the runtime, which decides the last digits alone.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),

@@ -123,7 +123,7 @@ class Settings(Options):
     reliance: float = option(
         0.05,
         "a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε; if that "
-        "proves wrong, the car brakes hard",
+        "proves wrong, the car brakes hard; at least λ",
         "ε",
         low=0,
         high=1,
@@ -161,5 +161,7 @@ class Settings(Options):
         for arm in self.arms:
             if arm not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
+        if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
+            raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms wants each arm once, and at least one")

@@ -22,11 +22,16 @@ class AdaptiveLevel:
         λ ← λ + η (α - loss), at most the λ that was allowed,
 
     where α is the allowed λ itself and η = α / `SUSTAINED`. At λ <= 0 the last resort relies on
-    observed cells alone, and λ grows by ηα in each tick until it is positive. Each fall is at most
-    η, and there is none from λ <= 0. Therefore the mean loss over T checks is at most
-    α + (`SUSTAINED` + 1) / T, whatever the building and the predictions (after Lekeufack et al.,
-    "Conformal decision theory", ICRA 2024). This says nothing about the chance of a collision in a
-    drive: for that there is the calibration.
+    observed cells alone, and λ grows by ηα in each tick without a check.
+
+    Over any T updates, the losses in ticks with λ > 0 sum to at most αT + `SUSTAINED` + 1, whatever
+    the building and the predictions (after Lekeufack et al., "Conformal decision theory", ICRA
+    2024). Proof: let μ follow the same rule, with the losses in ticks with λ <= 0 set to 0. Then
+    μ >= λ by induction, so μ falls only from above 0, by at most η, and stays above -η. Adding up
+    the updates gives the sum of these losses <= αT + (α + η) / η. The bound is about the mean over
+    a drive. For the chance of a collision in a drive, there is the calibration.
+
+    Cells that leave the square of the risk map before they are observed are never checked.
 
     Args:
         allowed: level that was allowed, in [0, 1).

@@ -30,12 +30,16 @@ class Calibration:
             other settings of the drives.
         levels: chance of a collision δ in a drive → the largest level λ certified for it.
         confidence: the probability with which each certificate holds.
+        seed: of the first building that it was made in.
+        drives: the most drives at a level; each was in a building of its own.
     """
 
     path: Path
     conditions: dict[str, Any]
     levels: dict[float, float]
     confidence: float
+    seed: int
+    drives: int
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -49,9 +53,16 @@ class Calibration:
             if found["kind"] != KIND:
                 raise ValueError(f"it holds {found['kind']!r}")
             levels = {float(risk): float(level) for risk, level in found["certified"].items()}
-            return cls(path, dict(found["conditions"]), levels, float(found["confidence"]))
+            drives = max((int(entry["drives"]) for entry in found["levels"]), default=0)
+            conditions, confidence = dict(found["conditions"]), float(found["confidence"])
+            conditions["world"] = [str(place) for place in conditions["world"]]
+            return cls(path, conditions, levels, confidence, int(found["seed"]), drives)
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise CalibrationError(f"{path} is no calibration: {one_line(error)}") from None
+
+    def has_used(self, seed: int, count: int) -> bool:
+        """Return whether it was made in one of `count` buildings with seeds from `seed` on."""
+        return self.seed < seed + count and seed < self.seed + self.drives
 
     def level_for(self, risk: float, conditions: Mapping[str, Any]) -> float:
         """Return the level λ of the last resort that a chance of collision allows.
@@ -64,6 +75,21 @@ class Calibration:
         Raises:
             CalibrationError: if the certificate is for other conditions, or for no risk as small.
         """
+        self.refuse_other(conditions)
+        allowed = [certified for certified in self.levels if certified <= risk]
+        if not allowed:
+            raise CalibrationError(
+                f"{self.path} certifies no risk as small as {risk:g}; "
+                f"it certifies {', '.join(f'{one:g}' for one in sorted(self.levels)) or 'none'}"
+            )
+        return self.levels[max(allowed)]
+
+    def refuse_other(self, conditions: Mapping[str, Any]) -> None:
+        """Raise an error that names a condition in which drives differ from the certificate.
+
+        Raises:
+            CalibrationError: if there is one.
+        """
         names = self.conditions.keys() | conditions.keys()
         # The hash of the planner's settings last: what a line says of it helps nobody.
         for name in sorted(names, key=lambda name: (name == "planner", name)):
@@ -75,13 +101,6 @@ class Calibration:
                     f"{self.path} is for {name} {_told(theirs)}, not {_told(mine)}: calibrate anew "
                     "with benchmarks.calibrate"
                 )
-        allowed = [certified for certified in self.levels if certified <= risk]
-        if not allowed:
-            raise CalibrationError(
-                f"{self.path} certifies no risk as small as {risk:g}; "
-                f"it certifies {', '.join(f'{one:g}' for one in sorted(self.levels)) or 'none'}"
-            )
-        return self.levels[max(allowed)]
 
 
 def _told(value: Any) -> str:
