@@ -37,23 +37,10 @@ def promises(
         outcomes = Counter(d["outcome"] for d in mine)
         collided, km = outcomes["collided"], sum(d["path_length"] for d in mine) / 1e3
         rows.append(
-            {
-                "group": cell.group,
-                "cell": cell.label,
-                "tasks": cell.tasks,
-                "arm": cell.arm,
-                "predictor": cell.settings.predictor,
-                "world": list(cell.settings.world),
-                "route": cell.settings.route,
-                "vehicle": cell.settings.vehicle,
-                "v_max": cell.settings.v_max,
-                "braking": cell.settings.braking,
-                "window": cell.settings.window,
+            _about(cell)
+            | {
                 "requested": cell.risk,
                 "certified": cell.risk in certified,
-                "level": cell.settings.level,
-                "adapted": not cell.settings.fixed_level,
-                "seed": cell.settings.seed,
                 "drives": len(mine),
                 "no_task": len(drives[cell.name]) - len(mine),
                 "collided": collided,
@@ -105,16 +92,8 @@ def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
         )
         keys = ("sct", "time") if cell.settings.route == "fixed" else ("sct",)
         rows.append(
-            {
-                "group": cell.group,
-                "cell": cell.label,
-                "tasks": cell.tasks,
-                "arm": cell.arm,
-                "predictor": cell.settings.predictor,
-                "level": cell.settings.level,
-                "v_max": cell.settings.v_max,
-                "braking": cell.settings.braking,
-                "window": cell.settings.window,
+            _about(cell)
+            | {
                 "episodes": len(arms["predicted"]),
                 "collided": sum(r.outcome == "collided" for r in arms["predicted"]),
                 "sct": statistics.success(arms, "predicted"),
@@ -125,6 +104,20 @@ def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _about(cell: Cell) -> dict[str, Any]:
+    """Return what a row of results says about its cell."""
+    same = ("predictor", "route", "vehicle", "v_max", "braking", "window", "level", "seed")
+    return {
+        "group": cell.group,
+        "cell": cell.label,
+        "tasks": cell.tasks,
+        "arm": cell.arm,
+        "world": list(cell.settings.world),
+        "adapted": not cell.settings.fixed_level,
+        **{name: getattr(cell.settings, name) for name in same},
+    }
 
 
 def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
