@@ -92,8 +92,9 @@ def _study(args: argparse.Namespace, calibration: Calibration, cells: list[Cell]
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
     from benchmarks.risk_study.recalibration import recalibrations
-    from benchmarks.risk_study.report import comparisons, is_broken, promises, tables
+    from benchmarks.risk_study.report import comparisons, is_broken, promises
     from benchmarks.risk_study.saved_drives import saved_drives
+    from benchmarks.risk_study.tables import tables
     from predictor.infra.environment import commit, machine
     from predictor.infra.results_file import write_results
 

@@ -30,9 +30,9 @@ TABLES = {
     "prediction": "benchmarks.prediction.tables:tables_of",
     "evaluation": "benchmarks.recording.evaluation:table",
     "calibration": "benchmarks.runs.calibration:table",
-    "risk": "benchmarks.risk_study.report:tables",
+    "risk": "benchmarks.risk_study.tables:tables",
     "calibration drives": "benchmarks.runs.calibration:table_of_drives",
-    "risk drives": "benchmarks.risk_study.report:table_of_drives",
+    "risk drives": "benchmarks.risk_study.tables:table_of_drives",
 }
 """The function that turns each kind of results into Markdown; imported when it is needed."""
 

@@ -11,7 +11,6 @@ from test_calibration import written
 
 from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import cells as study
-from benchmarks.risk_study import report
 from benchmarks.risk_study.cells import Cell, cells_of
 from benchmarks.risk_study.figures import draw
 from benchmarks.risk_study.geometry import touches
@@ -19,6 +18,7 @@ from benchmarks.risk_study.recalibration import BLOCK, recalibrations
 from benchmarks.risk_study.report import _barn, _by_family, _times_by_family, is_broken
 from benchmarks.risk_study.saved_drives import saved_drives
 from benchmarks.risk_study.sham import Sham, _questions
+from benchmarks.risk_study.tables import tables as tables_of
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration, CalibrationError
@@ -282,7 +282,7 @@ def test_only_whole_blocks_of_the_calibrated_predictor_are_used(levels):
 def test_repeated_calibrations_are_shown(levels, tmp_path):
     rows = recalibrations(levels, drives_with(levels, (), (), (BLOCK,)), "none", 0.9)
     found = {"promise": [], "pareto": [], "missing": 0, "recalibrations": rows}
-    assert f"1 of {BLOCK}" in report.tables(found)
+    assert f"1 of {BLOCK}" in tables_of(found)
     assert [path.name for path in draw(found, tmp_path)] == ["recalibrations.png"]
 
 
