@@ -1,4 +1,4 @@
-"""The level of the last resort while driving: it falls where predictions prove wrong."""
+"""Adaptation of the last resort's level λ during a drive: wrong predictions lower it."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from planner.risk.risk_map import RiskMap
 from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
 
 SUSTAINED = 0.5
-"""Sum of excess losses that takes the level from its most to 0."""
+"""Sum of the excess losses (loss - α) that lowers the level from its maximum to 0."""
 
 
 class AdaptiveLevel:
     """Adapts the level λ of the last resort to how often predictions prove wrong on this drive.
 
-    A cell that the last resort was allowed to rely upon without having been observed is checked
-    when the LIDAR observes it, if it still lies in the square of the risk map. The loss of a tick
-    is the share of cells not free among those checked in it. After each tick with a check
+    A cell that the last resort was allowed to enter before it was observed is checked as soon as
+    the LIDAR observes it. The loss of a tick is the share of the cells checked in it that are not
+    free. After each tick with a check
 
-        λ ← λ + η (α - loss), at most the λ that was allowed,
+        λ ← λ + η (α - loss), at most α,
 
-    where α is the allowed λ itself and η = α / `SUSTAINED`. At λ <= 0 the last resort relies on
-    observed cells alone, and λ grows by ηα in each tick without a check.
+    where α is the allowed level and η = α / `SUSTAINED`. At λ <= 0 the last resort uses observed
+    cells alone, and λ grows by ηα in each tick without a check.
 
     Over any T updates, the losses in ticks with λ > 0 sum to at most αT + `SUSTAINED` + 1, whatever
     the building and the predictions (after Lekeufack et al., "Conformal decision theory", ICRA
-    2024). Proof: let μ follow the same rule, with the losses in ticks with λ <= 0 set to 0. Then
-    μ >= λ by induction, so μ falls only from above 0, by at most η, and stays above -η. Adding up
-    the updates gives the sum of these losses <= αT + (α + η) / η. The bound is about the mean over
-    a drive. For the chance of a collision in a drive, there is the calibration.
+    2024). Proof: let μ follow the same rule, but with a loss of 0 in all ticks with λ <= 0. Then
+    μ >= λ by induction. Therefore μ falls only from above 0, by at most η, and stays above -η.
+    Adding up the updates gives the sum of these losses <= αT + (α + η) / η. The bound is about the
+    mean loss over a drive; `planner.risk.calibration` is about the probability of a collision.
 
     Cells that leave the square of the risk map before they are observed are never checked.
 
     Args:
-        allowed: level that was allowed, in [0, 1).
+        allowed: α, the level at the start and the highest one, in [0, 1).
     """
 
     def __init__(self, allowed: float) -> None:
@@ -48,7 +48,11 @@ class AdaptiveLevel:
         return max(self._level, 0.0)
 
     def check(self, known: OccupancyGrid) -> None:
-        """Compare what was believed with what has been observed since."""
+        """Check the cells that have been observed since they were allowed, and update the level.
+
+        Args:
+            known: map of all that was observed.
+        """
         if self._frame is None:
             return
         now = known.crop(self._frame)
@@ -61,12 +65,12 @@ class AdaptiveLevel:
             self.update(0.0)
 
     def update(self, loss: float) -> None:
-        """Take the loss of a tick, in [0, 1], into account."""
+        """Update the level by the loss of a tick, in [0, 1]."""
         step = self._allowed / SUSTAINED
         self._level = min(self._allowed, self._level + step * (self._allowed - loss))
 
     def believe(self, risk: RiskMap) -> None:
-        """Remember what the last resort may rely upon at this tick without having observed it."""
+        """Remember the unobserved cells that the last resort may enter in this tick."""
         if self._allowed == 0.0:
             return
         believed: NDArray[np.bool_] = risk.certain & risk.known.unknown

@@ -1,4 +1,4 @@
-"""Asking a predictor safely: a plug-in may raise, answer late, or never answer."""
+"""Calls of a predictor, in a thread: a plug-in may raise, answer late, or never answer."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ class LateError(Exception):
 
 
 class RaisedError(Exception):
-    """The predictor raised."""
+    """The predictor raised an exception; it is the `__cause__`."""
 
 
 class Asker:
-    """Puts one question at a time to a predictor, in a thread that cannot hold the program up.
+    """Calls a predictor in a thread, one call at a time, and stops waiting after a deadline.
 
-    A daemon thread and not a pool: a pool waits for its threads when the program ends, and one
-    that hangs would keep it from ending.
+    It uses a daemon thread, not a pool: a pool waits for its threads when the program ends, so a
+    call that hangs would keep the program from ending.
 
     Args:
-        predictor: asked.
+        predictor: predictor to call.
 
     Attributes:
-        context_side: side of the square that the predictor is told of besides its own [m]; 0: none.
+        context_side: side of the larger square whose observed map the predictor also gets [m];
+            0: it gets none.
 
     Raises:
-        BadPredictionError: if the predictor's `context_side` is no length.
+        BadPredictionError: if the predictor's `context_side` is not a length.
     """
 
     def __init__(self, predictor: Predictor) -> None:
@@ -58,19 +59,19 @@ class Asker:
         """Ask for a prediction, and check it.
 
         Args:
-            known: what has been seen.
-            pose: x, y, yaw, (3,).
-            patience: how long to wait for it [s].
-            around: what has been seen of the square of `context_side`; None if there is none.
+            known: observed map of the square to predict.
+            pose: x, y, yaw of the car, (3,) [m, m, rad].
+            patience: time to wait for the prediction [s].
+            around: observed map of the square of `context_side`; None if that is 0.
 
         Raises:
-            LateError: if it is not there in time.
-            RaisedError: if the predictor raised, anything at all.
-            BadPredictionError: if the answer breaks the contract.
+            LateError: if there is no prediction after `patience`, or an earlier call still runs.
+            RaisedError: if the predictor raised any exception, even SystemExit.
+            BadPredictionError: if the answer breaks the contract of predictors.
         """
         if self._thread is not None and self._thread.is_alive():
             raise LateError
-        # Copies: a plug-in may write into what it is handed, also later, from a thread of its own.
+        # Copies, since a plug-in may write into its arguments, even later from its own thread.
         copies = copied(known, pose, around)
         answers: queue.SimpleQueue[Prediction | RaisedError | BadPredictionError]
         answers = queue.SimpleQueue()
@@ -84,7 +85,7 @@ class Asker:
                 answers.put(raised)
                 return
             try:
-                # Here too: to read a field of the answer may run the plug-in's code.
+                # Checked in this thread, since reading a field may run code of the plug-in.
                 answers.put(checked(answer, known))
             except BadPredictionError as error:
                 answers.put(error)
@@ -97,7 +98,7 @@ class Asker:
             found = answers.get(timeout=patience)
         except queue.Empty:
             raise LateError from None
-        # It has nothing left to do, but on a busy machine it may still seem to when asked next.
+        # The thread is about to end; without this, the next call might still find it alive.
         self._thread.join()
         if isinstance(found, Exception):
             raise found

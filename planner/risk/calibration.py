@@ -1,6 +1,6 @@
-"""A calibration: how far the last resort may rely upon predictions, for a chance of collision.
+"""A calibration: the level λ of the last resort that is certified for a risk δ of a collision.
 
-`benchmarks.calibrate` measures it on drives, and writes the file that this module reads.
+`benchmarks.calibrate` measures it on drives and writes calibration.json, which this module reads.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ KIND = "calibration"
 
 
 class CalibrationError(LineError):
-    """A calibration cannot be read, or does not allow what is asked of it; one line."""
+    """A calibration cannot be read, or does not hold for these drives; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The levels that were certified, and for what.
+    """The certified levels, and the conditions under which they hold.
 
     Attributes:
-        path: of the file.
-        conditions: all that the certificate holds for, by name: predictor, car, buildings, and all
-            other settings of the drives.
-        levels: chance of a collision δ in a drive → the largest level λ certified for it.
-        confidence: the probability with which each certificate holds.
-        seed: of the first building that it was made in.
-        drives: the most drives at a level; each was in a building of its own.
+        path: path of the file.
+        conditions: settings of the drives that the levels hold for, by name: predictor, car,
+            buildings and all others.
+        levels: risk δ (probability of a collision in a drive) → largest level λ certified for it.
+        confidence: probability with which each certificate holds.
+        seed: seed of the first building of the calibration.
+        drives: largest number of drives at a level, each in a building of its own.
     """
 
     path: Path
@@ -43,7 +43,7 @@ class Calibration:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a file of `benchmarks.calibrate`.
+        """Read calibration.json of `benchmarks.calibrate`.
 
         Raises:
             CalibrationError: if it cannot be read.
@@ -61,19 +61,19 @@ class Calibration:
             raise CalibrationError(f"{path} is no calibration: {one_line(error)}") from None
 
     def has_used(self, seed: int, count: int) -> bool:
-        """Return whether it was made in one of `count` buildings with seeds from `seed` on."""
+        """Return whether the calibration has used one of `count` buildings with seeds from `seed`."""
         return self.seed < seed + count and seed < self.seed + self.drives
 
     def level_for(self, risk: float, conditions: Mapping[str, Any]) -> float:
-        """Return the level λ of the last resort that a chance of collision allows.
+        """Return the largest level λ of the last resort that is certified for a risk.
 
         Args:
-            risk: chance of a collision in a drive δ, above 0.
-            conditions: of the drives to come; `world` may be in any order, but must name the same
-                buildings, since the certificate is for their mixture.
+            risk: accepted probability δ of a collision in a drive, above 0.
+            conditions: settings of the drives to come; `world` may be in any order, but must name
+                the same buildings, since the certificate is for their mixture.
 
         Raises:
-            CalibrationError: if the certificate is for other conditions, or for no risk as small.
+            CalibrationError: if the certificate is for other conditions, or only for larger risks.
         """
         self.refuse_other(conditions)
         allowed = [certified for certified in self.levels if certified <= risk]
@@ -85,13 +85,16 @@ class Calibration:
         return self.levels[max(allowed)]
 
     def refuse_other(self, conditions: Mapping[str, Any]) -> None:
-        """Raise an error that names a condition in which drives differ from the certificate.
+        """Refuse drives under other conditions than those of the certificate.
+
+        Args:
+            conditions: settings of the drives to come, by name.
 
         Raises:
-            CalibrationError: if there is one.
+            CalibrationError: if a condition differs; the message names it.
         """
         names = self.conditions.keys() | conditions.keys()
-        # The hash of the planner's settings last: what a line says of it helps nobody.
+        # The hash of the planner's settings last, since a message about it is the least helpful.
         for name in sorted(names, key=lambda name: (name == "planner", name)):
             theirs, mine = self.conditions.get(name), conditions.get(name)
             if name == "world":

@@ -1,7 +1,7 @@
-"""The cost map: what a metre of way costs, for finding where to go.
+"""The cost map: the cost of each metre of a route, for the search for a route to the goal.
 
-The route is a question of cost, not of safety: it may cross unseen space, at a price that a
-prediction changes. What a plan may rely upon is decided by the risk map.
+A route may cross unobserved space at a higher cost, which a prediction changes. The cost map has no
+influence on safety: the risk map decides which cells a plan may enter.
 """
 
 from __future__ import annotations
@@ -16,30 +16,32 @@ from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
 from predictor.prediction import Prediction
 
 UNKNOWN_COST = 1.4
-"""A metre of unknown space costs as much as this many metres of free space."""
+"""Cost of a metre of unobserved space, in metres of free space."""
 OCCUPIED_COST = 20.0
 """Cost of a metre of space that is predicted to be occupied, in metres of free space."""
 WALL_PRIOR, WALL_REACH = 15.0, 2.5
-"""Additional cost of a metre of unknown space right beside an occupied cell, and distance at which
-it has fallen to 0 [m]: walls go on, so a route turns off where an opening has been seen."""
+"""Additional cost of a metre of unobserved space right beside an occupied cell, and distance from
+the cell at which it has fallen to 0 [m]. Walls usually continue, so that a route should turn off
+where an opening was observed."""
 STUCK_REACH = 1.2
-"""Around a place where the car got stuck, unseen cells count as walls up to this distance [m]."""
+"""Distance from a place where the car got stuck up to which unobserved cells cost as much as
+walls [m]."""
 PREDICTED_WALL = 8.0
-"""Unseen cells that cost more count as predicted to be occupied."""
+"""Cost of a metre above which an unobserved cell counts as predicted occupied."""
 
 
 @dataclass(frozen=True, eq=False)
 class CostMap:
-    """Cost of way, on cells of about 0.1 m.
+    """Cost of a metre of route in each cell, on cells of about 0.1 m.
 
     Attributes:
-        frame: where the cells lie.
+        frame: position and resolution of the cells.
         density: cost of a metre [1], (rows, columns).
-        clearance: distance to the nearest cell seen occupied [m], (rows, columns).
-        room: likewise, to the nearest cell that was seen or is predicted to be occupied.
-        unsure: cells neither seen nor predicted to be free; on a prescribed route, which is surer
-            than any prediction, all unseen cells, (rows, columns).
-        required: clearance below which the body does not fit [m].
+        clearance: distance to the nearest cell observed occupied [m], (rows, columns).
+        room: distance to the nearest cell observed or predicted occupied [m], (rows, columns).
+        unsure: cells that are neither observed nor predicted free; on a prescribed route, which is
+            more reliable than any prediction, all unobserved cells, (rows, columns).
+        required: clearance below which the car's body does not fit [m].
     """
 
     frame: GridFrame
@@ -58,17 +60,17 @@ class CostMap:
         way: NDArray[np.float64] | None = None,
         stuck: NDArray[np.float64] | None = None,
     ) -> CostMap:
-        """Build a cost map from all that is known and, where it may steer, what is predicted.
+        """Build a cost map from the observed map and the remembered predictions.
 
         Args:
-            known: what has been seen.
-            remembered: cost of what is predicted; None: nothing is.
-            half_width: of the body [m].
+            known: map of all that was observed.
+            remembered: cost according to the predictions so far; None: without predictions.
+            half_width: half the width of the car's body [m].
             way: points (n, 2) [m] of a prescribed route, less than a cell apart, or None. Its
-                unseen cells cost what free ones do, and those beside it what predicted walls do, so
-                that the car leaves the route where it must, and not for a short cut through rooms.
-            stuck: points (k, 2) [m] at which the car could not go on, or None. The unseen cells
-                around them cost what predicted walls do.
+                unobserved cells cost as much as free ones, and those beside it as much as predicted
+                walls: the car leaves the route only where it must, not for a short cut.
+            stuck: points (k, 2) [m] at which the car got stuck, or None. The unobserved cells
+                around them cost as much as predicted walls.
         """
         frame = coarsened(known.frame)
         occupied, unseen = _pooled(known, frame)
@@ -84,7 +86,7 @@ class CostMap:
             room = distance_field(occupied | walls) * np.float32(frame.resolution)
             if way is None:
                 unsure = unseen & ~(steered & (predicted_cost < 0.5 * (1.0 + UNKNOWN_COST)))
-                # Where a wall goes on is as much in doubt as the prediction leaves it.
+                # The prior of continued walls fades where the prediction says free.
                 doubt = np.clip(predicted_cost - 1.0, 0.0, 1.0)
                 density[steered] = (predicted_cost + prior * doubt)[steered]
         if way is not None:
@@ -92,17 +94,17 @@ class CostMap:
         for x, y in () if stuck is None else stuck:
             here = around(frame, float(x), float(y), STUCK_REACH)
             density[here][unseen[here]] = OCCUPIED_COST
-        # Keep to the middle where there is room: 0.7 m and more costs nothing.
+        # Routes keep away from walls, up to a clearance of 0.7 m for a body of 0.3 m.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
         return cls(frame, density.astype(np.float32), clearance, room, unsure, half_width + 0.12)
 
     def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
-        """Return the cost of a polyline (n, 2) [m]; outside the map it is that of unknown space.
+        """Return the cost of a polyline; outside the map a metre costs `UNKNOWN_COST`.
 
         Args:
-            points: (n, 2) [m].
-            slowness: top speed over the speed at each point, (n,).
+            points: points of the polyline, (n, 2) [m].
+            slowness: top speed divided by the speed at each point, (n,).
         """
         inside, rows, cols = self.frame.locate(points)
         price = np.full(len(points), UNKNOWN_COST)
@@ -113,7 +115,7 @@ class CostMap:
 
 
 def _pooled(known: OccupancyGrid, frame: GridFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which cells of a coarser frame hold an occupied, and which an unseen cell."""
+    """Return the coarse cells that hold an occupied cell, and those that hold an unobserved one."""
     factor = coarsening(known.frame)
     rows, cols = frame.shape
     log_odds = np.zeros((rows * factor, cols * factor), dtype=np.int8)
@@ -131,7 +133,7 @@ def _pooled(known: OccupancyGrid, frame: GridFrame) -> tuple[NDArray[np.bool_], 
 def _beside(
     way: NDArray[np.float64], frame: GridFrame
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return rows and columns of the cells within two cells of a way's points (n, 2) [m]."""
+    """Return rows and columns of the cells within two cells of the points (n, 2) [m] of a route."""
     near = np.arange(-2, 3)
     cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
     rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
@@ -148,13 +150,13 @@ def around(frame: GridFrame, x: float, y: float, reach: float) -> tuple[slice, s
 
 @dataclass(frozen=True, eq=False)
 class RememberedCost:
-    """The newest prediction of each cell, as cost of way.
+    """The cost of a metre in each cell according to the cell's newest prediction.
 
-    It is remembered: a car that forgot a predicted dead end as soon as it turned away from it
-    would turn round again and again.
+    Predictions are remembered, since a car that forgot a predicted dead end as soon as it turned
+    away from it would turn round again and again.
 
     Attributes:
-        frame: where the cells lie, of a cost map's size.
+        frame: position and resolution of the cells, those of a cost map.
         density: cost of a metre [1], NaN where nothing was predicted, (rows, columns).
     """
 
@@ -169,7 +171,7 @@ class RememberedCost:
 
 
 def coarsening(frame: GridFrame) -> int:
-    """Return how many cells of a map make one cell of its cost map, along each axis."""
+    """Return the number of cells of a map, along each axis, that make one cell of its cost map."""
     return max(1, round(0.1 / frame.resolution))
 
 
@@ -183,13 +185,14 @@ def coarsened(frame: GridFrame) -> GridFrame:
 def remember(
     remembered: RememberedCost | None, frame: GridFrame, prediction: Prediction
 ) -> RememberedCost:
-    """Return the remembered cost with a new prediction added; a cell without confidence costs what
-    unknown space does.
+    """Return the remembered cost with a new prediction added.
+
+    A cell that is predicted with confidence 0 costs as much as unobserved space.
 
     Args:
-        remembered: cost of the predictions so far, or None.
-        frame: frame of the known map.
-        prediction: on the same lattice.
+        remembered: cost according to the predictions so far, or None.
+        frame: frame of the observed map.
+        prediction: new prediction, on the same lattice.
     """
     coarse, factor = coarsened(frame), coarsening(frame)
     density = (

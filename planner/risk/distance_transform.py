@@ -11,14 +11,15 @@ from predictor.mapping.kernels import njit
 def distance_field(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Compute the distance from each cell's centre to the nearest True cell's centre [cells].
 
-    Exact, in two passes of lower envelopes of parabolas (Felzenszwalb & Huttenlocher 2012).
-    Where no cell is True the distance is that of the grid's diagonal.
+    The distances are exact: distances along each column are followed, along each row, by the lower
+    envelope of parabolas (Felzenszwalb & Huttenlocher 2012). Without any True cell, each distance
+    is the length of the grid's diagonal.
 
     Args:
-        mask: (rows, columns).
+        mask: cells to measure the distance to, (rows, columns).
 
     Returns:
-        (rows, columns) float32.
+        Distances [cells], (rows, columns) float32.
     """
     return _transform(np.ascontiguousarray(mask))
 
@@ -67,7 +68,7 @@ def _transform(mask):  # type: ignore[no-untyped-def]
                 k += 1
             step = np.float32(q - roots[k])
             out[row, q] = step * step + squares[roots[k]]
-    # All roots at once, which the compiler takes several at a time.
+    # In a loop of its own, so that the compiler vectorises the square roots.
     for row in range(rows):
         for col in range(cols):
             out[row, col] = np.sqrt(out[row, col])

@@ -1,4 +1,4 @@
-"""The risk map: the cells that a plan, and its last resort, may rely upon."""
+"""The risk map: the cells that a plan and its last resort may enter."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from predictor.prediction import Prediction
 
 @dataclass(frozen=True, eq=False)
 class RiskMap:
-    """The safe set, and how far each place is from leaving it.
+    """The cells that a plan (`safe`) and its last resort (`certain`) may enter.
 
     Attributes:
-        frame: where the cells lie.
-        known: what has been seen there.
-        trust: confidence · p_free, the believed probability that a cell is free; 1 where seen
-            free, 0 where seen occupied, (rows, columns).
-        safe: cells that a plan may rely upon, (rows, columns).
-        certain: cells of the safe set that the last resort may rely upon: those seen free, those
-            believed free at the level λ, and those that an oracle says are free; at ε = 0 and
+        frame: position and resolution of the cells.
+        known: observed map on this frame.
+        trust: confidence · p_free, the predicted probability that a cell is free; 1 where observed
+            free, 0 where observed occupied, (rows, columns).
+        safe: cells that a plan may enter, (rows, columns).
+        certain: cells of `safe` that the last resort may enter: those observed free, those whose
+            trust suffices at the level λ, and those that an oracle says are free; at ε = 0 and
             ε = 1 it is `safe` itself, (rows, columns).
-        barred: cells seen occupied, or predicted, with whatever confidence, to be more likely not
-            free: a plan should not end with the car's nose against them, (rows, columns).
-        clearance: distance to the edge of the safe set [m], negative outside it, (rows,
+        barred: cells observed occupied, or predicted with p_free < 0.5 at any confidence above 0:
+            a plan should not end with the car's front against them, (rows, columns).
+        clearance: distance to the edge of the safe set [m], negative outside of it, (rows,
             columns); what lies outside the frame is not safe.
     """
 
@@ -52,19 +52,19 @@ class RiskMap:
     ) -> RiskMap:
         """Build the risk map at a reliance ε and a level λ.
 
-        ε = 0: only what has been seen free is safe. ε = 1: all that has not been seen occupied.
-        Between them a cell not seen is safe where confidence · p_free >= 1 - ε, so that the
-        safe set never shrinks as ε, p_free or confidence grow. A NaN is unknown. What is certain is
-        decided in the same way by λ <= ε; at λ = 0 no claim of a predictor, whatever its
-        confidence, makes a cell certain.
+        At ε = 0 only cells observed free are safe, at ε = 1 all that were not observed occupied. In
+        between, an unobserved cell is safe if confidence · p_free >= 1 - ε; the safe set therefore
+        never shrinks as ε, p_free or the confidence grow. NaN counts as a trust of 0. `certain` is
+        decided in the same way by λ <= ε; at λ = 0 no prediction makes a cell certain, whatever its
+        confidence.
 
         Args:
-            known: what has been seen, on the frame of the new map.
-            prediction: on a frame of the same lattice, or None.
-            epsilon: the reliance ε in [0, 1].
-            margin: erosion of the safe set [m]: 3σ + 1 cell for a LIDAR of noise σ.
-            oracle: whether the prediction is the truth: then a trust of 1 counts as seen.
-            level: the level λ in [0, ε].
+            known: observed map, on the frame of the new risk map.
+            prediction: prediction on a frame of the same lattice, or None.
+            epsilon: reliance ε in [0, 1].
+            margin: erosion of both sets [m]: 3σ + 1 cell for a LIDAR with range noise σ; 0: none.
+            oracle: whether the prediction is the true map, so that a trust of 1 counts as observed.
+            level: level λ of the last resort in [0, ε].
 
         Raises:
             ValueError: if ε lies outside [0, 1], or λ outside [0, ε].
@@ -75,7 +75,7 @@ class RiskMap:
         barred = known.occupied.copy()
         if prediction is not None:
             believed = np.nan_to_num(prediction.confidence * prediction.p_free, nan=0.0)
-            # A NaN compares false.
+            # A comparison with NaN is false, so a NaN bars no cell.
             blocked = (prediction.p_free < 0.5) & (prediction.confidence > 0.0)
             there, here = prediction.frame.overlap(known.frame)
             unseen = known.unknown[here]
@@ -83,7 +83,7 @@ class RiskMap:
             barred[here] |= unseen & blocked[there]
 
         def relied(share: float) -> NDArray[np.bool_]:
-            # A single-precision product of ones must still count at its face value.
+            # With a tolerance for the rounding of the single-precision product.
             cells = known.free | (known.unknown & (trust >= 1.0 - share - 1e-6))
             if margin > 0.0:
                 cells &= distance_field(~cells) * known.frame.resolution > margin
@@ -99,7 +99,7 @@ class RiskMap:
 
     @cached_property
     def obstacle_distance(self) -> NDArray[np.float32]:
-        """Distance to the edge of the nearest cell seen occupied [m], (rows, columns)."""
+        """Distance to the edge of the nearest cell observed occupied [m], (rows, columns)."""
         cells = distance_field(self.known.occupied) - np.float32(0.5)
         return np.asarray(cells * np.float32(self.frame.resolution), dtype=np.float32)
 
