@@ -1,1 +1,1 @@
-"""Infrastructure: command lines, worker processes, files that are written whole, and parsers."""
+"""Infrastructure: command lines, worker processes, atomic files, resumable folders, parsers."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Files that are written atomically: whole or not at all."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def clear(folder: Path) -> None:
-    """Remove the unfinished files of processes that have ended from a folder and those inside."""
+    """Remove temporary files of processes that have ended from a folder and its subfolders."""
     for path in folder.rglob("*.tmp"):
         pid = path.suffixes[-2][1:] if len(path.suffixes) > 1 else ""
         if pid.isdecimal() and not _runs(int(pid)):
@@ -31,6 +31,6 @@ def _runs(pid: int) -> bool:
     except ProcessLookupError:
         return False
     except PermissionError:
-        # Another user's.
+        # The process exists, but belongs to another user.
         pass
     return True

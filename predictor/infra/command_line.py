@@ -1,4 +1,4 @@
-"""Command lines that say what is wrong in one line."""
+"""Command lines that report each error in one line."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import predictor.infra.workers  # noqa: F401
 from predictor.infra.errors import LineError, one_line
 
 ENDLESS = 10**6
-"""Upper bounds from this on are not named in error messages."""
+"""Upper bounds at or above this are not named in error messages."""
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
-"""Errors of the disk, not of what the user gave."""
+"""Error numbers that the disk causes, not the user's input."""
 
 
 class UsageError(LineError):
@@ -36,7 +36,7 @@ class OneLineParser(argparse.ArgumentParser):
         raise UsageError(message)
 
     def add_jobs(self) -> None:
-        """Add --jobs, the number of worker processes; by default one a core."""
+        """Add --jobs, the number of worker processes; by default one for each core."""
         self.add_argument(
             "--jobs",
             type=between(1, 10_000),
@@ -46,7 +46,13 @@ class OneLineParser(argparse.ArgumentParser):
         )
 
     def add_out(self, default: str, what: str, metavar: str = "FILE") -> None:
-        """Add --out, the file or folder of the results."""
+        """Add --out, the file or folder of the results.
+
+        Args:
+            default: default path.
+            what: description for the help.
+            metavar: placeholder of the path in the help, "FILE" or "DIR".
+        """
         self.add_argument(
             "--out",
             type=Path,
@@ -60,8 +66,8 @@ def between(low: float, high: float) -> Callable[[str], Any]:
     """Return a converter for `add_argument(type=…)` that refuses numbers outside of a range.
 
     Args:
-        low: least value; an int makes the argument one.
-        high: greatest value.
+        low: smallest value; its type, int or float, is that of the argument.
+        high: largest value.
     """
     kind = type(low)
 
@@ -80,15 +86,15 @@ def between(low: float, high: float) -> Callable[[str], Any]:
 
 
 def run_command(name: str, work: Callable[[], int | None]) -> int:
-    """Do a command's work, and return its exit status.
+    """Run the work of a command, report its errors in one line, and return its exit status.
 
     Args:
-        name: of the command, which begins each line about an error.
-        work: returns the exit status, or None for 0.
+        name: name of the command, with which each error message begins.
+        work: function that does the work and returns the exit status; None counts as 0.
 
     Returns:
-        What the work returns; 2 after an error of the input or of a file, 1 after an error of the
-        disk, such as a full one, 130 after Ctrl-C.
+        The status that `work` returned; 2 after an error in the input or in a file, 1 after an
+        error of the disk, such as a full disk, 130 after Ctrl-C.
     """
     try:
         status = work() or 0
@@ -98,7 +104,7 @@ def run_command(name: str, work: Callable[[], int | None]) -> int:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # The program that read the output has ended, such as `head`.
+        # The program that read the output, such as `head`, has ended.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:

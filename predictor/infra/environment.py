@@ -1,4 +1,4 @@
-"""What results were made with: the machine, its packages, and the commit of this code."""
+"""The environment that results were made in: machine, packages, and commit of this code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 
 def machine() -> dict[str, Any]:
-    """Return what the numbers are measured on."""
+    """Return processor, number of cores, system, and versions of Python and of packages."""
     model = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -32,7 +32,7 @@ def machine() -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def commit() -> str | None:
-    """Return the commit of this code, with "+" if it was changed since; None without one."""
+    """Return the commit of this code, with "+" if files were changed since; None without git."""
     here = Path(__file__).resolve().parent
 
     def git(*words: str) -> str:
@@ -50,8 +50,8 @@ def several_states(commits: Iterable[str | None], of: str) -> str:
     """Return a warning if results come from several states of the code, else "".
 
     Args:
-        commits: of each of them.
-        of: what they are.
+        commits: commit of each result.
+        of: word for the results in the warning, such as "drives".
     """
     count = len(set(commits))
     return f"mind: these {of} come from {count} states of the code; see --out" if count > 1 else ""

@@ -1,13 +1,16 @@
-"""Errors of one line: what others hand over may say anything, and is shown escaped and cut."""
+"""Error messages of one line.
+
+Text from files and plug-ins may contain anything, so it is escaped and cut before it is shown.
+"""
 
 from __future__ import annotations
 
 LONGEST = 1000
-"""Longer messages are cut [characters]."""
+"""Length above which a message is cut [characters]."""
 
 
 def shown(text: str) -> str:
-    """Return a text on one line: control characters escaped, the middle left out if it is long."""
+    """Return a text as one line, with control characters escaped and the middle cut if too long."""
     words = " ".join(text.split())
     if not words.isprintable():
         words = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in words)
@@ -17,18 +20,18 @@ def shown(text: str) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """Return the kind of an error and what it says, on one line."""
+    """Return the class name and the message of an error as one line."""
     kind = type(error).__name__
     try:
         said = shown(str(getattr(error, "strerror", None) or error))
     except Exception:
-        # A stranger's error may not even be shown.
+        # Converting the error of a plug-in to text may itself raise.
         said = ""
     return f"{kind}: {said}" if said else kind
 
 
 class LineError(ValueError):
-    """An error that people are told in one line."""
+    """An error whose message is one line, which `run_command` prints without a traceback."""
 
     def __init__(self, said: str) -> None:
         super().__init__(shown(said))

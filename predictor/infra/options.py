@@ -1,4 +1,4 @@
-"""Settings whose fields are command-line options: one place for default, limits and help."""
+"""Settings classes whose fields are command-line options with default, limits and help."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ def option(
     choices: tuple[str, ...] | None = None,
     parse: Callable[[str], Any] | None = None,
 ) -> Any:
-    """Return a field of `Options`.
+    """Declare a field of a subclass of `Options` that is a command-line option.
 
     Args:
-        default: a bool makes a flag, a tuple an option of one or more words.
-        help: says what it is, to a reader of --help and of the code.
-        metavar: stands for the value in the help.
-        low: least number.
-        high: greatest number.
-        choices: words that are allowed.
-        parse: turns one word into the value; by default the type of the default does.
+        default: default value; a bool makes a flag, a tuple an option of one or more words.
+        help: description of the setting, for --help and for readers of the code.
+        metavar: placeholder of the value in the help.
+        low: smallest number allowed.
+        high: largest number allowed.
+        choices: words allowed.
+        parse: function from a word to the value; by default the type of `default`.
     """
     told = {"help": help, "metavar": metavar, "choices": choices, "parse": parse}
     return field(default=default, metadata=told | {"low": low, "high": high})
@@ -37,10 +37,12 @@ def option(
 
 @dataclass(frozen=True)
 class Options:
-    """The base of settings that a command line gives; fields without `option` are no options.
+    """Base class of settings that are read from a command line.
+
+    Fields that are declared with `option` are options of the command; others are not.
 
     Raises:
-        UsageError: if a number is out of its limits, or a word none of the choices.
+        UsageError: if a number lies outside of its limits, or a word is not among the choices.
     """
 
     def __post_init__(self) -> None:
@@ -58,11 +60,11 @@ class Options:
 
     @classmethod
     def add_to(cls, parser: argparse._ActionsContainer, *names: str) -> None:
-        """Add the options to a parser or to a group of one.
+        """Add the options to a parser or to an argument group.
 
         Args:
-            parser: to which they are added.
-            names: of the fields; all if there are none.
+            parser: parser or group to which the options are added.
+            names: names of the fields to add; all if none is given.
         """
         for one in fields(cls):
             if "help" in one.metadata and (not names or one.name in names):
@@ -70,11 +72,11 @@ class Options:
 
     @classmethod
     def of(cls, args: argparse.Namespace, *names: str) -> Self:
-        """Return the settings that the arguments of a command line give.
+        """Make the settings from the parsed arguments of a command line.
 
         Args:
-            args: the arguments.
-            names: of the fields to take from them; all if there are none.
+            args: parsed arguments.
+            names: names of the fields to take from them; all if none is given.
         """
         wanted = [f.name for f in fields(cls) if not names or f.name in names]
         given = {name: getattr(args, name) for name in wanted if hasattr(args, name)}

@@ -1,4 +1,4 @@
-"""JSON from strangers: as `json.loads`, but what is nested too deep is a ValueError too."""
+"""JSON from untrusted files: as `json.loads`, but too deep nesting is also a ValueError."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 
 def loads(text: str | bytes) -> Any:
-    """Return the value of a text.
+    """Parse a JSON text.
 
     Raises:
-        ValueError: if it is no JSON, or nested deeper than Python can follow.
+        ValueError: if it is not valid JSON, or nested too deeply for Python's parser.
     """
     try:
         return json.loads(text)
@@ -20,11 +20,11 @@ def loads(text: str | bytes) -> Any:
 
 
 def without_nan(value: Any, digits: int | None = None) -> Any:
-    """Return plain data with null for NaN and infinity, which JSON does not have.
+    """Return data with None in place of NaN and infinity, which JSON does not have.
 
     Args:
         value: dictionaries, lists, tuples and plain values.
-        digits: significant digits that numbers are rounded to; None: all.
+        digits: significant digits to which numbers are rounded; None: not rounded.
     """
     if isinstance(value, dict):
         return {key: without_nan(entry, digits) for key, entry in value.items()}

@@ -1,4 +1,4 @@
-"""YAML from strangers: plain values, without what makes a small file large in memory."""
+"""YAML from untrusted files: plain values only, so that a small file stays small in memory."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ import yaml
 from predictor.infra.errors import LineError
 
 LONGEST = 4000
-"""Longer scalars are refused [characters]: a number of that many digits takes seconds."""
+"""Longest scalar allowed [characters]; a longer number would take seconds to parse."""
 DEEPEST = 40
-"""Deeper nesting is refused."""
+"""Deepest nesting allowed."""
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class YamlError(LineError):
-    """A YAML file that cannot be read, or that uses what is refused."""
+    """A YAML file is invalid, too large, or uses something that is refused."""
 
 
 def read_yaml(path: Path, most: int) -> Any:
     """Read a YAML file of plain values.
 
-    Anchors, aliases and merge keys are refused: a few hundred bytes of them expand without end.
+    Anchors, aliases and merge keys are refused, since a few hundred bytes of them can expand to
+    gigabytes.
 
     Args:
-        path: of the file.
-        most: bytes; a larger file is refused before it is read.
+        path: path of the file.
+        most: largest size allowed [bytes]; a larger file is not parsed.
 
     Raises:
-        OSError: if it cannot be read.
-        YamlError: if it is too large, no YAML, or uses what is refused.
+        OSError: if the file cannot be read.
+        YamlError: if it is too large, not valid YAML, or uses something that is refused.
     """
     with path.open("rb") as file:
         data = file.read(most + 1)
@@ -48,7 +49,7 @@ def read_yaml(path: Path, most: int) -> Any:
 
 
 def _refuse(text: str) -> None:
-    """Raise if a text uses what is refused."""
+    """Raise YamlError if a text has anchors, aliases, merge keys, or too deep or long values."""
     depth = 0
     for event in yaml.parse(text, Loader=LOADER):
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:

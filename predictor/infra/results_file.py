@@ -1,4 +1,4 @@
-"""Files of results: JSON objects that say what `kind` they are."""
+"""Results files: JSON objects whose entry `kind` names the kind of results."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ COMMANDS = {
     "calibration drives": "benchmarks.calibrate",
     "risk drives": "benchmarks.risk",
 }
-"""The command that writes each kind of results."""
+"""Kind of results → command that writes it."""
 
 
 def write_results(path: Path, kind: str, results: Mapping[str, Any]) -> None:
-    """Write a file of results, whole or not at all; its folder is made if it is missing.
+    """Write a results file atomically; its folder is made if it is missing.
 
     Args:
-        path: of the file.
-        kind: of `COMMANDS`.
-        results: fit for JSON.
+        path: path of the file.
+        kind: kind of the results, a key of `COMMANDS`.
+        results: results, plain data for JSON.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, json.dumps({"kind": kind, **results}, indent=1).encode())
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """Read a file of results, of any of `COMMANDS`.
+    """Read a results file of any kind in `COMMANDS`.
 
     Raises:
-        UsageError: if it cannot be read, or does not say what kind it is.
+        UsageError: if it cannot be read, or has no entry `kind`, or an unknown one.
     """
     try:
         results = dict(loads(path.read_text()))

@@ -1,4 +1,4 @@
-"""Results that the same command continues after an interruption: folders of parts, and settings."""
+"""Folders of results that a command continues after an interruption, when it is given again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
 
 SETTINGS = "settings.json"
-"""The file of a folder that says what its results were made with."""
+"""Name of the file with the settings that the results of a folder were made with."""
 UNREADABLE = (
     OSError,
     ValueError,
@@ -33,40 +33,48 @@ UNREADABLE = (
     zlib.error,
     zipfile.BadZipFile,
 )
-"""What reading a damaged file may raise."""
+"""Exceptions that reading a damaged file may raise."""
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
-"""Facts, fit for JSON, and named arrays."""
+"""One part of the results: facts (plain data for JSON), and arrays by name."""
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compress: bool = True) -> None:
-    """Write arrays to a NumPy archive, whole or not at all."""
+    """Write arrays to a NumPy archive (.npz) atomically.
+
+    Args:
+        path: path of the file.
+        arrays: arrays by name.
+        compress: whether to compress them.
+    """
     buffer = io.BytesIO()
     (np.savez_compressed if compress else np.savez)(buffer, allow_pickle=False, **arrays)
     write_whole(path, buffer.getvalue())
 
 
 def as_bytes(facts: Mapping[str, Any]) -> NDArray[np.uint8]:
-    """Return facts that are fit for JSON as an array of bytes, to be kept beside arrays."""
+    """Return facts (plain data) as JSON in an array of bytes, for an archive of arrays."""
     return np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
 
 
 class ResumableFolder:
     """A folder in which each finished part of a long computation is a file.
 
-    Parts are written whole, so a kill loses only what is under way. A part that does not read is
-    renamed to `.damaged`, noted, and counts as missing.
+    Parts are written atomically, so that a killed process loses only unfinished parts. A damaged
+    part is renamed to end with `.damaged`, reported in `notes`, and counts as missing.
 
     Args:
-        folder: made if it is missing.
-        settings: all that decides the results, fit for JSON; None if each part says so itself.
-        marker: name of the file that keeps the settings.
-        grows: settings that may differ from those of an earlier run.
-        absent: settings that older folders do not name, with their values.
-        exclusive: whether other processes are refused until this one closes the folder or ends.
+        folder: folder of the results; made if it is missing.
+        settings: all settings that decide the results, plain data for JSON; None: the settings are
+            not checked, since each part contains its own.
+        marker: name of the file in which the settings are kept.
+        grows: names of settings that may differ from those of an earlier run, such as the number of
+            drives.
+        absent: values of settings that older folders do not name.
+        exclusive: whether to refuse other processes until this one closes the folder or ends.
 
     Attributes:
-        notes: a line for each damaged file.
-        is_new: whether the folder had no settings before.
+        notes: one line for each damaged file.
+        is_new: whether the folder had no settings file before.
 
     Raises:
         UsageError: if the folder holds results with other settings, cannot be written, or is in
@@ -114,19 +122,19 @@ class ResumableFolder:
             self._lock.close()
 
     def write(self, name: str, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Write a part; after this a kill cannot lose it.
+        """Write a part; afterwards it survives a kill of the process.
 
         Args:
-            name: of its file inside the folder, such as "parts/1.npz".
-            facts: fit for JSON.
-            arrays: by name.
+            name: path of its file inside the folder, such as "parts/1.npz".
+            facts: facts of the part, plain data for JSON.
+            arrays: arrays of the part by name.
         """
         path = self.folder / name
         path.parent.mkdir(exist_ok=True)
         write_arrays(path, {"facts": as_bytes(facts), **arrays})
 
     def read(self, name: str) -> Part | None:
-        """Return a part, or None if it is missing or damaged; a damaged one is set aside."""
+        """Read a part; None if it is missing or damaged. A damaged file is set aside."""
         path = self.folder / name
         try:
             with np.load(path, allow_pickle=False) as file:
@@ -139,7 +147,7 @@ class ResumableFolder:
             return None
 
     def set_aside(self, path: Path, why: str) -> None:
-        """Rename a damaged file, and note it."""
+        """Rename a damaged file so that it ends with `.damaged`, and add a line to `notes`."""
         names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in itertools.count())
         target = next(name for name in names if not name.exists())
         path.rename(target)
@@ -149,16 +157,16 @@ class ResumableFolder:
 def refuse_other_settings(
     where: Path, mine: Mapping[str, Any], theirs: Mapping[str, Any], grows: Iterable[str] = ()
 ) -> None:
-    """Raise an error that names the settings in which earlier results differ.
+    """Refuse earlier results that were made with other settings.
 
     Args:
         where: folder or file of the results.
         mine: settings of this run.
-        theirs: settings of the results, as read from JSON.
-        grows: settings that may differ.
+        theirs: settings of the earlier results, as read from JSON.
+        grows: names of settings that may differ.
 
     Raises:
-        UsageError: if there are any.
+        UsageError: if other settings differ; the message names them.
     """
     plain = json.loads(json.dumps(mine))
     other = [k for k in plain | theirs if k not in grows and plain.get(k) != theirs.get(k)]

@@ -1,6 +1,6 @@
-"""Work spread over processes by joblib, or over the machines of a Dask cluster.
+"""Parallel work: in processes of this machine (joblib), or on the machines of a Dask cluster.
 
-The results are those of one thing after the other, whoever did them.
+The results do not depend on the number of processes, only their order does.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 from predictor.infra.errors import LineError
 
-# Before a worker imports numpy: threads of its libraries would fight over the cores.
+# Set before a worker imports numpy, since the threads of its libraries would compete for the cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
@@ -25,18 +25,18 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 DEATHS = 10
-"""How often processes may die with nothing finished between, before what is left is given up."""
+"""Consecutive deaths of worker processes, without a finished item, after which work is given up."""
 
 
 class WorkersError(LineError):
-    """Nobody is there to do the work; the message is one line."""
+    """The worker processes cannot do the work; the message is one line."""
 
 
 class LostError(WorkersError):
-    """Some things are left undone, for each process died that did them; all others are done.
+    """Some items are not done, since their worker processes died repeatedly; all others are done.
 
     Attributes:
-        items: these things.
+        items: items that are not done.
     """
 
     def __init__(self, items: Sequence[Any]) -> None:
@@ -48,16 +48,17 @@ class LostError(WorkersError):
 def finished(
     work: Callable[[Item], Result], todo: list[Item], jobs: int, dask: str | None = None
 ) -> Iterator[tuple[Item, Result]]:
-    """Do a list of things, and yield each with its result as it ends.
+    """Do the work for each item in parallel, and yield each item with its result as it ends.
 
     Args:
-        work: does one; it must be picklable, and bring heavy imports with it only when called.
-        todo: the things.
-        jobs: processes; 1: this one.
-        dask: address of a Dask scheduler, whose workers do it in place of processes here.
+        work: function of one item; it must be picklable, and should import heavy modules only when
+            it is called.
+        todo: items.
+        jobs: number of worker processes; 1: this process does the work.
+        dask: address of a Dask scheduler, whose workers are used instead of processes here.
 
     Raises:
-        LostError: at the end, if some things kill each process that does them.
+        LostError: at the end, if the processes of some items died repeatedly.
         WorkersError: if there are no workers, or their scheduler lacks a package.
     """
     if dask is not None:
@@ -77,7 +78,8 @@ def _in_processes(
     left = dict(enumerate(todo))
     deaths = 0
     try:
-        # What was under way when a process died is done when all else is; what was so again, alone.
+        # Items that were being worked on when a process died are suspects: they are tried again
+        # after all others, and if a process dies again, one at a time.
         for alone in (False, False, True):
             suspects: dict[int, Item] = {}
             for part in [{number: item} for number, item in left.items()] if alone else [left]:
@@ -89,7 +91,7 @@ def _in_processes(
                 suspects |= part
             left = suspects
     finally:
-        # Else they stay for minutes, and keep their memory.
+        # Without this, the processes would live on for minutes and keep their memory.
         get_reusable_executor().shutdown(wait=False, kill_workers=True)
     if left:
         raise LostError(list(left.values()))
@@ -98,7 +100,17 @@ def _in_processes(
 def _in_pool(
     work: Callable[[Item], Result], left: dict[int, Item], jobs: int
 ) -> Generator[tuple[Item, Result], None, dict[int, Item]]:
-    """Do things and take them out, until a process dies; take out what was under way, return it."""
+    """Do the work for items, and yield the results, until all are done or a process dies.
+
+    Args:
+        work: function of one item.
+        left: number → item; items are removed as they are finished, and also those that were being
+            worked on when a process died.
+        jobs: number of worker processes.
+
+    Returns:
+        The items that were being worked on when a process died, by number; empty if none died.
+    """
     from concurrent.futures.process import BrokenProcessPool
 
     from joblib import Parallel, delayed
@@ -110,7 +122,7 @@ def _in_pool(
             given.append(number)
             yield delayed(_numbered)(work, number, item)
 
-    # Two at least: joblib would do a single thing in this process, and die of it.
+    # At least two processes: with one, joblib would work in this process, which could then crash.
     pool = Parallel(
         max(2, min(jobs, len(left))),
         "loky",
@@ -132,7 +144,7 @@ def _in_pool(
 def _on_cluster(
     work: Callable[[Item], Result], todo: list[Item], address: str
 ) -> Iterator[tuple[Item, Result]]:
-    # Dask's own interface, not joblib's: that waits for ever for a thing that killed its workers.
+    # Dask's own interface, since joblib's waits for ever for an item that killed its workers.
     from concurrent.futures import CancelledError
 
     try:
@@ -153,10 +165,10 @@ def _on_cluster(
         lost = []
         running = as_completed(loop=client.loop)
         while waiting or items:
-            # No more than keeps all busy: a study may be a million drives long.
+            # Only as many as keep all workers busy, since there may be a million items.
             threads = client.nthreads()
             if not set(threads.values()) <= {1}:
-                # OMPL has one random generator a process: two drives in one would disturb it.
+                # OMPL has one random generator per process, so two drives in one would share it.
                 raise WorkersError("a drive needs a process of its own: dask worker --nthreads 1")
             while waiting and len(items) < 3 * max(1, len(threads)):
                 item = waiting.pop()
@@ -172,7 +184,7 @@ def _on_cluster(
             except CancelledError:
                 raise WorkersError(f"the Dask scheduler at {address} has gone") from None
             except RuntimeError as error:
-                # Dask's own, of a scheduler that cannot import what is asked for.
+                # Dask raises this if the scheduler cannot import a package that the work needs.
                 if "deserialization" not in str(error):
                     raise
                 why = error.__cause__ or "another environment"
@@ -190,11 +202,11 @@ def _numbered(work: Callable[[Item], Result], number: int, item: Item) -> tuple[
 
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C for the processes that are started meanwhile: their parent ends them.
+    """Block Ctrl-C in processes that are started in this context; their parent ends them.
 
-    A process that is still importing would print a traceback.
+    Otherwise a process that is still importing modules would print a traceback.
     """
-    # Started first, since its start unblocks the signal.
+    # The resource tracker is started first, since its start unblocks the signal.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -204,10 +216,11 @@ def interrupts_blocked() -> Iterator[None]:
 
 
 def follow_parent(parent: int) -> None:
-    """Leave Ctrl-C to the parent, and end when the parent does, even if it was killed.
+    """Ignore Ctrl-C in this process, and end it when its parent ends, even by a kill.
 
     Args:
-        parent: process number of the parent, told by itself: it may be gone by now.
+        parent: process number of the parent. The parent passes it, since it may already have ended
+            when this process starts.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
