@@ -1,8 +1,8 @@
-"""What has been seen of a building, and what is believed of the rest.
+"""Maps of what a robot has observed, and predictors of the part that it has not observed.
 
-A predictor is any object with `predict(known: Grid, pose) -> Prediction`; run `check_predictor`
-on one of your own. Names are imported when they are first used, so that a command's --help does
-not wait for the packages that only its work needs.
+A predictor is any object with `predict(known: Grid, pose) -> Prediction`; `check_predictor` tests
+one of your own. The names below are imported when they are first used, so that the --help of a
+command does not wait for slow imports.
 """
 
 import importlib
@@ -41,13 +41,15 @@ __all__ = [
 ]
 
 HOMES = ("mapping.grid", "mapping.body", "mapping.scan", "prediction", "none", "checking")
-"""Modules that define these names, the quickest to import first; `registry` defines the rest."""
+"""Modules that define the names in `__all__`, the quickest to import first; `registry` defines the
+rest."""
 
 
 def _refuse_hidden_packages() -> None:
-    """Refuse to go on where a file of the user's, such as `sim.py`, hides a package of ours.
+    """Raise an error if a file of the user, such as `sim.py`, hides a package of this project.
 
-    `python -m` looks into the working folder first. A command says so in one line and exits.
+    `python -m` imports from the working folder first. A command reports the file in one line and
+    exits.
     """
     root = Path(__file__).resolve().parents[1]
     for name in ("planner", "sim", "benchmarks"):

@@ -11,8 +11,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 1 if the predictor breaks the contract, 2 if it cannot be loaded."""
     parser = OneLineParser(
         prog="predictor.check",
-        description="Check that a predictor keeps to the contract with the planner, and name what "
-        "would make drives slower or hard to repeat.",
+        description="Check that a predictor keeps to the contract with the planner, and warn of "
+        "what would make drives slower or hard to repeat.",
     )
     parser.add_argument(
         "predictor", metavar="P", help="a name, package.module:Class, or a .safetensors file"

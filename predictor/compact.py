@@ -26,8 +26,8 @@ SHIPPED, LOGS, PAPER = (
     Path(__file__).with_name(f"{name}.safetensors")
     for name in ("compact", "compact-logs", "compact-paper")
 )
-"""Weights that come with the package, and those fine-tuned on simulated logs and on buildings as
-in the paper alone; a file beside each describes them."""
+"""Files of weights in this package: for driving, fine-tuned on simulated robot logs, and fine-tuned
+on buildings as in the paper alone. The .md file beside each describes it."""
 RESOLUTION = 0.05
 """Resolution of the maps that the network was trained on [m]; others are resampled to it."""
 SUREST = 0.9999
@@ -98,7 +98,7 @@ class Compact:
         over = [-n % self._config.multiple for n in codes.shape]
         padded = np.pad(codes, [(n // 2, n - n // 2) for n in over], constant_values=2)
         top, left = over[0] // 2, over[1] // 2
-        # A percentage fits into either kind of byte.
+        # The percentages are at most 100, so they fit into int8.
         inputs = [padded] if context is None else [padded, context.astype(np.int8)]
         answers = self._run(*(np.ascontiguousarray(one)[None] for one in inputs))
         return answers[0, :, top : top + rows, left : left + cols]

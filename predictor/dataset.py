@@ -1,9 +1,9 @@
 """Make the data sets of the prediction study: the paper's simulated one, and those of real logs.
 
-    python -m predictor.dataset                                    the paper's, and more test drives
-    python -m predictor.dataset --log intel.log.gz aces.log.gz             of a robot's own journeys
+    python -m predictor.dataset                                    simulated, with more test drives
+    python -m predictor.dataset --log intel.log.gz aces.log.gz     from logs of real robots
 
-docs/datasets.md says what is in them; `predictor.data.frames.Frames` reads them.
+docs/datasets.md describes their contents; `predictor.data.frames.Frames` reads them.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ def main(argv: list[str] | None = None) -> int:
 def _parsed(argv: list[str] | None) -> argparse.Namespace:
     parser = OneLineParser(
         prog="predictor.dataset",
-        description="Make the data of Katyal et al. 2018: what a car's LIDAR has seen, tick by "
-        "tick, and what was true around it. Without --log by simulation, six drives in two "
-        "buildings and more in others; with --log from real robots' logs. Interrupted, it goes on "
-        "where it was: give the same command.",
+        description="Make a data set as that of Katyal et al. 2018: for each tick of a drive, what "
+        "the LIDAR has observed around the car, and the true map there. Without --log the drives "
+        "are simulated, six in two buildings and more in others; with --log they are logs of real "
+        "robots. Interrupted, it continues when the same command is given again.",
     )
     parser.add_argument(
         "--out",

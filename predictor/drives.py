@@ -1,10 +1,10 @@
-"""Make samples to learn from: drive the car through generated buildings and look over its shoulder.
+"""Make training samples for the compact network on simulated drives through buildings.
 
-The car drives by its own planner, without prediction. Each drive is then seen again through LIDARs
-of other windows and other noise, which costs a tenth of driving it.
+The car drives with the project's own planner, without prediction. Each drive is then replayed with
+LIDARs of other windows and other noise, which takes a tenth of the time of driving.
 
-    python -m predictor.drives                              truth is the building: to drive by
-    python -m predictor.drives --logs 1 --out data/logs     truth is what a robot's log maps of it
+    python -m predictor.drives                              the truth is the whole building
+    python -m predictor.drives --logs 1 --out data/logs     the truth is the map of a simulated log
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = OneLineParser(
         prog="predictor.drives",
         description="Make samples to train predictors on: drives of the project's own planner "
-        "through generated buildings. Interrupted, it goes on where it was: give the same command.",
+        "through generated buildings. Interrupted, it continues when the same command is given "
+        "again.",
     )
     DrivesConfig.add_to(parser)
     parser.add_jobs()

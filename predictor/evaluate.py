@@ -1,4 +1,4 @@
-"""Score predictors on what the car had not seen, over generated worlds and real maps.
+"""Score predictors on unobserved cells, along drives in generated buildings and in real maps.
 
 python -m predictor.evaluate --help
 """
@@ -17,9 +17,9 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
     parser = OneLineParser(
         prog="predictor.evaluate",
-        description="Score predictors on the cells that the car had not seen, along drives of its "
-        "own planner without prediction. Example images are drawn for the last predictor. "
-        "Interrupted, it goes on where it was: give the same command again.",
+        description="Score predictors on the cells that the car had not observed, along drives of "
+        "the project's own planner without prediction. Example images are drawn for the last "
+        "predictor. Interrupted, it continues when the same command is given again.",
     )
     EvaluateConfig.add_to(parser)
     parser.add_jobs()

@@ -48,7 +48,7 @@ class Extend:
     """A predictor that continues walls and free space, with less confidence at greater distance.
 
     Args:
-        config: its constants.
+        config: constants of the predictor.
     """
 
     def __init__(self, config: ExtendConfig | None = None) -> None:

@@ -22,8 +22,8 @@ from predictor.runtime import Run, runner
 from predictor.weights import load_weights
 
 SUREST = 0.9999
-"""Confidence inside the predicted square, the highest below certainty: these networks say nothing
-about how cells depend on each other that could lower it."""
+"""Confidence inside the predicted square, just below certainty: these networks give no measure of
+how cells depend on each other, by which it could be lowered."""
 
 
 class ImagePredictor:
@@ -55,7 +55,7 @@ class ImagePredictor:
 
     @property
     def given(self) -> str:
-        """What the network is given: one of `predictor.networks.image_config.GIVEN`."""
+        """Input of the network: one of `predictor.networks.image_config.GIVEN`."""
         return self.config.given
 
     def image(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -98,7 +98,12 @@ class ImagePredictor:
 
 
 def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
-    """Make a prediction of `ImagePredictor.printed`; observed cells stay as observed."""
+    """Make a prediction of the layers of `ImagePredictor.printed`; observed cells are kept.
+
+    Args:
+        known: map of all that was observed.
+        printed: layers (4, rows, columns).
+    """
     _, p_free, p_occupied, said = printed
     sure = said * np.float32(0.0 if known.unknown.all() else SUREST)
     return with_observed(known, p_free, p_occupied, sure)
@@ -112,7 +117,7 @@ class _Printed(nn.Module):
         self.net = net.net
 
     def forward(self, images: Tensor) -> Tensor:
-        """(B, side, side) to the same."""
+        """Return images (B, side, side) in [-1, 1] for images of the same shape."""
         out: Tensor = self.net(images[:, None].float())[:, 0]
         return out
 

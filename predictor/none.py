@@ -1,4 +1,4 @@
-"""No prediction: unobserved cells stay unknown."""
+"""The predictor that predicts nothing: unobserved cells stay unknown."""
 
 from __future__ import annotations
 

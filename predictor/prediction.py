@@ -21,7 +21,7 @@ class Prediction:
     as inside a wall.
 
     Attributes:
-        frame: where the cells lie.
+        frame: position and resolution of the cells.
         p_free: probability that a cell is free, (rows, columns).
         p_occupied: probability that a cell is a surface that a ray can hit, (rows, columns).
         confidence: how far the two probabilities may be relied upon, in [0, 1], (rows, columns);
@@ -43,16 +43,16 @@ class Predictor(Protocol):
     A predictor that wants to see more of the map than the square that it predicts has an attribute
     `context_side`, the side of a larger square around the robot [m], at most `LARGEST_CONTEXT`.
     Its method is then called as `predict(known, pose, around)`, where `around` is the map of all
-    that was observed in that square. Where nobody knows more than `known`, as in the frames of the
-    paper's study, it is called without: `around` should have the default None.
+    that was observed in that square. Where no larger map exists, as for the frames of the paper's
+    study, it is called as `predict(known, pose)`: `around` should have the default None.
     """
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Predict a map.
+        """Predict the unobserved cells of a map.
 
-        The same question must give the same answer, so a predictor keeps no state. It must not
-        write into its arguments. The car waits for the answer, at most for
-        `NavigatorConfig.deadline`; a control period is 0.1 s.
+        The same arguments must give the same prediction, so a predictor keeps no state. It must not
+        write into its arguments. The car waits for the prediction, at most for
+        `NavigatorConfig.deadline`; the control period is 0.1 s.
 
         Args:
             known: map of all that was observed inside the predicted square, which is at most
@@ -71,7 +71,7 @@ LARGEST_CONTEXT = 100.0
 
 
 class BadPredictionError(LineError):
-    """A predictor returned something that breaks its contract."""
+    """A predictor raised, or its answer breaks the contract; the message is one line."""
 
 
 def with_observed(
@@ -81,7 +81,15 @@ def with_observed(
     confidence: NDArray[np.float32],
     nan_cells: int = 0,
 ) -> Prediction:
-    """Return a prediction in which observed cells are as observed, with a confidence of 1."""
+    """Return a prediction in which observed cells keep their observed value, at confidence 1.
+
+    Args:
+        known: map of all that was observed.
+        p_free: probability of free, (rows, columns); counts in unobserved cells only.
+        p_occupied: probability of occupied, likewise.
+        confidence: confidence, likewise.
+        nan_cells: number of unobserved cells that were NaN.
+    """
     observed = known.free, known.occupied, ~known.unknown
     p_free, p_occupied, confidence = (
         np.where(known.unknown, *pair).astype(np.float32, copy=False)
@@ -91,7 +99,7 @@ def with_observed(
 
 
 def check_question(known: Grid, pose: NDArray[np.float64]) -> None:
-    """Check that a map can be predicted around a pose.
+    """Check the arguments of `predict`.
 
     Raises:
         ValueError: if the map is empty or the pose not finite.
@@ -124,7 +132,7 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     shape = known.frame.shape
     fields = {}
     for name in ("p_free", "p_occupied", "confidence"):
-        # A copy: a plug-in may go on writing into its own arrays.
+        # A copy, since a plug-in may still write into its own arrays.
         values = np.array(getattr(prediction, name))
         if values.shape != shape or values.dtype.kind not in "fiub":
             raise BadPredictionError(
@@ -147,10 +155,10 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
 
 
 def context_side(predictor: Predictor) -> float:
-    """Return the side of the square that a predictor is told of besides its own [m]; 0: none.
+    """Return the side of the larger square whose map a predictor asks for [m]; 0: it asks for none.
 
     Raises:
-        BadPredictionError: if its `context_side` is no such length.
+        BadPredictionError: if its `context_side` is not a length from 0 to `LARGEST_CONTEXT`.
     """
     try:
         side = getattr(predictor, "context_side", 0.0)
@@ -170,18 +178,19 @@ def asked(
     around: Grid | None = None,
     copies: tuple[Any, ...] | None = None,
 ) -> Prediction:
-    """Ask a predictor, and check its answer; turn whatever it raises into a `BadPredictionError`.
+    """Call a predictor in this thread, and check its answer.
 
     Args:
         predictor: predictor to ask.
         known: map of all that was observed.
         pose: x, y, yaw of the robot, (3,) [m, m, rad].
-        around: map of all that was observed in the square of the predictor's `context_side`; None:
-            it has none, or can do without.
-        copies: copies of all these that the predictor may write into; made if None.
+        around: map of all that was observed in the square of the predictor's `context_side`; None
+            if that is 0, or if no larger map exists.
+        copies: copies of `known`, `pose` and `around`, which the predictor gets and may change;
+            None: they are made here.
 
     Raises:
-        BadPredictionError: if it raises, or breaks the contract.
+        BadPredictionError: if the predictor raises anything, or breaks the contract.
     """
     given = copied(known, pose, around) if copies is None else copies
     try:
@@ -189,14 +198,14 @@ def asked(
     except BadPredictionError:
         raise
     except (Exception, SystemExit) as error:
-        # A stranger's code may raise whatever it likes, also when its answer is read.
+        # A plug-in may raise any exception, even when its answer is read.
         raise BadPredictionError(
             f"predict() of {type(predictor).__name__} raised {one_line(error)}"
         ) from error
 
 
 def copied(known: Grid, pose: NDArray[np.float64], around: Grid | None) -> tuple[Any, ...]:
-    """Return copies of what a predictor is asked, as the arguments of `predict`."""
+    """Return deep copies of the arguments of `predict`, without `around` if it is None."""
     return tuple(deepcopy(one) for one in (known, pose, around) if one is not None)
 
 

@@ -26,7 +26,7 @@ GROUP = "foresee.predictors"
 SUFFIX = ".safetensors"
 """Ending of a file of weights."""
 FUSED = "fused:"
-"""Prefix of a study's folder and an architecture, whose networks are fused into one."""
+"""Prefix of FOLDER/ARCH: the networks of an architecture in a study's folder, fused into one."""
 
 
 class PredictorError(LineError):
@@ -123,7 +123,7 @@ def _imported(spec: str) -> Any:
 def _module(path: str, spec: str) -> ModuleType:
     here = os.getcwd()
     if here not in sys.path and "" not in sys.path:
-        # As `python -m` does, but last. It stays, since a plug-in may import other modules later.
+        # `python -m` puts it first; here it is last, and stays for later imports of the plug-in.
         sys.path.append(here)
     try:
         return importlib.import_module(path)

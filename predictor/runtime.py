@@ -21,7 +21,7 @@ Run = Callable[..., NDArray[np.float32]]
 RUNTIMES = ("openvino", "torch")
 """Names of the runtimes, the fastest first."""
 MOST_SIZES = 8
-"""Number of window sizes for which compiled networks are kept."""
+"""Number of input sizes for which compiled networks are kept."""
 
 
 def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> tuple[Run, str]:
@@ -32,7 +32,7 @@ def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> 
     Args:
         module: network from int8 arrays (1, ...) to one float array.
         runtime: one of `RUNTIMES`; None: the first that is installed.
-        shapes: for each array a shape that the network accepts, without the first axis.
+        shapes: a valid shape of each input array, without the first axis.
 
     Raises:
         ValueError: if the runtime is unknown or not installed.
@@ -106,7 +106,7 @@ def _converted(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Any:
 
 @contextmanager
 def _held_back_interrupt() -> Iterator[None]:
-    """Let Ctrl-C take effect at the end only: OpenVINO would turn it into an error of its own."""
+    """Delay Ctrl-C to the end of this context: OpenVINO would turn it into an error of its own."""
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or before is None:
         yield

@@ -1,8 +1,8 @@
-"""Train the paper's networks: three and a perceptron, at five expansions each.
+"""Train the paper's four networks (three and a perceptron as baseline) at five expansions each.
 
     python -m predictor.study --preset short        all 20, in about two hours on 2 cores
     python -m predictor.study                       as in the paper: months without a GPU
-    python -m predictor.study --epochs 2 --batch 32 --bf16 --minutes 20        a while on a GPU
+    python -m predictor.study --epochs 2 --batch 32 --bf16 --minutes 20       20 minutes on a GPU
 
 The most important trainings come first, so that a study can be stopped at any time. The same
 command continues it: finished trainings are skipped, interrupted ones are resumed.
@@ -24,7 +24,7 @@ from predictor.networks.image_config import EXPANSIONS
 from predictor.training.image_arguments import add_arguments, configured
 
 FIRST = (1.1, 1.3, 2.0)
-"""Most important expansions."""
+"""Most important expansions, which are trained first."""
 OTHERS = tuple(x for x in EXPANSIONS if x not in FIRST)
 ORDER = (
     *product(("unet_ff", "resnet_ff", "gan"), FIRST),
@@ -47,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
         "out": "folder of results, with a folder for each training: checkpoint, log, curve, "
         "weights (default: results/study-PRESET)",
         "archs": f"architectures to train, of {', '.join(ARCHITECTURES)} (default: all)",
-        "expansions": "width of the predicted square over the 5 m that the network sees, of "
+        "expansions": "width of the predicted square divided by the 5 m of the crop, of "
         f"{', '.join(map(str, EXPANSIONS))} (default: all)",
         "jobs": "number of trainings at a time, with one thread each (default: one for each core; "
         "1 with a GPU)",
@@ -88,7 +88,7 @@ def _run(args: argparse.Namespace) -> int:
         for arch, x in ORDER
         if arch in args.archs and x in args.expansions
     ]
-    # Their memory is for the trainings.
+    # Free their memory for the trainings.
     del train, validation
     study = Study(runs, out)
     study.train(args.jobs or _at_a_time(), args.minutes)

@@ -1,13 +1,17 @@
 """Train a network: `compact`, or one of the paper's.
 
-    python -m predictor.train                      compact; two hours on 2 cores with its drives
-    python -m predictor.train --steps 200 --train 20 --validation 4      a small run, end to end
+    python -m predictor.train                      compact, and its drives: two hours on 2 cores
+    python -m predictor.train --steps 200 --train 20 --validation 4      a quick trial
     python -m predictor.train --start predictor/compact.safetensors --world my_maps/
-                                                   fine-tuning on buildings of one's own
+                                                   fine-tuning on your own buildings
     python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
     torchrun --nproc-per-node 4 -m predictor.train --arch unet_ff --batch 16      on 4 GPUs
 
-The same command resumes a training that was interrupted.
+The same command resumes a training that was interrupted. compact is trained by
+`predictor.training.compact_training` on samples of simulated drives, which
+`benchmarks.recording.training_drives` makes first. `benchmarks.recording.own_buildings` reads the
+maps and logs of --world and splits them into training and validation. The paper's networks are
+trained by `predictor.training.image_training`.
 """
 
 from __future__ import annotations
@@ -27,13 +31,13 @@ from predictor.training.compact_config import TUNING, TUNING_DRIVES, TrainConfig
 from predictor.training.image_arguments import NAMES, add_arguments, configured
 
 TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
-"""Folders of the samples and of the results of a fine-tuning."""
+"""Default folders of the samples and of the results of a fine-tuning (--start)."""
 RECORDED = ("logs", "families", "world", "share")
-"""Options of `DrivesConfig` that are options of this command too."""
+"""Fields of `DrivesConfig` that are also options of this command."""
 COMPACT = ("train", "validation", "steps", "start", *RECORDED)
-"""Arguments of compact alone."""
+"""Options that are valid for compact alone."""
 IMAGES = ("expansion", *NAMES)
-"""Arguments of the paper's networks alone."""
+"""Options that are valid for the paper's networks alone."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -82,7 +86,7 @@ def _compact(args: argparse.Namespace) -> Path:
     )
     if args.start is not None and (out / "compact.safetensors").resolve() == args.start.resolve():
         raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
-    # Now, so that an unusable folder is an error before hours of drives.
+    # Made now, so that an unusable folder is reported before hours of drives.
     out.mkdir(parents=True, exist_ok=True)
     make(drives, args.jobs, frozenset(start[1].get("worlds", ())) if start else frozenset())
     # Imported after the drives, since their processes do not need it.
@@ -111,7 +115,7 @@ def _compact(args: argparse.Namespace) -> Path:
 
 
 def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
-    """Refuse arguments of other networks.
+    """Refuse options that do not belong to the architecture that is trained.
 
     Raises:
         TrainError: if there is one.

@@ -27,11 +27,11 @@ class Net(Protocol):
     """A network whose weights can be saved: a torch module made from a frozen configuration.
 
     Attributes:
-        ARCHITECTURES: names of the class's networks in files; the number at the end changes when
-            the meaning of weights does.
-        CONFIG: class of the configuration; its `of` makes one from the fields of a header, or
-            raises ValueError, KeyError or TypeError.
-        architecture: name of this network in files.
+        ARCHITECTURES: names of the architectures of this class in files of weights; the number at
+            the end changes when the meaning of weights does.
+        CONFIG: class of the configuration; its `of` makes one from the fields of a file's header,
+            or raises ValueError, KeyError or TypeError.
+        architecture: name of this network's architecture in files of weights.
         config: configuration of this network.
     """
 
@@ -49,7 +49,7 @@ Kind = TypeVar("Kind", bound="torch.nn.Module")
 
 
 def fingerprint(tensors: dict[str, Tensor]) -> str:
-    """Return the SHA-256 of names, shapes and values."""
+    """Return the SHA-256 of the names, shapes and values of all tensors."""
     digest = hashlib.sha256()
     for name in sorted(tensors):
         values = tensors[name].detach().cpu().contiguous()
@@ -59,7 +59,7 @@ def fingerprint(tensors: dict[str, Tensor]) -> str:
 
 
 def save_weights(path: Path, net: Net, facts: dict[str, Any]) -> None:
-    """Write a network, whole or not at all.
+    """Write a network atomically.
 
     Args:
         path: path of the .safetensors file.
@@ -96,8 +96,8 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
         kind: class of the network, a `Net`.
 
     Raises:
-        WeightsError: if the file is missing, truncated, of another network, of wrong shapes, or
-            not as it was written.
+        WeightsError: if the file is missing, truncated or damaged, or holds another network or
+            tensors of wrong shapes.
     """
     import torch
 
@@ -134,7 +134,7 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
 
 
 def _read(path: Path, numbers: bool) -> tuple[dict[str, str], dict[str, Tensor]]:
-    """Read header and tensors of a file, or its header alone."""
+    """Read the header of a file and, if `numbers`, its tensors."""
     try:
         with safe_open(path, framework="pt") as file:
             names = file.keys() if numbers else ()

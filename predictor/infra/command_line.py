@@ -111,5 +111,5 @@ def run_command(name: str, work: Callable[[], int | None]) -> int:
         print(f"{name}: {one_line(error)}; what was finished is kept", file=sys.stderr)
         return 1 if error.errno in DISK else 2
     except KeyboardInterrupt:
-        print(f"{name}: interrupted; the same command goes on where it was", file=sys.stderr)
+        print(f"{name}: interrupted; the same command goes on where it stopped", file=sys.stderr)
         return 130
