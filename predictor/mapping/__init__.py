@@ -1,1 +1,1 @@
-"""Mapping: grids, scans, beams and bodies. It imports nothing else of this project."""
+"""Mapping, the base of all packages: grids, scans, beams, bodies, car limits, compiled kernels."""

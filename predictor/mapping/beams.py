@@ -1,4 +1,4 @@
-"""Beams on a grid: which cells a scan crosses, and which it ends in."""
+"""Ray tracing of a scan on a grid: the cells that its beams cross, and those they end in."""
 
 from __future__ import annotations
 
@@ -9,39 +9,41 @@ import numpy as np
 from predictor.mapping.kernels import njit
 
 _TINY = 1e-6
-"""A beam whose way through a cell is shorter than this does not cross the cell [cells]."""
+"""Shortest path of a beam inside a cell that counts as crossing it [cells]."""
 _ONE = 2.0**40
-"""One cell in fixed point."""
+"""One cell in the fixed-point numbers of `_cross`."""
 _MOST = 32
-"""Maximum distance, in beams, of the two beams that cover one between them near the sensor."""
+"""Largest difference in number between a beam and the two neighbours that cover it near the
+sensor."""
 _SURE = 0.999
-"""Beams at most this far apart touch every cell between them [cells]."""
+"""Largest distance between two beams at which they touch every cell between them [cells]."""
 
 
 @njit(cache=True, nogil=True)
 def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-untyped-def]
     """Mark the cells that beams cross (1) and end in (2).
 
-    Exact: a beam is followed along its longer axis; in each column (or row) that it passes it
-    touches at most two cells. A cell is crossed when the beam's way inside it is longer than
-    about 1e-6 cells, so that rounding never frees a cell that a beam only grazes at a corner.
+    The result is exact: a beam is followed along the axis in which it is longer, and in each column
+    (or row) that it passes it touches at most two cells. A cell is crossed if the beam's path
+    inside it is longer than about 1e-6 cells, so that rounding never frees a cell that a beam only
+    touches at a corner.
 
-    Near the sensor beams lie so close that the beams on both sides of one touch all that it does:
-    it is followed only from where they are a cell apart. So every second beam begins some way
-    out, of the others every second one not quite as far, and so on.
+    Near the sensor, beams are so close that two neighbours touch all cells of a beam between them.
+    Such a beam is followed only from where its neighbours are a cell apart: every second beam
+    starts far out, every second one of the others less far, and so on.
 
     Args:
-        marks: (rows, columns) uint8, contiguous, written in place; cells outside it are passed
-            over.
+        marks: marks of the cells, (rows, columns) uint8, contiguous, written in place; cells
+            outside of it are ignored.
         x: sensor position along the columns [cells].
         y: sensor position along the rows [cells].
         first: direction of beam 0 [rad].
-        step: angle between beams [rad].
-        ranges: (beams,) [cells]; NaN says nothing.
-        longest: the sensor's range [cells].
+        step: angle from one beam to the next [rad].
+        ranges: range of each beam, (beams,) [cells]; a beam with NaN is ignored.
+        longest: largest range of the sensor [cells]; a beam at or above it ends in no cell.
     """
     rows, cols = marks.shape
-    # All of the grid is nearer than this, and infinity has no column.
+    # Infinite ranges are cut off at a distance beyond the whole grid.
     farthest = min(longest, rows + cols + abs(x) + abs(y))
     flat = marks.reshape(-1)
     count = ranges.size
@@ -55,7 +57,7 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
         slope[beam] = dw / du
         sector[beam] = 2 * steep + (du < 0.0)
         if ranges[beam] > 0.0:
-            # At most as many columns as it leaves behind, the sensor's own included.
+            # A lower bound of the columns that the beam passes, the sensor's own included.
             passed[beam] = max(0, int(min(ranges[beam], farthest) * abs(du)) - 1)
     for beam in range(count):
         if ranges[beam] > 0.0:
@@ -65,7 +67,7 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
                 _cross(flat, y, x, sin[beam], slope[beam], length, skip, rows, cols, cols, 1)
             else:
                 _cross(flat, x, y, cos[beam], slope[beam], length, skip, cols, rows, 1, cols)
-    # Last, since a cell that one beam ends in is a hit whatever other beams cross it.
+    # Hits are marked last: a cell that a beam ends in is a hit even if other beams cross it.
     for beam in range(count):
         if 0.0 < ranges[beam] < longest:
             # A beam that ends on a cell's side ends in the cell beyond, the one that stopped it.
@@ -77,23 +79,26 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True)
 def _spared(beam, slope, sector, passed):  # type: ignore[no-untyped-def]
-    """Return how many columns of a beam the beams on both sides of it cover."""
-    # The largest power of two that divides its number: both neighbours at that distance begin
-    # nearer to the sensor than it does.
+    """Return how many columns of a beam, from the sensor on, its neighbours cover."""
+    # The largest power of two that divides the beam's number: both neighbours at that distance
+    # are followed from nearer to the sensor.
     apart = beam & -beam
     below, above = beam - apart, beam + apart
     if not 0 < apart <= _MOST or above >= slope.size:
         return 0
     if not sector[below] == sector[beam] == sector[above]:
         return 0
-    # Beams of the same direction are no distance apart, wherever.
+    # Beams of the same direction have no distance, hence the bound.
     gap = max(abs(slope[above] - slope[below]), 1e-9)
     return min(passed[below], passed[above], int(_SURE / gap))
 
 
 @njit(cache=True, nogil=True)
 def _cross(flat, u, w, du, slope, length, skip, nu, nw, step_u, step_w):  # type: ignore[no-untyped-def]
-    """Mark what one beam crosses after `skip` columns; u runs along its longer axis, w across."""
+    """Mark the cells that a beam crosses after `skip` columns; u runs along its longer axis.
+
+    w runs across. For a beam that is longer along y, rows take the place of columns.
+    """
     lo = max(min(u, u + du * length) + _TINY, 0.0)
     hi = min(max(u, u + du * length) - _TINY, float(nu))
     if skip > 0:
@@ -118,7 +123,7 @@ def _cross(flat, u, w, du, slope, length, skip, nu, nw, step_u, step_w):  # type
         low, high = math.floor(min(a, b) + _TINY), math.floor(max(a, b) - _TINY)
         for across in range(max(low, 0), min(high, nw - 1) + 1):
             flat[column * step_u + across * step_w] = 1
-    # Nearly all the time goes here: no branches, and a shift for each floor.
+    # This loop takes nearly all of the time: it has no branches, and shifts in place of floor().
     slope_ = np.int64(slope * _ONE)
     inset = np.int64(math.copysign(_TINY * _ONE, slope))
     enter = np.int64((w + slope * (begin - u)) * _ONE)

@@ -35,7 +35,7 @@ class Body:
 
     @property
     def halves(self) -> tuple[float, float]:
-        """Half the length and half the width [m]: what kernels take of a body."""
+        """Half the length and half the width [m], as arguments of kernels."""
         return self.half_length, self.half_width
 
     @property
@@ -47,7 +47,7 @@ class Body:
         """Return circles that together cover the body.
 
         Args:
-            count: their number; None: as many as are about as long as the body is wide.
+            count: number of circles; None: the length divided by the width, rounded up.
 
         Returns:
             Offsets of their centres along the body (count,) and their radius [m].
@@ -63,9 +63,10 @@ class Body:
 
 @njit(cache=True, nogil=True, inline="always")
 def _overlaps(dx, dy, cos, sin, half_length, half_width, half):  # type: ignore[no-untyped-def]
-    """Return whether a rectangle meets or touches an axis-aligned square centred at dx, dy from it.
+    """Return whether a rectangle overlaps or touches an axis-aligned square centred at dx, dy.
 
-    By the separating axes of the two boxes (Gottschalk et al. 1996).
+    The test uses the separating axes of the two boxes (Gottschalk et al. 1996); dx and dy are
+    relative to the rectangle's centre.
     """
     reach = half * (abs(cos) + abs(sin))
     return (
@@ -78,7 +79,7 @@ def _overlaps(dx, dy, cos, sin, half_length, half_width, half):  # type: ignore[
 
 @njit(cache=True, nogil=True)
 def covered(shape, resolution, origin, x, y, yaw, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Return the cells of a grid that a rectangle meets: (n, 2) rows and columns."""
+    """Return rows and columns of the cells of a grid that a rectangle overlaps, (n, 2)."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     ex = half_length * abs(cos) + half_width * abs(sin)
     ey = half_length * abs(sin) + half_width * abs(cos)
@@ -101,13 +102,13 @@ def covered(shape, resolution, origin, x, y, yaw, half_length, half_width):  # t
 
 @njit(cache=True, nogil=True)
 def first_contact(blocked, resolution, origin, poses, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Return the index of the first pose (x, y, yaw) whose rectangle meets a blocked cell, or -1.
+    """Return the index of the first pose whose rectangle overlaps a blocked cell; -1 if none does.
 
     Args:
-        blocked: (rows, columns) bool; what lies outside the grid is blocked.
+        blocked: blocked cells, (rows, columns) bool; outside of the grid all is blocked.
         resolution: side of a cell [m].
         origin: x, y of the grid's lower-left corner [m].
-        poses: (n, 3) [m, m, rad].
+        poses: x, y, yaw of each pose, (n, 3) [m, m, rad].
         half_length: half the rectangle's extent along its yaw [m].
         half_width: half its extent across [m].
     """
@@ -120,7 +121,7 @@ def first_contact(blocked, resolution, origin, poses, half_length, half_width): 
 
 @njit(cache=True, nogil=True)
 def meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Return whether a rectangle at one pose meets a blocked cell, or leaves the grid."""
+    """Return whether a rectangle at one pose overlaps a blocked cell, or leaves the grid."""
     rows, cols = blocked.shape
     cos, sin = math.cos(yaw), math.sin(yaw)
     ex = half_length * abs(cos) + half_width * abs(sin)

@@ -1,4 +1,4 @@
-"""What the car can do: its limits and its body, for the planner and the simulator alike."""
+"""The car's dynamic limits and its body, for the planner and the simulator."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class CarLimits:
 
     @property
     def driving(self) -> tuple[float, float, float, float]:
-        """Top speed, acceleration, braking and planned cornering: what kernels take of a car."""
+        """Top speed, acceleration, braking and planned cornering, as arguments of kernels."""
         return self.v_max, self.acceleration, self.braking, self.planned_cornering
 
     @property

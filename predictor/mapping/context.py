@@ -14,9 +14,9 @@ from predictor.mapping.kernels import njit
 SIDE = 40.0
 """Side of the context [m]."""
 CELL = 0.5
-"""Side of its cells [m]."""
+"""Side of a cell of the context [m]."""
 CELLS = round(SIDE / CELL)
-"""Its side in cells."""
+"""Side of the context [cells]."""
 
 
 def context_of(around: Grid) -> NDArray[np.uint8]:
@@ -42,10 +42,13 @@ def context_of(around: Grid) -> NDArray[np.uint8]:
 
 @njit(cache=True, nogil=True)
 def _percentages(cells, starts):  # type: ignore[no-untyped-def]
-    """Return the percentages of coarse cells, of which `starts` has the first rows and columns."""
+    """Return the percentages of free and of occupied cells in each coarse cell.
+
+    `starts` holds the first row (or column) of each coarse cell, and the end of the last one.
+    """
     count = len(starts) - 1
     out = np.zeros((2, count, count), dtype=np.uint8)
-    # Row by row first, since a long row is added at a stroke.
+    # Whole rows are added first, which compiles to vector code.
     sums = np.zeros((2, starts[-1]), dtype=np.int32)
     for row in range(count):
         sums[:] = 0

@@ -1,4 +1,7 @@
-"""Names of the families of generated buildings; `sim.families.generate` draws them."""
+"""Names of the families of generated buildings; `sim.families.generate` makes a building of one.
+
+Append only: the position of a name is part of the random seed.
+"""
 
 FAMILIES = (
     "corridor",

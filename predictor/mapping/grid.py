@@ -1,7 +1,7 @@
-"""The occupancy grid: what has been seen, cell by cell.
+"""The occupancy grid: a map of the cells that were observed free or occupied.
 
-ROS conventions throughout: row = y, column = x, the origin is the lower-left corner of cell
-(0, 0), and cell values are those of nav_msgs/OccupancyGrid.
+It follows the conventions of ROS: row = y, column = x, the origin is the lower-left corner of cell
+(0, 0), and the values of cells are those of nav_msgs/OccupancyGrid.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LOWEST, HIGHEST = -40, 70
 
 @dataclass(frozen=True)
 class GridFrame:
-    """Where a grid lies: an axis-aligned lattice of square cells.
+    """Position, resolution and size of a grid: an axis-aligned lattice of square cells.
 
     Attributes:
         resolution: side of a cell [m].
@@ -45,7 +45,7 @@ class GridFrame:
 
     @property
     def lattice(self) -> tuple[float, tuple[float, float]]:
-        """Side of a cell, and x, y of the lower-left corner [m]: what kernels take of a frame."""
+        """Side of a cell [m], and x, y of the lower-left corner [m], as arguments of kernels."""
         return self.resolution, self.origin
 
     @property
@@ -54,12 +54,12 @@ class GridFrame:
         return self.shape[1] * self.resolution, self.shape[0] * self.resolution
 
     def cell(self, x: float, y: float) -> tuple[int, int]:
-        """Return row and column of the cell that holds a point [m]; it may lie outside the grid."""
+        """Return row and column of the cell at a point [m], which may lie outside of the grid."""
         u, v = self.in_cells(x, y)
         return math.floor(v), math.floor(u)
 
     def in_cells(self, x: float, y: float) -> tuple[float, float]:
-        """Return a point [m] along the columns and along the rows [cells]."""
+        """Return the coordinates of a point [m] along the columns and along the rows [cells]."""
         return (x - self.origin[0]) / self.resolution, (y - self.origin[1]) / self.resolution
 
     def centre(self, row: float, col: float) -> tuple[float, float]:
@@ -84,7 +84,12 @@ class GridFrame:
     def locate(
         self, points: NDArray[np.float64]
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
-        """Return which points (n, 2) [m] lie inside, (n,), and the rows and columns of those."""
+        """Find the cells of points (n, 2) [m].
+
+        Returns:
+            Whether each point lies inside the grid, (n,); and row and column of the cell of each of
+            the k points that do, (k,) each.
+        """
         cells = np.floor((points - np.array(self.origin)) / self.resolution).astype(np.int64)
         inside = ((cells >= 0) & (cells < np.array(self.shape[::-1]))).all(axis=1)
         return inside, cells[inside, 1], cells[inside, 0]
@@ -129,11 +134,11 @@ class GridFrame:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A map: cells that are FREE, OCCUPIED or UNKNOWN, in a frame.
+    """A map: cells that are FREE, OCCUPIED or UNKNOWN.
 
     Attributes:
-        frame: where the cells lie.
-        cells: (rows, columns) int8.
+        frame: position and resolution of the cells.
+        cells: value of each cell, (rows, columns) int8.
     """
 
     frame: GridFrame
@@ -145,17 +150,17 @@ class Grid:
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
-        """Cells seen free, (rows, columns)."""
+        """Cells observed free, (rows, columns)."""
         return np.asarray(self.cells == FREE)
 
     @cached_property
     def occupied(self) -> NDArray[np.bool_]:
-        """Cells seen occupied, (rows, columns)."""
+        """Cells observed occupied, (rows, columns)."""
         return np.asarray(self.cells == OCCUPIED)
 
     @cached_property
     def unknown(self) -> NDArray[np.bool_]:
-        """Cells never seen, (rows, columns)."""
+        """Cells not observed, (rows, columns)."""
         return np.asarray(self.cells == UNKNOWN)
 
     def crop(self, frame: GridFrame) -> Grid:
@@ -166,7 +171,14 @@ class Grid:
 def paste(
     frame: GridFrame, values: NDArray[Any], into: GridFrame, fill: np.generic
 ) -> NDArray[Any]:
-    """Return values of one frame on another frame of the same lattice, with `fill` elsewhere."""
+    """Copy the values of one frame to another frame of the same lattice.
+
+    Args:
+        frame: frame of the values.
+        values: value of each cell, (rows, columns).
+        into: other frame.
+        fill: value of the cells of the other frame that lie outside of `frame`.
+    """
     here, there = frame.overlap(into)
     out = np.full(into.shape, fill, dtype=values.dtype)
     out[there] = values[here]
@@ -174,12 +186,15 @@ def paste(
 
 
 def marks_of(scan: Scan, pose: tuple[float, float, float], frame: GridFrame) -> NDArray[np.uint8]:
-    """Return which cells of a frame a scan crosses (1) and ends in (2), else 0: (rows, columns).
+    """Mark the cells of a frame that the beams of a scan cross (1) and end in (2).
 
     Args:
-        scan: the scan.
+        scan: scan of the LIDAR.
         pose: x, y, yaw of the robot [m, m, rad].
-        frame: where the cells lie.
+        frame: position and resolution of the cells.
+
+    Returns:
+        Marks (rows, columns); 0 for all other cells.
     """
     x, y, yaw = scan.sensor_pose(*pose)
     marks = np.zeros(frame.shape, dtype=np.uint8)
@@ -195,14 +210,14 @@ def marks_of(scan: Scan, pose: tuple[float, float, float], frame: GridFrame) -> 
 
 
 class OccupancyGrid:
-    """Map of what a robot has seen so far: log-odds of occupancy that scans are integrated into.
+    """The map of all that a robot has observed: log-odds of occupancy, updated by scans.
 
-    It is the only long-lived value of the loop that changes in place: copying a building at every
-    tick would take longer than the rest of the cycle. It grows to hold what the window reaches.
+    It is changed in place, unlike most values here, since copying a building's map at every tick
+    would take longer than the rest of the control cycle. It grows as the robot moves.
 
     Args:
-        frame: the first extent; its lattice is kept when the grid grows.
-        window: side of the square around the robot inside which returns are written [m].
+        frame: first extent of the map; its lattice is kept when the grid grows.
+        window: side of the square around the robot inside which scans change cells [m].
     """
 
     def __init__(self, frame: GridFrame, window: float) -> None:
@@ -215,7 +230,7 @@ class OccupancyGrid:
 
     @classmethod
     def from_grid(cls, grid: Grid, window: float) -> OccupancyGrid:
-        """Return a grid in which a whole map counts as seen (as the arm `full` does)."""
+        """Return a grid in which a whole map counts as observed, as for the arm `full`."""
         known = cls(grid.frame, window)
         known.log_odds[grid.free] = LOWEST
         known.log_odds[grid.occupied] = HIGHEST
@@ -227,15 +242,15 @@ class OccupancyGrid:
         return _classify(self.log_odds)
 
     def crop(self, frame: GridFrame) -> Grid:
-        """Return what is known inside a frame on this lattice."""
+        """Return the observed map inside a frame on this lattice."""
         return Grid(frame, _classify(paste(self.frame, self.log_odds, frame, np.int8(0))))
 
     def integrate(self, scan: Scan, pose: ArrayLike) -> None:
-        """Write one scan, taken from a robot pose (x, y, yaw), into the cells of the window.
+        """Integrate a scan, taken at a robot pose (x, y, yaw), into the cells of the window.
 
-        Each cell is updated once a scan: a cell that a beam ends in is a hit, one that a beam
-        crosses a miss. A range of NaN says nothing; one at or above `range_max` (+inf too) says
-        that the beam was free up to there (REP 117).
+        Each cell is updated once per scan: a cell that a beam ends in is a hit, one that a beam
+        crosses is a miss. A beam with a range of NaN is ignored; one at or above `range_max` (also
+        +inf) was free up to `range_max` (REP 117).
 
         Raises:
             ValueError: if the pose or the scan's geometry is not finite, its range not positive, or
@@ -256,7 +271,13 @@ class OccupancyGrid:
         _update(self.log_odds[here], marks_of(scan, (x, y, yaw), window))
 
     def mark_free(self, pose: ArrayLike, body: Body, around: float) -> None:
-        """Count a body's footprint and the space `around` it [m] as seen free (a start)."""
+        """Mark the unobserved cells under a body as free, as at the start of a drive.
+
+        Args:
+            pose: x, y, yaw of the body [m, m, rad].
+            body: the body.
+            around: margin around the body that is also marked [m].
+        """
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
         grown = body.inflated(around)
         self.cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
@@ -265,7 +286,7 @@ class OccupancyGrid:
         self.log_odds[inside] = np.where(self.log_odds[inside] == 0, MISS, self.log_odds[inside])
 
     def cover(self, wanted: GridFrame) -> GridFrame:
-        """Grow, if need be, by whole windows until a frame fits; return that frame."""
+        """Grow the map, if needed, by about whole windows until a frame fits; return that frame."""
         # A multiple of 60, so that maps of 2, 3, 4 or 5 times coarser cells keep their lattice.
         step = 60 * math.ceil(max(wanted.shape[0], 100) / 60)
         missing = [
@@ -309,7 +330,7 @@ def _update(log_odds, marks):  # type: ignore[no-untyped-def]
 
 
 def world_hash(cells: NDArray[np.int8]) -> str:
-    """Return a hash of a building's cells, by which the splits of data are kept apart."""
+    """Return a hash of a building's cells, which identifies the building in splits of data."""
     digest = hashlib.sha256(np.array(cells.shape, dtype=np.int64).tobytes())
     digest.update(np.ascontiguousarray(cells).tobytes())
     return digest.hexdigest()[:32]

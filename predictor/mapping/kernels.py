@@ -1,11 +1,11 @@
-"""The cache of compiled kernels: kept between runs, and compiled again when any of them changes.
+"""The cache of kernels compiled by numba: all are compiled again when any of them changes.
 
-Import `njit` from here, not from numba: this module says first where numba keeps what it compiles.
+Import `njit` from here, not from numba: this module first sets the folder of numba's cache.
 
-numba checks only a kernel's own file. A kernel that calls one of another file would go on using the
-old code of that one, which is not acceptable in code that decides about collisions. So all kernels
-are kept in a folder that is named after the sources of all: in the package, or in the user's cache
-where the package cannot be written.
+numba recompiles a kernel only when the kernel's own file changes. A kernel that calls a kernel of
+another file would keep using that one's old code, which is not acceptable in code that decides
+about collisions. The cache folder is therefore named after a hash of the sources of all kernels. It
+lies in the package, or in the user's cache folder if the package cannot be written.
 """
 
 from __future__ import annotations
@@ -22,11 +22,15 @@ from numba import config, njit
 __all__ = ["cache", "njit"]
 
 UNUSED = 7 * 86400.0
-"""A folder that no process has used for this long is deleted [s]."""
+"""Time after which a cache folder that no process has used is deleted [s]."""
 
 
 def stamp(root: Path) -> str:
-    """Return a hash of all kernels' sources under the folder that holds the packages."""
+    """Return a hash of the sources of all kernels.
+
+    Args:
+        root: folder that contains the packages.
+    """
     digest = hashlib.sha256()
     for package in ("planner", "predictor", "sim"):
         for path in sorted((root / package).rglob("*.py")):
@@ -37,16 +41,19 @@ def stamp(root: Path) -> str:
 
 
 def cache() -> Path:
-    """Return the folder where compiled code is kept for a user."""
+    """Return this project's folder in the user's cache folder."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "foresee"
 
 
 def kept(place: Path, stamp: str) -> Path | None:
-    """Return the folder of a stamp's kernels in a place, made if need be; None if it cannot be
-    written.
+    """Make the cache folder of a stamp, and return it; None if it cannot be written.
 
-    Those of other stamps go once they are `UNUSED`: by then no process that starts or runs beside
-    this one has them in use.
+    Folders of other stamps are deleted once they have not been used for `UNUSED`, so that running
+    processes keep theirs.
+
+    Args:
+        place: parent folder.
+        stamp: hash of the kernels' sources.
     """
     mine = place / f"kernels-{stamp}"
     try:
@@ -65,7 +72,7 @@ def kept(place: Path, stamp: str) -> Path | None:
 
 
 if not config.CACHE_DIR:  # type: ignore[attr-defined]
-    # Else the user has said by NUMBA_CACHE_DIR where.
+    # The user has not set NUMBA_CACHE_DIR.
     _here = Path(__file__).resolve().parents[1]
     _stamp = stamp(_here.parent)
     _kept = kept(_here / "__pycache__", _stamp) or kept(cache(), _stamp)

@@ -1,4 +1,4 @@
-"""Maps at another resolution."""
+"""Resampling of a map to another resolution."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ Index = slice | NDArray[np.intp]
 
 
 def resampled(grid: Grid, resolution: float) -> tuple[Grid, Index, Index]:
-    """Resample a map; where several cells become one, the worst wins: occupied, unknown, free.
+    """Resample a map to another resolution.
+
+    If several cells become one, occupied wins over unknown, and unknown over free.
 
     Args:
-        grid: a map.
+        grid: map.
         resolution: side of the new cells [m].
 
     Returns:
-        The new map; and for each row and each column of the old one its row and its column in it.
+        The new map; and indices of its rows and of its columns, one for each row and each column of
+        the old map.
     """
     ratio = resolution / grid.frame.resolution
     if abs(ratio - 1.0) < 1e-6:

@@ -1,4 +1,4 @@
-"""A planar LIDAR's scan, as in sensor_msgs/LaserScan, with the pose it is mounted at."""
+"""The scan of a planar LIDAR, as in sensor_msgs/LaserScan, with the mount of the sensor."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class Scan:
     """One sweep of a planar LIDAR.
 
     Attributes:
-        ranges: (beams,) [m]. NaN: nothing is known about this beam; at or above `range_max`, or
-            +inf: nothing was met within range (REP 117).
+        ranges: range of each beam, (beams,) [m]. NaN: the beam has no measurement; at or above
+            `range_max`, or +inf: no obstacle within range (REP 117).
         angle_min: direction of beam 0 in the sensor's frame [rad].
         angle_increment: angle from one beam to the next [rad].
-        range_max: the longest range that the sensor returns [m].
+        range_max: largest range of the sensor [m].
         mount: x, y, yaw of the sensor in the robot's frame [m, m, rad].
     """
 

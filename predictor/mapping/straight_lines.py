@@ -1,4 +1,4 @@
-"""Straight lines in a known map: which way its walls run, and what lies along them."""
+"""Straight lines in an observed map: the main direction of its walls, and observations along it."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from predictor.mapping.kernels import njit
 
 NONE, OPEN, WALL = 0, 1, 2
-"""What a line met last: nothing known, free space, a wall."""
+"""Last observation along a line: none, free space, a wall."""
 
 
 def main_direction(cells: NDArray[np.int8], default: float) -> float:
     """Return the direction of most walls seen, modulo a right angle, in [0, pi/2) [rad].
 
     Args:
-        cells: a map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
-        default: the direction to take where there is hardly a wall to see [rad].
+        cells: map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
+        default: direction to return if the map shows too few walls [rad].
     """
     votes = _wall_angles(cells)
     if votes.sum() < 5.0:
@@ -34,17 +34,17 @@ def main_direction(cells: NDArray[np.int8], default: float) -> float:
 def look_back(
     cells: NDArray[np.int8], angle: float, memory: float
 ) -> tuple[NDArray[np.int8], NDArray[np.float32], NDArray[np.float32]]:
-    """Find the nearest known cell from each unknown one, along four directions.
+    """Find the nearest observed cell from each unobserved cell, along four directions.
 
     Args:
-        cells: a map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
-        angle: the first direction that is looked from; the others lie opposite and across [rad].
-        memory: way over which a line's support builds up, by 1 - 1/e [cells].
+        cells: map of FREE, OCCUPIED, UNKNOWN, (rows, columns).
+        angle: direction of the first line; the others are opposite and across [rad].
+        memory: length of observed line over which its support rises to 1 - 1/e [cells].
 
     Returns:
-        For each direction, (4, rows, columns): what was met, NONE, OPEN or WALL; how far away it
-        is [cells]; and its support in [0, 1]: for how far before the line had been open, or had
-        run along the wall. Known cells are left at 0.
+        For each direction, (4, rows, columns) each: kind of the observed cell, NONE, OPEN or WALL;
+        its distance [cells]; and its support in [0, 1], which grows with the length over which the
+        line had been free, or had run along a wall. Observed cells are 0.
     """
     shape = (4, *cells.shape)
     kind = np.zeros(shape, dtype=np.int8)
@@ -62,9 +62,10 @@ def look_back(
 
 @njit(cache=True, nogil=True)
 def _wall_angles(cells):  # type: ignore[no-untyped-def]
-    """Return a histogram of the walls' directions modulo a right angle, one bin a degree, (90,).
+    """Return a histogram of the walls' directions modulo a right angle, one bin per degree, (90,).
 
-    Each occupied cell votes for the principal axis of those around it, by how stretched they are.
+    Each occupied cell votes for the principal axis of the occupied cells around it, with a weight
+    that grows as they form a straighter line.
     """
     rows, cols = cells.shape
     reach = 8
@@ -98,9 +99,10 @@ def _wall_angles(cells):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _look(cells, slope, backwards, memory, kind, distance, support):  # type: ignore[no-untyped-def]
-    """Look along one direction of `look_back`, and write into the arrays given.
+    """Follow all lines of one direction of `look_back`, and write the results into the arrays.
 
-    The lines row = k + round(slope * column) visit each cell once, so that no map is resampled.
+    The lines row = k + round(slope * column) visit each cell once, so that the map need not be
+    rotated.
     """
     rows, cols = cells.shape
     stride = math.hypot(1.0, slope)
@@ -119,7 +121,7 @@ def _look(cells, slope, backwards, memory, kind, distance, support):  # type: ig
                 continue
             value = cells[row, col]
             if before >= 0 and before != row:
-                # A diagonal step must not slip through a wall that is joined by corners.
+                # A diagonal step must not pass through a wall whose cells only share corners.
                 other = col + 1 if backwards else col - 1
                 if cells[before, col] == OCCUPIED and cells[row, other] == OCCUPIED:
                     last, gap, clear = WALL, 0, 0.0
