@@ -1,8 +1,8 @@
-"""Networks: the compact one, and those of Katyal et al. 2018, each in a file of its own.
+"""Networks: the compact network, and those of Katyal et al. 2018, one file for each architecture.
 
-The paper's take a grey image (B, 1, side, side) of what was seen and give one of what is believed:
-free +1, not known 0, occupied -1.
+The paper's networks take a grey image (B, 1, side, side) of the observed map, and return one of the
+predicted map: free +1, unknown 0, occupied -1. `image_net.ImageNet` makes each of them by name.
 """
 
 ARCHITECTURES = ("unet_ff", "resnet_ff", "gan", "mlp")
-"""Names of the paper's."""
+"""Names of the paper's architectures."""

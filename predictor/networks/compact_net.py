@@ -1,12 +1,12 @@
 """The compact network: from the observed part of a map to probabilities for the rest.
 
-A residual U-Net (Ronneberger et al. 2015; He et al. 2016) on patches of 5 × 5 cells. What is near
-the frontier is a matter of single cells (a wall goes on where it ended), what is far a matter of
-layout; patches hold the first in their channels and make the second cheap, since 0.25 m is as
-fine as anything but a wall needs. The same weights serve every size of map.
+It is a residual U-Net (Ronneberger et al. 2015; He et al. 2016) on patches of 5 × 5 cells. Near the
+frontier, single cells matter (a wall continues where it ended); farther away, the layout of the
+building matters, for which 0.25 m is fine enough. Patches keep the single cells in their channels,
+and make the layout cheap to compute. The same weights serve every size of map.
 
-The context, a coarse map of 40 m, tells what kind of building it is, and what lies beyond the
-square. Its features are added to those of stage 3, which have the same resolution of 1 m.
+The context, a coarse map of 40 m, shows the kind of building, and what lies beyond the square. Its
+features are added to those of stage 3, which have the same resolution of 1 m.
 
     known (B, 2, H, W)                            observed free, observed occupied
       patches       (B, 50,  H/5,  W/5)
@@ -41,9 +41,9 @@ class CompactConfig:
     Attributes:
         patch: side of a patch [cells].
         widths: channels of each stage; the resolution halves from one to the next.
-        blocks: residual blocks of each stage on the way down. The finest has one on the way up
-            only: a second would take a sixth of the time with 1 % of the weights.
-        context: channels of the finest stage of the context's network; 0: there is none.
+        blocks: number of residual blocks of each stage of the encoder. The finest stage has one in
+            the decoder only: a second would take a sixth of the time with 1 % of the weights.
+        context: channels of the finest stage of the context's network; 0: no context.
     """
 
     patch: int = 5
@@ -58,10 +58,10 @@ class CompactConfig:
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> CompactConfig:
-        """Return the shape with the fields of a header.
+        """Return the shape that the header of a file of weights describes.
 
         Raises:
-            ValueError: if no network can have it.
+            ValueError: if no network can have this shape.
             KeyError: if a field is missing.
             TypeError: if a field is of the wrong type.
         """
@@ -110,11 +110,11 @@ class Conv(nn.Module):
 
 
 class ContextNet(nn.Module):
-    """The network of the context: a small U-Net, and one vector for the whole of it.
+    """The network of the context: a small U-Net, and one vector for the whole context.
 
     Args:
-        width: channels of its finer stage, of 2 m.
-        outputs: channels of the result.
+        width: channels of the finer of its two stages, whose cells are 2 m wide.
+        outputs: channels of the returned features.
     """
 
     def __init__(self, width: int, outputs: int) -> None:
@@ -128,17 +128,17 @@ class ContextNet(nn.Module):
         self.here = nn.ConvTranspose2d(width, outputs, 2, 2)
         self.everywhere = nn.Conv2d(2 * width, outputs, 1)
         for last in (self.here, self.everywhere):
-            # At first the context changes nothing, so that it can be added to a trained network.
+            # Zero at first: a context that is added to a trained network does not change its output.
             for parameter in last.parameters():
                 nn.init.zeros_(parameter)
 
     def forward(self, context: Tensor, rows: int, cols: int) -> Tensor:
-        """Return the features (B, outputs, rows, cols) of the cells of 1 m around the robot.
+        """Return features (B, outputs, rows, cols) of the square around the robot, on cells of 1 m.
 
         Args:
             context: shares in [0, 1] observed free, and observed occupied, (B, 2, CELLS, CELLS).
             rows: rows of the square around the robot, an even number.
-            cols: its columns, an even number.
+            cols: columns of that square, an even number.
         """
         fine = self.fine(F.relu(self.stem(F.pixel_unshuffle(context, 4))))
         coarse = self.coarse(F.relu(self.down(fine)))
@@ -203,7 +203,12 @@ class CompactNet(nn.Module):
         return F.pixel_shuffle(self.head(x), self.config.patch)
 
     def with_context(self, width: int) -> CompactNet:
-        """Return this network, with a context that changes nothing yet if it has none."""
+        """Return this network, or a copy with a context that does not change the output yet.
+
+        Args:
+            width: channels of the finest stage of the context's network. If it is 0, or this
+                network has a context already, this network is returned.
+        """
         if self.context is not None or not width:
             return self
         other = CompactNet(replace(self.config, context=width))

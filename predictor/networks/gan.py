@@ -1,7 +1,8 @@
-"""gan: the U-Net of `unet_ff`, trained against a discriminator (Isola et al. 2017, pix2pix).
+"""The discriminator of `gan`: the U-Net of `unet_ff`, trained as pix2pix (Isola et al. 2017).
 
-The discriminator sees a pair, the input and an image that may be true or generated, and classifies
-each patch. It is pix2pix's for patches of 286 × 286, whose widths the paper prints:
+The discriminator gets a pair of images, the input and either the truth or the generated image, and
+classifies each patch as true or generated. It is that of pix2pix for patches of 286 × 286, whose
+widths the paper prints:
 
     pair    (B,   2, 256, 256)
     c1      (B,  64, 128, 128)        4 × 4, stride 2, not normalised
@@ -12,8 +13,8 @@ each patch. It is pix2pix's for patches of 286 × 286, whose widths the paper pr
     c6      (B, 512,   7,   7)        4 × 4, stride 1
     logits  (B,   1,   6,   6)        4 × 4, stride 1: more than 0: true
 
-11,155,265 parameters. Smaller images have fewer layers (128 has 5 and 64 has 4), and 6 × 6
-patches too.
+It has 11,155,265 parameters. For smaller images there are fewer layers (5 for 128 pixels, 4 for
+64), and also 6 × 6 patches.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from torch import Tensor, nn
 from predictor.networks.normalisation import norm_of
 
 L1_WEIGHT = 100.0
-"""Weight of the L1 loss beside the adversarial one, from pix2pix; the paper gives none."""
+"""Weight of the L1 loss relative to the adversarial loss, from pix2pix; the paper states none."""
 
 
 class Discriminator(nn.Module):
@@ -34,7 +35,7 @@ class Discriminator(nn.Module):
     Args:
         side: side of the images [pixels], a power of two, at least 16.
         width: factor of the number of channels.
-        over: what is normalised over, see `predictor.networks.normalisation`.
+        over: "image" or "batch", see `predictor.networks.normalisation`.
     """
 
     def __init__(self, side: int, width: float, over: str) -> None:
@@ -50,11 +51,21 @@ class Discriminator(nn.Module):
         self.layers = nn.Sequential(*layers)
 
     def forward(self, given: Tensor, claimed: Tensor) -> Tensor:
-        """Return logits (B, 1, 6, 6) that images (B, 1, side, side) are an input and its truth."""
+        """Return the logits of the patches, (B, 1, 6, 6), above 0 if they look true.
+
+        Args:
+            given: input images, (B, 1, side, side).
+            claimed: true or generated images for them, (B, 1, side, side).
+        """
         out: Tensor = self.layers(torch.cat([given, claimed], dim=1))
         return out
 
 
 def judged(logits: Tensor, true: bool) -> Tensor:
-    """Return the binary cross-entropy of patches that are true, or that are not."""
+    """Return the mean binary cross-entropy of the discriminator's logits.
+
+    Args:
+        logits: logits of all patches.
+        true: whether the correct class is "true" rather than "generated".
+    """
     return F.binary_cross_entropy_with_logits(logits, torch.full_like(logits, float(true)))

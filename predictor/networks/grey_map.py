@@ -1,10 +1,10 @@
-"""The probabilities that the greys of a network mean.
+"""The calibration of a network's greys: the probabilities of free and of occupied for each grey.
 
-At each of LEVELS levels of grey, from occupied (-1) over unknown (0) to free (+1), they are the
-shares of cells that are truly free and truly occupied, made monotone by isotonic regression (Barlow
-et al. 1972; Zadrozny and Elkan 2002): p_free rises with the grey, p_occupied falls. Isotonic
-regression with fixed weights is monotone in its values, and the share of free cells is at most 1
-minus that of occupied ones; so p_free + p_occupied never exceeds 1.
+For each of LEVELS levels of grey, from occupied (-1) over unknown (0) to free (+1), the
+probabilities are the shares of cells that are truly free and truly occupied, made monotone by
+isotonic regression (Barlow et al. 1972; Zadrozny and Elkan 2002): p_free rises with the grey,
+p_occupied falls. p_free + p_occupied never exceeds 1, since the shares do not, and isotonic
+regression with fixed weights is monotone in its values.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
 LEVELS = 511
-"""Number of levels of grey; odd, so that one of them is unknown, 0."""
+"""Number of levels of grey; odd, so that one of them is exactly 0, unknown."""
 
 
 def level_of(grey: NDArray[np.floating]) -> NDArray[np.intp]:
@@ -23,7 +23,7 @@ def level_of(grey: NDArray[np.floating]) -> NDArray[np.intp]:
 
 
 def literal() -> NDArray[np.float64]:
-    """Return probabilities of unfitted greys, (2, LEVELS): p_free = grey, p_occupied = -grey."""
+    """Return the probabilities before any fit, (2, LEVELS): p_free = grey, p_occupied = -grey."""
     grey = np.linspace(-1.0, 1.0, LEVELS)
     return np.stack([np.maximum(grey, 0.0), np.maximum(-grey, 0.0)])
 

@@ -1,6 +1,6 @@
 """Settings of the paper's networks and of their training, and the presets.
 
-Nothing heavy is imported here, since command lines are built from it.
+This module imports nothing heavy, since command lines are built from it.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ WINDOW = 5.0
 
 @dataclass(frozen=True)
 class ImageConfig:
-    """Shape and meaning of a network.
+    """Architecture, shape, inputs and outputs of a network of the paper.
 
     Attributes:
         arch: one of `ARCHITECTURES`.
         expansion: width of the predicted square divided by that of the 5 m crop.
-        given: one of `GIVEN`.
+        given: input, one of `GIVEN`.
         width: factor of the number of channels; 1 in the paper.
         side: side of the images [pixels]; the paper's 8 layers need 256.
-        over: one of `OVER`.
+        over: normalisation of the channels, one of `OVER`.
         turned: whether maps are rotated by quarter turns so that the robot faces +x to within 45°,
             as in samples of drives; frames are not rotated.
     """
@@ -72,10 +72,10 @@ class ImageConfig:
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> ImageConfig:
-        """Return the configuration with the fields of a header.
+        """Return the configuration that the header of a file of weights describes.
 
         Raises:
-            ValueError: if no network can have it.
+            ValueError: if no network can have this configuration.
             TypeError: if a field is missing, unknown or of the wrong type.
         """
         return cls(**fields)
@@ -83,7 +83,7 @@ class ImageConfig:
 
 @dataclass(frozen=True)
 class ImageTraining:
-    """Settings of the training of a network.
+    """Settings of the training of a network of the paper.
 
     Attributes:
         epochs: number of passes over the frames; need not be whole.
@@ -119,7 +119,7 @@ class Preset:
     Attributes:
         width: see `ImageConfig`.
         side: see `ImageConfig` [pixels].
-        training: schedule.
+        training: settings of the training.
     """
 
     width: float

@@ -1,4 +1,4 @@
-"""A network of the paper, and the meaning of its greys, which is saved with the weights."""
+"""A network of the paper by its name, and the calibration of its greys, saved with the weights."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ImageNet(nn.Module):
     """A network, and the probabilities of free and occupied at each level of grey.
 
     Args:
-        config: its shape and meaning.
+        config: architecture and shape.
     """
 
     ARCHITECTURES = tuple(f"foresee-{name}-1" for name in ARCHITECTURES)
@@ -27,7 +27,7 @@ class ImageNet(nn.Module):
     def __init__(self, config: ImageConfig) -> None:
         super().__init__()
         self.config = config
-        # Of a GAN, this is the generator.
+        # For "gan", this is the generator.
         if config.arch == "mlp":
             self.net: nn.Module = MLP(config.side, config.width)
         elif config.arch == "resnet_ff":
@@ -35,7 +35,8 @@ class ImageNet(nn.Module):
         else:
             self.net = UNet(config.side, config.width, config.over)
         self.chances: Tensor
-        """(2, LEVELS), see `grey_map`; `literal` until it is fitted."""
+        """p_free and p_occupied at each level of grey, (2, LEVELS), see `grey_map`; `literal` until
+        they are fitted."""
         self.register_buffer("chances", torch.from_numpy(literal()).float())
 
     @property

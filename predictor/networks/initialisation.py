@@ -1,4 +1,4 @@
-"""First weights: from a normal distribution, as in pix2pix (Isola et al. 2017)."""
+"""Initial weights, drawn from a normal distribution as in pix2pix (Isola et al. 2017)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from torch import nn
 
 
 def initialise(net: nn.Module, sigma: float) -> None:
-    """Draw the first weights of a network, in place.
+    """Draw the initial weights of a network, in place.
 
     Weights are N(0, σ), gains of normalisations N(1, σ), and biases 0.
 

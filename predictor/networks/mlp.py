@@ -4,7 +4,7 @@
     hidden  (B,   512)        ReLU, four times
     image   (B, 65536)        tanh
 
-The paper gives no hidden width. 512 makes 67,962,880 parameters, about those of `unet_ff`.
+The paper states no hidden width. With 512 it has 67,962,880 parameters, about as many as `unet_ff`.
 """
 
 from __future__ import annotations

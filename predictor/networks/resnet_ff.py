@@ -12,8 +12,8 @@ Johnson et al. 2016 (perceptual losses); He et al. 2015 (residual blocks); Zhu e
     up      (B,  64, 256, 256)        3 × 3, stride 1/2
     head    (B,   1, 256, 256)        7 × 7, tanh
 
-11,370,881 parameters. It takes images of any size that is a multiple of 4. Dropout of one half
-stands inside the blocks, where pix2pix's code has it.
+It has 11,370,881 parameters, and takes images whose side is any multiple of 4. Dropout of 0.5 is
+inside the blocks, as in the code of pix2pix.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ResNet(nn.Module):
 
     Args:
         width: factor of the number of channels.
-        over: what is normalised over, see `predictor.networks.normalisation`.
+        over: "image" or "batch", see `predictor.networks.normalisation`.
         dropout: dropout rate inside the blocks.
     """
 
@@ -72,6 +72,6 @@ class Block(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) to the same."""
+        """Return features (B, C, H, W) for features of the same shape."""
         out: Tensor = x + self.layers(x)
         return out

@@ -1,4 +1,4 @@
-"""Room: whether the square around a cell, as wide as a car, is free."""
+"""The class ROOM: whether the square around a cell, as wide as a car, is free."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ import torch.nn.functional as F
 from torch import Tensor
 
 REACH = 3
-"""How far the square of ROOM reaches around a cell [cells]: it is 0.35 m wide, as wide as a car and
-one cell."""
+"""Half the width of the square of ROOM [cells], without the middle cell: the square is 0.35 m wide,
+the width of a car plus one cell."""
 
 
 def question(seen: Tensor) -> tuple[Tensor, Tensor]:
-    """Return where observed cells exclude room around a cell, and where that is not yet known.
+    """Find the cells without room, and those whose room is not known yet.
 
     Args:
         seen: codes 0 free, 1 occupied, 2 unobserved, (B, H, W).
 
     Returns:
-        Whether the square around a cell holds a cell observed occupied; and whether it holds none,
-        but an unobserved cell: (B, H, W) bool. Else all of it was observed free.
+        Two masks (B, H, W): cells whose square contains a cell observed occupied, and cells whose
+        square contains none, but an unobserved cell. The squares of all others were observed free.
     """
     barred = widened((seen == 1).byte()) > 0
     return barred, (widened((seen == 2).byte()) > 0) & ~barred
 
 
 def widened(values: Tensor, reach: int = REACH) -> Tensor:
-    """Return the largest value in the square around each cell; values are at least 0, (B, H, W).
+    """Return the largest value in the square around each cell, (B, H, W).
 
     Args:
-        values: (B, H, W).
-        reach: of the square around its cell [cells].
+        values: value of each cell, at least 0, (B, H, W).
+        reach: half the width of the square, without the middle cell [cells].
     """
     # Doubling the width, one axis after the other, is 20 times as fast as max_pool2d.
     out = F.pad(values, (reach, reach, reach, reach))

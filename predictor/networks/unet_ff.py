@@ -20,13 +20,13 @@ Ronneberger et al. 2015 (U-Net); Isola et al. 2017 (pix2pix), whose generator fo
     d7  of   256: (B,  64, 128, 128) ◀───────────────┘  │
     d8  of   128: (B,   1, 256, 256) ◀──────────────────┘
 
-"of": the channels that a decoder layer is given, after concatenation, which are the widths that the
-paper prints. Every layer is a 4 × 4 convolution of stride 2, up or down; 54,408,385 parameters.
-Images of another power of two have as many layers as it halves: 128 has 7, 64 has 6.
+"of" gives the input channels of a decoder layer after concatenation, which are the widths that the
+paper prints. Every layer is a 4 × 4 convolution of stride 2, up or down. The network has 54,408,385
+parameters. Images of another power of two need fewer layers: 7 for 128 pixels, 6 for 64.
 
-From pix2pix, where the paper is silent: the encoder's ReLUs leak 0.2; the first layer and the
-innermost are not normalised (a 1 × 1 image has no spread); the first three decoder layers drop
-half of their outputs ("the decoder layers ... used a dropout rate of 0.50").
+Where the paper is silent, this follows pix2pix: the encoder's leaky ReLUs have a slope of 0.2; the
+first and the innermost encoder layers are not normalised (a 1 × 1 image has no variance); the first
+three decoder layers have dropout 0.5 ("the decoder layers ... used a dropout rate of 0.50").
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from torch import Tensor, nn
 from predictor.networks.normalisation import norm_of
 
 DROPPING = 3
-"""Decoder layers with dropout, the innermost first."""
+"""Number of decoder layers with dropout, counted from the innermost."""
 
 
 class UNet(nn.Module):
     """The network described at the head of this file.
 
     Args:
-        side: of the images [pixels], a power of two.
+        side: side of the images [pixels], a power of two.
         width: factor of the number of channels.
-        over: what is normalised over, see `predictor.networks.normalisation`.
-        dropout: rate of the first decoder layers.
+        over: "image" or "batch", see `predictor.networks.normalisation`.
+        dropout: dropout rate of the first `DROPPING` decoder layers.
     """
 
     def __init__(self, side: int, width: float, over: str, dropout: float = 0.5) -> None:
@@ -62,7 +62,7 @@ class UNet(nn.Module):
             conv = nn.Conv2d(inputs, outputs, 4, 2, 1, bias=plain)
             self.down.append(conv if plain else nn.Sequential(conv, norm_of(over, outputs)))
         for layer, outputs in enumerate([*reversed(widths[:-1]), 1]):
-            # Of all but the innermost, half of what a layer is given is the encoder's.
+            # Half of the input channels come from the encoder, except in the innermost layer.
             inputs = widths[-1] if layer == 0 else 2 * widths[depth - 1 - layer]
             last = layer == depth - 1
             conv_up = nn.ConvTranspose2d(inputs, outputs, 4, 2, 1, bias=last)
