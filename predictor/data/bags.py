@@ -1,11 +1,11 @@
 """Bags of ROS 1 and ROS 2, read without ROS by the package rosbags (the extra `bags`).
 
-Scans are sensor_msgs/LaserScan. Their poses come from /tf, where that leads from the map to the
-laser, or from a topic of geometry_msgs/PoseStamped, PoseWithCovarianceStamped or nav_msgs/Odometry,
-which say where the robot is: the frame that the laser is fixed to by /tf_static. Poses are
-interpolated at the scans' times; scans before the first pose, after the last, and where for more
-than a second there is none, are skipped and counted. A LaserScan has one time, and so it has here:
-how far the robot moves during it is passed over.
+Scans are sensor_msgs/LaserScan. The pose of a scan comes from /tf, if that connects the map frame
+with the laser; else from a topic of geometry_msgs/PoseStamped, PoseWithCovarianceStamped or
+nav_msgs/Odometry, which gives the pose of the robot, the frame that /tf_static fixes the laser to.
+Poses are interpolated at the times of the scans. Scans before the first pose, after the last, or in
+a gap of more than a second are skipped and counted. All beams of a scan get the same pose: the
+motion of the robot during a scan is ignored.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ POSES = (
 )
 STATIC = "/tf_static"
 POSED = "(pose topic)"
-"""Name given here to the frame that a pose topic's poses are in."""
+"""Name used here for the frame in which the poses of a pose topic are given."""
 MAX_METADATA = 1_000_000
 """Largest metadata file of a ROS 2 bag that is read [bytes]."""
 LEVEL = math.cos(math.radians(10.0))

@@ -1,17 +1,17 @@
-"""Logs of the CARMEN toolkit, as in the Radish collection: text, or text packed by gzip.
+"""Logs of the CARMEN toolkit, as in the Radish collection: text, or text compressed by gzip.
 
 A scan is a line
 
     FLASER n r_1 … r_n x y theta odom_x odom_y odom_theta time host logger_time
 
-of n ranges [m] and the pose of the laser [m, m, rad], which is the corrected one where somebody
-has corrected the log. All other lines are passed over. The line does not say where the beams
-look, nor from which range on there was no return. A file of the log's name with .json may,
+with n ranges [m] and the pose of the laser [m, m, rad], which is the corrected pose if the log was
+corrected. All other lines are ignored. The line contains neither the directions of the beams nor
+the range that stands for "no return". A .json file of the log's name beside it may give them:
 
     {"angle_min_deg": -90.0, "angle_inc_deg": 0.5, "no_return_at_or_above_m": 80.0,
      "timestamps_usable": true}
 
-and where it does not, the log is that of a SICK, which sees 180°.
+Without it, the LIDAR is assumed to be a SICK with a field of view of 180°.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from predictor.infra.plain_json import loads
 from predictor.mapping.scan import Scan
 
 NO_RETURN = 80.0
-"""Range from which on a SICK had no return [m]."""
+"""Range at or above which a beam of a SICK had no return [m]."""
 HALF_DEGREE = 300
-"""Number of beams from which on they are half a degree apart, not a degree."""
+"""Number of beams at or above which they are half a degree apart instead of one degree."""
 ENDINGS = (".log", ".clf", ".carmen")
 """Endings of a log's file before .gz; in a folder of logs all such files are logs."""
 COMMON = (180, 181, 360, 361)
@@ -49,8 +49,8 @@ class Sidecar:
 
     Attributes:
         beams: direction of the first beam, and angle from one to the next [rad]; None: unknown.
-        no_return: range from which on there was no return [m].
-        clock: whether the times can be used.
+        no_return: range at or above which a beam had no return [m].
+        clock: whether the times of the scans can be used.
     """
 
     beams: tuple[float, float] | None = None
@@ -100,8 +100,8 @@ def sidecar_of(path: Path) -> Path:
 def read_carmen(path: Path) -> LaserLog:
     """Read a whole log.
 
-    A range that is negative or NaN says nothing and is counted. Any other fault is an error, since
-    the lines after it cannot be trusted.
+    Ranges that are negative or NaN are ignored and counted. Any other fault is an error, since the
+    lines after it cannot be trusted.
 
     Raises:
         LogError: if the log is cut off or damaged, or has no FLASER line.
@@ -121,7 +121,7 @@ def read_carmen(path: Path) -> LaserLog:
             continue
         values = _numbers(path, number, words)
         count = len(values) - 7
-        # A host and another time may follow. Cut off before them, a number may be cut too.
+        # A host and another time may follow. If they are cut off, the number before may be, too.
         after = len(words) - count
         if after < most:
             raise LogError(
@@ -131,7 +131,7 @@ def read_carmen(path: Path) -> LaserLog:
         most = after
         ranges, wrong = cleaned(values[:count], 0.0)
         bad += wrong
-        # A SICK answers so where it saw no end, and also where a wall is black, or glass.
+        # A SICK returns this where nothing is in range, but also for black walls and for glass.
         ranges = np.where(ranges >= sidecar.no_return, np.nan, ranges)
         beams = sidecar.beams or _beams(path, number, count)
         scans.append(Scan(ranges, *beams, sidecar.no_return))

@@ -1,4 +1,4 @@
-"""Recording trajectories, and writing them into a data set, each whole or not at all."""
+"""Recording of trajectories, and their writing into the folder of a data set."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class FrameSet:
     """The folder of a data set that is being made.
 
     The manifest is written after each trajectory, so that the next run continues if the process was
-    killed. A set may also grow and shrink by trajectories.
+    killed. A later run may add or leave out trajectories.
 
     Args:
         folder: folder of the set; made if it is missing.
@@ -133,11 +133,11 @@ class Recording:
         """Add a frame.
 
         Args:
-            whole: all that the LIDAR has seen so far.
-            near: what it has seen so far within its window.
-            state: x, y, yaw, v, (4,).
-            action: acceleration, curvature, (2,).
-            time: [s].
+            whole: map of all that the LIDAR has observed so far.
+            near: map of what it has observed so far within its window.
+            state: x, y [m], yaw [rad], v [m/s], (4,).
+            action: acceleration [m/s²], curvature [1/m], (2,).
+            time: time of the frame [s].
         """
         square = self.frame.square(float(state[0]), float(state[1]), SIDE * RESOLUTION)
         row = {

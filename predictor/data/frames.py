@@ -3,11 +3,11 @@
 The data of Katyal et al. 2018, on disk and in memory. A set is a folder:
 
     manifest.json       what the set is, and each trajectory: file, split, count, checksum …
-    NAME.npz            one a trajectory, n frames long:
-        estimated       (n, 100, 100) uint8     seen by the whole LIDAR: the 5 m square, the paper's
-                                                input
-        remembered      (n, 200, 200) uint8     seen by a LIDAR that writes into its 5 m window
-                                                alone: the 10 m square
+    NAME.npz            one for each trajectory, of n frames:
+        estimated       (n, 100, 100) uint8     5 m square as observed by the whole LIDAR: the
+                                                paper's input
+        remembered      (n, 200, 200) uint8     10 m square as observed by a LIDAR that is used
+                                                within a 5 m window only
         states          (n, 4) float64          x, y [m], yaw [rad], v [m/s]
         actions         (n, 2) float64          acceleration [m/s²], curvature [1/m]
         times           (n,) float64            [s]
@@ -17,7 +17,7 @@ The data of Katyal et al. 2018, on disk and in memory. A set is a folder:
                                                 (0, 0); what lies outside the map is 2
 
 Cells are 0.05 m; row = y, column = x; `predictor.data.squares` explains the codes. All squares are
-centred on the car and parallel to the axes, as in the paper. What nobody recorded is NaN.
+centred on the car and parallel to the axes, as in the paper. Values that were not recorded are NaN.
 
 `predictor.data.frame_set` writes sets, `predictor.dataset` makes them; docs/datasets.md explains.
 """
@@ -55,7 +55,7 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
 }
 """Arrays of a trajectory's file with one entry for each frame: type and shape of an entry."""
 ROWS = ("states", "actions", "times", "corners")
-"""Those that are read at once, since they are no images."""
+"""Arrays that `Frames.load` reads at once; the others are images, which are read on access."""
 NEEDED = dict.fromkeys(("file", "split", "map", "world", "sha256"), str) | {"count": int}
 """Facts that the manifest must give of a trajectory, with their types."""
 
@@ -77,10 +77,10 @@ class Frames:
         trajectory: number of the trajectory that each frame belongs to, (n,).
         states: x, y [m], yaw [rad], v [m/s], (n, 4).
         actions: acceleration [m/s²], curvature [1/m], (n, 2).
-        times: since the trajectory's beginning, or of the log's clock [s], (n,).
-        corners: of each frame's 10 m square in its building's map, (n, 2) [cells].
-        maps: the truth of each trajectory's building, (rows, columns) codes.
-        origins: of these maps, x and y [m], (trajectories, 2).
+        times: time since the beginning of the trajectory or log, (n,) [s].
+        corners: row and column of each frame's 10 m square in the map of its building, (n, 2).
+        maps: true map of each trajectory's building, (rows, columns) codes.
+        origins: x, y of the lower-left corner of each of these maps, (trajectories, 2) [m].
     """
 
     folder: Path

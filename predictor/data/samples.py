@@ -1,18 +1,17 @@
-"""Training samples: what was observed at a moment of a drive, and what is true there.
+"""Training samples: the observed map at a moment of a drive, and the true map there.
 
-A folder holds one file for each drive, a NumPy archive that is written whole or not at all and
-read without running code from it:
+A folder holds one file for each drive, a NumPy archive that is written atomically and read without
+running code from it:
 
     codes     (bytes,) uint8    zlib-compressed samples, one after the other
-    ends      (n,) int64        where each ends in `codes`
+    ends      (n,) int64        end of each sample in `codes`
     poses     (n, 3) float64    x, y, yaw of the robot in its building [m, m, rad]
     about     (bytes,) uint8    JSON: format, side, family, seed, and the hashes of the building,
-                                as it was driven through (world) and as it was drawn (original)
+                                as driven through (world) and as generated (original)
 
 A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`, followed by its
 context, (2, CELLS, CELLS) uint8, see `predictor.mapping.context`. The robot is in the middle of
-both, looking along +x to within 45°: maps are rotated by quarter turns, which move cells and change
-none.
+both, facing +x to within 45°: maps are rotated by quarter turns, which need no resampling.
 """
 
 from __future__ import annotations
@@ -37,9 +36,10 @@ from predictor.mapping.grid import Grid
 
 FORMAT = 3
 RECIPE = "recipe.json"
-"""File beside the folders of the splits: how the samples were made."""
+"""Name of the file, beside the folders of the splits, with the settings that samples were made
+with."""
 SIDE = 280
-"""Side of a sample [cells]: 14 m of 0.05 m, as much as a car of 4 m/s can make use of."""
+"""Side of a sample [cells]: 14 m at 0.05 m, as much as a car with a top speed of 4 m/s can use."""
 CROP = 100
 """Side of the 5 m square that the paper's networks are given [cells]."""
 
@@ -58,8 +58,8 @@ def encoded(known: Grid, truth: NDArray[np.uint8], around: Grid, yaw: float) -> 
 
     Args:
         known: map of all that was observed, (SIDE, SIDE).
-        truth: codes of what is true there, (SIDE, SIDE).
-        around: map of all that was observed in the context's square.
+        truth: codes of the true map there, (SIDE, SIDE).
+        around: map of all that was observed in the square of the context.
         yaw: heading of the robot [rad].
     """
     turns = quarters(yaw)
@@ -92,8 +92,8 @@ class Samples:
     """All samples of a folder, held compressed in memory.
 
     Attributes:
-        codes: one block of bytes a drive.
-        starts: drive of each sample, and where it begins and ends in its block: (n, 3).
+        codes: bytes of all samples of each drive, compressed.
+        starts: drive of each sample, and its begin and end in the bytes of that drive, (n, 3).
         about: facts of each drive.
     """
 
@@ -218,7 +218,7 @@ def _family(facts: dict[str, Any]) -> str:
 
 
 def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, Any]]:
-    """Read the codes of a drive, where each sample ends in them, and its facts."""
+    """Read the compressed samples of a drive, the end of each sample in them, and the facts."""
     with np.load(path, allow_pickle=False) as file:
         facts, block, ends = loads(bytes(file["about"])), file["codes"], file["ends"]
     if not isinstance(facts, dict):

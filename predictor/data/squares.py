@@ -1,8 +1,8 @@
-"""Squares around the robot: what was seen there and what is true, in codes.
+"""Squares around the robot: the observed and the true map, as codes of cells.
 
-A code is 0 for free, 1 for occupied and 2 for neither. In what was seen, 2 is an unobserved cell.
-In the truth, 1 is a surface that a ray can hit, and 2 a cell that can never be observed, such as
-inside a wall. A sample holds both in one number, seen + 3 · truth.
+A code is 0 for free, 1 for occupied and 2 for neither. In an observed map, 2 is an unobserved cell.
+In a true map, 1 is a surface that a ray can hit, and 2 a cell that can never be observed, such as
+inside a wall. A sample holds both codes in one number, seen + 3 · truth.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 NOTHING = 2
-"""Code of a cell of which nothing is known."""
+"""Code of a cell that is neither free nor occupied: unobserved, or, in a true map, unobservable."""
 GREYS = np.array([1, -1, 0], dtype=np.int8)
 """Grey of each code in the images of networks: free is white, occupied black."""
 TERNARY = np.array([1.0, 0.0, 0.5])
@@ -38,17 +38,22 @@ def cells_of(codes: NDArray[np.uint8]) -> NDArray[np.int8]:
 
 
 def truth_codes(free: NDArray[np.bool_], surface: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return the codes of cells that are truly free, or a surface, or neither."""
+    """Return the codes of a true map.
+
+    Args:
+        free: cells that are free.
+        surface: cells that are a surface that a ray can hit; the same shape.
+    """
     return np.where(free, np.uint8(0), np.where(surface, np.uint8(1), np.uint8(NOTHING)))
 
 
 def joined(seen: NDArray[np.uint8], truth: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the codes of a sample: what was seen and what is true in one number."""
+    """Return the observed and the true code of each cell as one number, seen + 3 · truth."""
     return seen + np.uint8(3) * truth
 
 
 def parted(codes: Codes) -> tuple[Codes, Codes]:
-    """Return what was seen and what is true, from a sample's codes in an array or a tensor."""
+    """Return the observed and the true codes of a sample; the inverse of `joined`."""
     return codes % 3, codes // 3
 
 
@@ -57,11 +62,11 @@ class Square:
     """A square around the robot, in codes, (n, n) each.
 
     Attributes:
-        crop: what the whole LIDAR has seen of the 5 m square in the middle; 2 around it. This is
-            what the paper's networks are given.
-        window: all that a LIDAR confined to its window has seen of the square. This is what a
-            planner has.
-        truth: what is true there.
+        crop: observed map of the 5 m square in the middle, by the whole LIDAR; 2 around it. This is
+            the input of the paper's networks.
+        window: observed map of the whole square, by a LIDAR that is used within its window only.
+            This is what a planner has.
+        truth: true map.
     """
 
     crop: NDArray[np.uint8]

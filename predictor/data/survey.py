@@ -1,10 +1,10 @@
-"""Frames of a robot's log: the map of all scans is the truth.
+"""Frames of a robot's log, with the map of all scans of the log as truth.
 
-The truth counts, over the whole log, how many scans hit a cell and how many crossed it. A cell is
-occupied where at least a quarter of these were hits, and free where it was crossed otherwise. The
-order of the scans does not matter, so people who walked past are not in the map: where a person
-stood for two scans, twenty others saw the floor. The threshold is a quarter, as in GMapping,
-because walls at a grazing angle are crossed more often than hit.
+For the truth, hits and crossings of each cell are counted over all scans of the log. A cell is
+occupied if at least a quarter of them are hits, and else free if it was crossed. The order of the
+scans does not matter, so people who walked past are not in the map: where a person stood for two
+scans, twenty others saw the floor. The threshold is a quarter, as in GMapping, because walls at a
+grazing angle are crossed more often than hit.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from predictor.mapping.scan import Scan
 HITS = 0.25
 """Least share of hits among hits and crossings of an occupied cell."""
 REACH = 20.0
-"""Range of the paper's LIDAR, at which longer ranges are cut off [m]."""
+"""Range of the paper's LIDAR; longer ranges are cut off there [m]."""
 LARGEST = 1000.0
-"""Largest extent of a log's poses [m]; its map then has 0.4 GB of cells."""
+"""Largest extent of a log's poses [m]; the map then takes 0.4 GB."""
 
 
 def site_of(path: Path) -> str:
-    """Return the name of a log: that of its file without endings."""
+    """Return the name of a log: the name of its file or folder without endings."""
     return name_of(path) if path.is_file() and not is_bag(path) else path.stem
 
 
@@ -173,10 +173,14 @@ def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) ->
 
 
 def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
-    """Return a frame around all that a LIDAR of a reach [m] can see from some poses (n, 3).
+    """Return the frame of the map of a log.
+
+    Args:
+        poses: x, y, yaw of the scans, (n, 3) [m, m, rad].
+        reach: range of the LIDAR [m], by which the frame is larger than the poses.
 
     Raises:
-        LogError: if the poses lie farther apart than in any building.
+        LogError: if the poses lie more than `LARGEST` apart.
     """
     extent = float(np.ptp(poses[:, :2], axis=0).max())
     if extent > LARGEST:
@@ -189,7 +193,7 @@ def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
 
 
 def clipped(scan: Scan, reach: float) -> Scan:
-    """Return a scan whose ranges beyond a reach [m] count as free up to it."""
+    """Return a scan with a smaller sensor range [m]; beams with longer ranges are free up to it."""
     return replace(scan, range_max=min(reach, scan.range_max))
 
 

@@ -1,4 +1,4 @@
-"""The tree of transforms of ROS (tf): where one frame lies in another at any time."""
+"""The tree of transforms of ROS (tf): the pose of one frame in another at any time."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 LONGEST_GAP = 1.0
-"""Longest time between two transforms that are interpolated [s]."""
+"""Longest time between two transforms between which poses are interpolated [s]."""
 MOST_FRAMES = 50
 """Longest chain of frames; a longer one is a loop."""
 
 
 @dataclass
 class Edge:
-    """The transforms from a parent to one child; a fixed one holds at all times.
+    """The transforms of one frame, the child, in its parent at several times.
 
     Attributes:
         parent: frame that the transforms are given in.
-        fixed: whether the last one holds at all times.
+        fixed: whether the last transform holds at all times.
         times: times of the transforms [s].
         positions: x, y, z of each [m].
         turns: quaternion x, y, z, w of each.
@@ -53,7 +53,7 @@ class Edge:
 
 
 class Transforms:
-    """A tree of frames; each has one parent, the last that was named."""
+    """A tree of frames; each has one parent, the one that was added last."""
 
     def __init__(self) -> None:
         self.edges: dict[str, Edge] = {}
@@ -94,7 +94,15 @@ class Transforms:
     def look_up(
         self, root: str, child: str, times: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], Rotation, NDArray[Any]]:
-        """Return positions (n, 3) [m] and rotations of a frame in an ancestor, and which are known.
+        """Return the poses of a frame in an ancestor at some times.
+
+        Args:
+            root: the ancestor.
+            child: the frame.
+            times: times of the poses, (n,) [s].
+
+        Returns:
+            Positions (n, 3) [m], rotations, and whether each pose is known, (n,).
 
         Raises:
             KeyError: if `root` is not an ancestor of `child`.
