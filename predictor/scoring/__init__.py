@@ -1,1 +1,1 @@
-"""Scoring: how good predictions are of what the car had not seen."""
+"""Scores of predictions on unobserved cells, and the similarity of images (SSIM)."""

@@ -1,4 +1,4 @@
-"""Images of maps as in the paper, and how similar two of them are (SSIM).
+"""Images of maps as in the paper, and their structural similarity (SSIM).
 
 Images are grey: free 1, unobserved 0.5, occupied 0. SSIM is that of Wang et al. 2004 as
 scikit-image computes it.
@@ -20,9 +20,9 @@ from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 
 PERIMETER = 1.0
-"""Cost of an edge one cell long, in wrongly drawn cells."""
+"""Cost of an edge of one cell's length, in wrongly drawn cells."""
 ITERATIONS = 20
-"""Iterations of the denoising."""
+"""Number of iterations of the total-variation denoising."""
 SETTINGS = {
     "data_range": 1.0,
     "win_size": 7,
@@ -31,20 +31,21 @@ SETTINGS = {
     "K1": 0.01,
     "K2": 0.03,
 }
-"""Settings of scikit-image's SSIM: its defaults, written out so that a default may change."""
+"""Settings of scikit-image's SSIM: its defaults, fixed so that results do not change with them."""
 LEVELS = ((0.0, 2), (1.25, 4))
-"""Distance from the 5 m crop [m], and how many cells along each axis are averaged beyond it."""
+"""Pairs of a distance from the 5 m crop [m], and the side of the blocks that are averaged beyond it
+[cells]."""
 
 
 def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
     """Draw a map and a prediction of the rest as one ternary image (rows, columns).
 
-    Unobserved cells are drawn free if they are more likely free than not, without specks: the
-    free space drawn approaches the one with the least expected number of wrong cells plus
-    PERIMETER times its perimeter. It is p_free after total-variation denoising, cut at ½ (Chan,
-    Esedoglu and Nikolova 2006; Chambolle 2004), because a wrong edge costs SSIM on both of its
-    sides. A cell with both probabilities below ½ is grey: that is the median, which the L1 loss
-    makes the paper's networks print. A cell with p_free = 0 is never drawn free.
+    Unobserved cells are drawn free if p_free after total-variation denoising is above ½ (Chan,
+    Esedoglu and Nikolova 2006; Chambolle 2004). This approximately minimises the expected number of
+    wrong cells plus PERIMETER times the perimeter of the free space, which avoids specks: a wrong
+    edge lowers SSIM on both of its sides. A cell with both probabilities below ½ is grey: this is
+    the median, which the paper's networks return as they are trained with an L1 loss. A cell with
+    p_free = 0 is never drawn free.
 
     Args:
         known: map of all that was observed, which is drawn as it is.
@@ -62,7 +63,7 @@ def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
 
 
 def ssim(image: NDArray[Any], truth: NDArray[Any], span: float = 1.0) -> float:
-    """Compute the mean SSIM of an image and the true one, without a rim of three cells.
+    """Compute the mean SSIM of an image and the true one, except for a rim of three cells.
 
     Args:
         image: greys, (n, n).
@@ -78,11 +79,12 @@ class Similarity:
 
     Attributes:
         ssim: mean over the whole square, as `ssim` computes it.
-        ssim_kept: the same of the image in which observed cells are as observed: what a planner
-            gets.
+        ssim_kept: the same, for the image in which observed cells keep their observed value, as a
+            planner gets it.
         ssim_unseen: mean over unobserved cells outside of the 5 m crop; NaN if there are none.
-        ssim_coarse: mean over all cells, each at its own resolution, see `LEVELS`.
-        ssim_coarse_unseen: the same over the cells of `ssim_unseen`.
+        ssim_coarse: mean over all cells, at a resolution that falls with the distance, see
+            `LEVELS`.
+        ssim_coarse_unseen: the same, over the cells of `ssim_unseen` alone.
     """
 
     ssim: float
@@ -98,11 +100,11 @@ def similarity(
     truth: NDArray[np.float64],
     unseen: NDArray[np.bool_],
 ) -> Similarity:
-    """Compute how similar an image and the true one are.
+    """Compute the SSIM of an image and the true one in all ways of `Similarity`.
 
     Args:
         image: greys in [0, 1], (n, n), n even.
-        kept: the same image with observed cells as observed.
+        kept: the same image, in which observed cells keep their observed value.
         truth: true image, ternary, (n, n).
         unseen: unobserved cells outside of the crop, (n, n).
     """
@@ -127,20 +129,20 @@ def similarity(
 
 
 def beyond_crop(n: int) -> NDArray[np.float64]:
-    """Return the distance of each cell's middle from the 5 m crop, (n, n) [m]; inside negative."""
+    """Return the distance of each cell's centre from the 5 m crop, (n, n) [m]; negative inside."""
     from_middle = abs(np.arange(n) + 0.5 - n / 2)
     return np.asarray((np.maximum.outer(from_middle, from_middle) - CROP / 2) * RESOLUTION)
 
 
 def _averaged(image: NDArray[np.float64], block: int) -> NDArray[np.float64]:
-    """Return the means of blocks of cells; the rim is repeated where a block is incomplete."""
+    """Return the mean of each block of cells; incomplete blocks repeat the rim."""
     image = np.pad(image, (-len(image) % block) // 2, mode="edge")
     n = len(image) // block
     return np.asarray(image.reshape(n, block, n, block).mean(axis=(1, 3)))
 
 
 def _spread(values: NDArray[np.float64], block: int, n: int) -> NDArray[np.float64]:
-    """Return the values of blocks on the n × n cells that they cover."""
+    """Return an image of n × n cells in which each cell has the value of its block."""
     first = (len(values) * block - n) // 2
     cells = values.repeat(block, axis=0).repeat(block, axis=1)
     return np.asarray(cells[first : first + n, first : first + n])

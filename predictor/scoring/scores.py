@@ -1,6 +1,6 @@
-"""Scores of predictions on unobserved cells, by their distance beyond the frontier.
+"""Scores of predictions on unobserved cells, by the cells' distance beyond the frontier.
 
-They are kept as counts and sums, so that scores of several maps can be added.
+Scores are kept as counts and sums, so that those of several maps can be added.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from predictor.mapping.grid import Grid
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, np.inf)
 """Edges of the rings of distance beyond the frontier [m]."""
 LEVELS = 1000
-"""Levels of probability that are distinguished for the area under the curve."""
+"""Number of levels of probability that are distinguished for the area under the curve."""
 BINS = 20
-"""Bins of equal width of the reliability diagram and of the calibration error."""
+"""Number of bins, of equal width, of the reliability diagram and of the calibration error."""
 SMALLEST = 1e-6
-"""Least probability in the log-likelihood, so that a wrong certainty costs 13.8 nat and not
-infinitely many."""
+"""Smallest probability in the log-likelihood, so that a certain but wrong prediction costs 13.8 nat
+and not infinity."""
 
 RINGS = len(EDGES) - 1
 
@@ -102,7 +102,16 @@ class Scores:
         return cls(**{name: arrays[f"{prefix}/{name}"] for name in cls.__dataclass_fields__})
 
     def measures(self, rings: slice = slice(None)) -> dict[str, float]:
-        """Compute the scores of all cells in some rings; NaN if there are no cells."""
+        """Compute the scores of all cells in some rings.
+
+        Args:
+            rings: numbers of the rings.
+
+        Returns:
+            `cells`, their number; `nll` [nat]; and for free and for occupied `iou_…`, `auc_…` (area
+            under the ROC curve), `brier_…` and `ece_…` (expected calibration error). All but
+            `cells` are NaN if there are no cells.
+        """
         out: dict[str, float] = {"cells": float(self.free[rings].sum())}
         for name in ("free", "occupied"):
             counts = getattr(self, name)[rings].sum(axis=0)
