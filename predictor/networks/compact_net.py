@@ -128,7 +128,7 @@ class ContextNet(nn.Module):
         self.here = nn.ConvTranspose2d(width, outputs, 2, 2)
         self.everywhere = nn.Conv2d(2 * width, outputs, 1)
         for last in (self.here, self.everywhere):
-            # Zero at first: a context that is added to a trained network does not change its output.
+            # Zero at first, so that adding a context to a trained network does not change it.
             for parameter in last.parameters():
                 nn.init.zeros_(parameter)
 

@@ -1,4 +1,4 @@
-"""What a fine-tuning has changed: scores on held-out drives, before and after."""
+"""Comparison of the scores on held-out drives before and after a fine-tuning."""
 
 from __future__ import annotations
 

@@ -19,11 +19,11 @@ class TrainError(LineError):
 
 
 def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
-    """Write a checkpoint, whole or not at all.
+    """Write a checkpoint atomically.
 
     Args:
         path: path of the file.
-        state: plain data and tensors; its "facts" identify the training.
+        state: state of the training, plain data and tensors; its "facts" identify the training.
     """
     import torch
 

@@ -1,4 +1,4 @@
-"""The settings of a training of the compact network, apart from what takes long to import."""
+"""Settings of a training of the compact network, in a module that is quick to import."""
 
 from __future__ import annotations
 
@@ -7,19 +7,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Settings that decide the numbers of a training.
+    """Settings that decide the weights that a training of the compact network results in.
 
     Attributes:
         steps: number of optimiser steps.
-        batch: samples per step at `USUAL` side; fewer of a larger side, more of a smaller.
+        batch: samples per step for squares of the usual side (`compact_training.USUAL`); a step
+            with larger squares has fewer samples, one with smaller squares more.
         rate: highest learning rate.
-        warmup: steps in which the rate rises to it; then it falls along a cosine to zero.
+        warmup: number of steps in which the learning rate rises to `rate`; then it falls along a
+            cosine to zero.
         decay: weight decay of AdamW.
-        average: share that the old average keeps when weights are averaged over the steps.
+        average: share that the old average keeps in each step when weights are averaged over the
+            steps.
         seed: seed of the first weights and of the order of samples.
         start: fingerprint of the weights that training starts from; None: random weights.
-        context: channels of the network of the context; weights to start from that have none get
-            one. 0: none.
+        context: channels of the context's network; 0: no context. If the weights to start from have
+            no context, one is added.
     """
 
     steps: int = 8_000

@@ -1,4 +1,4 @@
-"""The training of the compact network on samples of drives; it exports averaged weights."""
+"""The training of the compact network on samples of drives; the exported weights are averages."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
 
 SIDES = (200, 200, 200, 120, 160, 240, 280)
-"""Sides of the squares that a step learns from, drawn at random [cells]: the windows and the
-expansions of drives differ."""
+"""Sides of the squares of a step, drawn at random [cells], since windows and expansions of drives
+differ."""
 USUAL = 200
 """Side of the square at a window of 5 m and an expansion of 2 [cells]."""
 ALONE = 0.2
-"""Share of the samples that a step learns from without their context, since not everyone who asks
-the predictor has one."""
+"""Share of the samples that are used without their context, since the predictor may be called
+without one."""
 VALIDATED = 1024
-"""Samples of a validation."""
+"""Number of samples of a validation."""
 KIND_WEIGHT = 0.05
-"""Weight of the loss by which the context's network learns what kind of building it sees."""
+"""Weight of the loss of `KindOfBuilding`."""
 
 
 class CompactTrainer(Trainer):
     """A training of the compact network.
 
     Args:
-        config: settings that decide its numbers.
-        train: samples to learn from.
-        validation: samples to measure on.
+        config: settings of the training.
+        train: training samples.
+        validation: validation samples.
         out: folder of checkpoint, log, curve and weights.
-        start: weights to start from, and the facts of their training; None: random weights.
+        start: network to start from, and the facts of its training; None: random weights.
 
     Raises:
         TrainError: if the folder holds another training, or the weights to start from have learned
@@ -91,7 +91,7 @@ class CompactTrainer(Trainer):
         facts = {
             "config": dataclasses.asdict(config),
             "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
-            # These also decide the last bits of the sums.
+            # Device and threads decide the rounding of sums.
             "device": self.device.type,
             "threads (--jobs)": torch.get_num_threads(),
             "bfloat16": self.brief,
@@ -113,7 +113,7 @@ class CompactTrainer(Trainer):
         super().__init__(out / "compact.safetensors", facts, config.steps, note_every, group)
 
     def smoothed(self) -> CompactNet:
-        """Return the network of averaged weights, which is the one measured and exported."""
+        """Return the network with averaged weights, which is validated and exported."""
         net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         net.load_state_dict(self.averaged)
         return net.eval()
@@ -179,13 +179,13 @@ class CompactTrainer(Trainer):
 
 
 class KindOfBuilding(nn.Module):
-    """Two questions that the context's network also learns from: which family, how much is free.
+    """Auxiliary tasks of the context's network: the family of the building, and the share of free.
 
-    What a context says about the kind of building changes few cells, so that the loss of the cells
-    alone would hardly teach it. The answers are used in training only.
+    The kind of building changes the prediction of few cells, so that the loss of the cells alone
+    would hardly teach the network to recognise it. The tasks are used in training only.
 
     Args:
-        context: network whose features are to tell; they are caught on their way.
+        context: network of the context, whose coarse features are read by a forward hook.
         families: number of families of buildings.
     """
 
@@ -200,11 +200,11 @@ class KindOfBuilding(nn.Module):
             self.features = features
 
     def loss(self, families: Tensor, codes: Tensor) -> Tensor:
-        """Compute the cross-entropy of both answers for the last batch of the network.
+        """Compute the sum of the cross-entropies of both tasks for the network's last batch.
 
         Args:
             families: number of each sample's family, (B,).
-            codes: of the samples, (B, H, W).
+            codes: codes of the samples, (B, H, W).
         """
         features = self.features.float()
         told = self.head(torch.cat([features.mean(dim=(2, 3)), features.amax(dim=(2, 3))], dim=1))
@@ -218,7 +218,7 @@ class KindOfBuilding(nn.Module):
 def validate(
     net: CompactNet, samples: Samples, side: int, chosen: NDArray[np.intp] | None = None
 ) -> Scores:
-    """Score a network on samples of a set.
+    """Score the compact network on samples.
 
     Args:
         net: network, ready for inference.

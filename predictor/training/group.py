@@ -1,4 +1,4 @@
-"""The processes that train one network together: this one alone, or those of `torchrun`."""
+"""The processes that train one network together: this process alone, or those of `torchrun`."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Group:
         return self.rank == 0
 
     def shared(self, net: nn.Module) -> nn.Module:
-        """Wrap a network so that all processes share its first weights and its gradients."""
+        """Wrap a network so that all processes share its initial weights and its gradients."""
         if self.size == 1:
             return net
         places = [self.device] if self.device.type == "cuda" else None

@@ -14,7 +14,7 @@ NAMES = ("preset", "given", "width", "side", "epochs", "sigma", "bf16")
 
 
 def add_arguments(group: argparse._ActionsContainer) -> None:
-    """Add the arguments to a parser; one that is not given is None or False."""
+    """Add the arguments to a parser or group; an argument that is not given is None or False."""
     paper, short = PRESETS["paper"], PRESETS["short"]
     told = {
         "preset": "size and schedule: that of the paper, or short, for 2 CPU cores; the other "
@@ -43,10 +43,11 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
 def configured(
     args: argparse.Namespace, arch: str, expansion: float
 ) -> tuple[ImageConfig, ImageTraining]:
-    """Return a network and its training: those of the preset, with the values given.
+    """Return the settings of a network and of its training: the preset with the given values.
 
     Args:
-        args: arguments of `add_arguments`, and `batch`, `rate` and `seed`; None: the preset's.
+        args: arguments of `add_arguments`, and `batch`, `rate` and `seed`; for None the preset's
+            value is used.
         arch: name of the architecture.
         expansion: width of the predicted square divided by that of the crop.
 

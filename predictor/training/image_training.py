@@ -1,4 +1,4 @@
-"""The training of the paper's networks on frames; it also fits what their greys mean."""
+"""The training of the paper's networks on frames, and the calibration of their greys at its end."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 
 NOTES = 20
-"""Least number of entries of the log; there is also one for each epoch at least."""
+"""Smallest number of validations in a training; there is also at least one in each epoch."""
 
 
 class ImageTrainer(Trainer):
     """A training of one of the paper's networks, by one process or several.
 
     Args:
-        config: the network.
-        training: how it learns.
-        train: frames to learn from.
-        validation: frames to measure on, and to fit the meaning of greys on.
-        out: folder of checkpoint, log, curve and weights; all processes must see it.
+        config: settings of the network.
+        training: settings of the training.
+        train: training frames.
+        validation: validation frames, on which the greys are also calibrated.
+        out: folder of checkpoint, log, curve and weights, visible to all processes.
         group: processes that train together.
 
     Raises:
@@ -77,7 +77,7 @@ class ImageTrainer(Trainer):
         if len(self.LOSSES) > 1:
             self.CURVES += (self.LOSSES[1:],)
         facts = described(config, training, (train.digest, validation.digest)) | {
-            # These also decide the last bits of the sums.
+            # Device, threads and processes decide the rounding of sums.
             "arithmetic": [group.device.type, torch.get_num_threads(), group.size],
             "frames": len(self.train),
             "steps": steps,
@@ -140,8 +140,8 @@ def train_images(
     """Train a network unless its weights exist, and return the path of its weights.
 
     Args:
-        config: the network; `turned` is set to what the data are.
-        training: how it learns.
+        config: settings of the network; `turned` is replaced by what the data need.
+        training: settings of the training.
         data: folder that `predictor.dataset` or `predictor.drives` has made.
         out: folder of checkpoint, log, curve and weights.
         threads: number of threads of this process.

@@ -1,4 +1,4 @@
-"""Validation of the paper's networks, and the fit of what their greys mean."""
+"""Validation of the paper's networks, and the calibration of their greys."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from predictor.scoring.scores import RINGS, Scores
 from predictor.training.targets import images_of
 
 VALIDATED, FITTED = 64, 1024
-"""Number of frames to validate on, and to fit on at the end; spread evenly over the drives."""
+"""Number of frames of a validation, and of the calibration at the end, spread evenly over the
+drives."""
 AT_ONCE = 16
-"""Frames per call of the network."""
+"""Number of frames per call of the network."""
 
 
 def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
-    """Compute the mean difference and the structural similarity of images and the true ones.
+    """Compute the mean absolute difference and the SSIM of a network's images and the true ones.
 
     Args:
         net: the network.
@@ -37,10 +38,10 @@ def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
 
 
 def fit(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
-    """Fit what a network's greys mean, in place, on unobserved cells.
+    """Calibrate a network's greys on unobserved cells: fit its `chances`, in place.
 
     Args:
-        net: the network, whose `chances` are set.
+        net: network.
         frames: set of which FITTED frames are taken.
 
     Returns:
@@ -68,7 +69,7 @@ def fit(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
 
 
 def greys_of(net: ImageNet, squares: list[Square]) -> NDArray[np.float32]:
-    """Return what a network prints of some squares, cell by cell: (B, n, n) in [-1, 1]."""
+    """Return the greys of a network for some squares, one for each cell, (B, n, n) in [-1, 1]."""
     n = len(squares[0].truth)
     out = np.empty((len(squares), n, n), dtype=np.float32)
     device = next(net.parameters()).device

@@ -1,4 +1,4 @@
-"""One training step: with the L1 loss alone, or against a discriminator."""
+"""One training step of the paper's networks: with the L1 loss alone, or also adversarial (GAN)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ BETAS = (0.5, 0.999)
 
 
 class Learner:
-    """A network and its optimiser, with the paper's L1 loss of pixels.
+    """A network and its optimiser, trained with the L1 loss of pixels as in the paper.
 
     Args:
-        net: the network; its weights are initialised.
-        training: schedule and settings.
+        net: network, whose weights are initialised here.
+        training: settings of the training.
         group: processes that train together.
     """
 
@@ -52,14 +52,14 @@ class Learner:
         return loss.detach()[None]
 
     def state(self) -> dict[str, Any]:
-        """Return all that changes during training."""
+        """Return the state of networks and optimisers for a checkpoint."""
         return {
             "parts": {name: part.state_dict() for name, part in self.parts.items()},
             "optimizers": {name: adam.state_dict() for name, adam in self.optimizers.items()},
         }
 
     def load(self, state: dict[str, Any]) -> None:
-        """Restore a `state`."""
+        """Restore the state that `state` returned."""
         for name, part in self.parts.items():
             part.load_state_dict(state["parts"][name])
             self.optimizers[name].load_state_dict(state["optimizers"][name])
@@ -80,11 +80,11 @@ class Learner:
 
 
 class Adversary(Learner):
-    """A network that is also trained against a discriminator (pix2pix).
+    """A network that is trained with the L1 loss and against a discriminator, as in pix2pix.
 
     Args:
-        net: the generator; its weights are initialised.
-        training: schedule and settings.
+        net: generator, whose weights are initialised here.
+        training: settings of the training.
         group: processes that train together.
     """
 
@@ -112,7 +112,7 @@ class Adversary(Learner):
             judged(of_claimed.to(wanted.dtype), False) + judged(of_wanted.to(wanted.dtype), True)
         )
         self._descend("judge", doubt, rate)
-        # Not by `_judge`: this loss has no gradients of the discriminator to share.
+        # Without the wrapper `_judge`, since this loss has no gradients of the discriminator.
         self.judge.requires_grad_(False)
         with self._brief():
             of_claimed = self.judge(given, claimed)

@@ -1,4 +1,4 @@
-"""Several trainings at a time, each in a process of its own; a failure stops no other."""
+"""Several trainings in parallel, each in a process of its own; a failure stops no other one."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class Run:
     """One training of a study.
 
     Attributes:
-        config: the network.
-        training: how it learns.
-        data: folder of the frames that it learns from.
+        config: settings of the network.
+        training: settings of the training.
+        data: folder of the frames.
         digests: digests of the training frames and of the validation frames.
         out: folder of this training alone.
     """
@@ -54,7 +54,7 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of its folder, and in the table."""
+        """Name of the training in the table, and of its folder."""
         return self.out.name
 
     def finished(self) -> bool:
@@ -86,14 +86,14 @@ class Run:
                     traceback.print_exc()
                     self._failure.write_text(one_line(error).removeprefix("TrainError: "))
         except OSError:
-            # On a full disk not even the failure can be written down; the study says what it sees.
+            # On a full disk the failure cannot be written; the study reports that the process died.
             raise SystemExit(1) from None
 
     def start(self) -> SpawnProcess:
         """Start or resume the training in a process of its own."""
         self.out.mkdir(parents=True, exist_ok=True)
         self._failure.unlink(missing_ok=True)
-        # Forking would copy the threads and locks of libraries in whatever state they are.
+        # Spawned, since a fork would copy threads and locks of libraries in an undefined state.
         context = multiprocessing.get_context("spawn")
         process = context.Process(target=self.train, args=(os.getpid(),))
         with interrupts_blocked():
@@ -101,7 +101,7 @@ class Run:
         return process
 
     def outcome(self, process: SpawnProcess) -> str:
-        """Wait for the process to end, and return whether it finished or why it failed."""
+        """Wait for the process to end; return "finished", or "failed: " and the reason."""
         process.join()
         if self._failure.exists():
             return f"failed: {self._failure.read_text()}"
@@ -123,7 +123,7 @@ class Study:
     """Several trainings, a few at a time, each in a process of its own.
 
     Args:
-        runs: the trainings, in the order in which they start.
+        runs: trainings, in the order in which they start.
         out: folder of status.txt.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Batches of inputs and targets, made from samples and squares; and the losses of compact."""
+"""Batches of inputs and targets from samples and squares, and the losses of the compact network."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from predictor.networks.room import REACH, question, widened
 
 
 def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]) -> Tensor:
-    """Return the middles of some samples, (B, side, side) uint8 codes.
+    """Return the codes of the middle squares of some samples, (B, side, side) uint8.
 
     Args:
         samples: codes, each (SIDE, SIDE).
@@ -44,7 +44,7 @@ def contexts_of(
     Args:
         contexts: percentages, each (2, CELLS, CELLS).
         mirror: which samples to mirror across the heading, (B,).
-        alone: which samples to leave without all that lies beyond their own square, (B,).
+        alone: samples whose context is cleared outside of their own square, (B,).
         side: side of that square [cells of a sample].
     """
     out = np.stack(contexts)
@@ -64,26 +64,29 @@ def known_of(codes: Tensor) -> Tensor:
 
 
 NEAR = ((5, 2.0), (10, 1.0), (20, 0.5))
-"""Distances from what was observed [cells], and how much more a cell weighs that is nearer: the
-plans of a car rely upon such cells first."""
+"""Pairs of a distance from the observed cells [cells], and the weight that is added to unobserved
+cells nearer than that: plans rely on near cells first."""
 
 
 def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Compute the mean negative log-likelihood of unobserved cells: of the classes, and of ROOM.
+    """Compute the mean negative log-likelihood of unobserved cells, of the classes and of ROOM.
 
-    The classes' mean is weighted by `NEAR`. The weights depend on the input alone, so that the
-    score stays proper.
+    The mean of the classes is weighted by `NEAR`. The weights depend on the input alone, so that
+    the score stays proper.
 
     Args:
-        logits: (B, 4, H, W).
-        codes: (B, H, W).
+        logits: output of the network, (B, 4, H, W).
+        codes: codes of the samples, (B, H, W).
+
+    Returns:
+        The loss of the classes, and the loss of ROOM.
     """
     seen, truth = parted(codes)
     truth, unseen = truth.long(), seen == NOTHING
     logs = F.log_softmax(logits[:, :ROOM], dim=1)
     of_truth = logs.gather(1, truth[:, None])[:, 0]
     room, asked = room_of(codes)
-    # A car's square that reaches beyond the map is left out: its truth is unknown.
+    # Squares of ROOM that reach beyond the map are left out, since their truth is unknown.
     asked = F.pad(asked[:, REACH:-REACH, REACH:-REACH], (REACH, REACH, REACH, REACH))
     weight = unseen * nearness(seen)
     of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room.float(), reduction="none")
@@ -94,7 +97,7 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def nearness(seen: Tensor) -> Tensor:
-    """Return the weight of each cell by its distance from what was observed, (B, H, W)."""
+    """Return the weight of each cell by its distance from the observed cells, (B, H, W)."""
     reached, near = 0, (seen != NOTHING).byte()
     weight = torch.ones(seen.shape, device=seen.device)
     for distance, more in NEAR:
@@ -104,7 +107,7 @@ def nearness(seen: Tensor) -> Tensor:
 
 
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
-    """Return where a cell truly has room, and where that is not yet observed: (B, H, W) bool."""
+    """Return the cells that truly have room, and those whose room is not known yet, (B, H, W)."""
     seen, truth = parted(codes)
     return widened((truth != FREE).byte()) == 0, question(seen)[1]
 
@@ -112,14 +115,14 @@ def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
 def images_of(
     squares: Sequence[Square], config: ImageConfig
 ) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-    """Return the images that a network of the paper is given and asked for.
+    """Return the input and the target images of a network of the paper.
 
     Args:
         squares: squares of the network's expansion.
-        config: the network.
+        config: settings of the network.
 
     Returns:
-        Two arrays, each (B, 1, side, side).
+        Input and target images, (B, 1, side, side) each.
     """
     given = np.stack(
         [square.crop if config.given == "crop" else square.window for square in squares]

@@ -1,8 +1,8 @@
-"""The training loop: steps, log, checkpoints and export, for every kind of network.
+"""The training loop: steps, validation, log, checkpoints and export, for every kind of network.
 
-A checkpoint holds all that decides the steps that follow, and what a step does depends on its
-number and the seed alone. A training that was killed and is started again by the same command
-therefore ends with the same weights as one that was not killed, on a CPU to the last bit.
+A checkpoint contains the whole state of a training, and the batch of a step depends on its number
+and the seed alone. A training that was killed and is continued by the same command therefore ends
+with the same weights as one that was not killed, on a CPU to the last bit.
 """
 
 from __future__ import annotations
@@ -58,26 +58,28 @@ class Trainer(ABC):
     the checkpoint if there is one.
 
     Args:
-        weights: file of the weights; its folder also holds the checkpoint, the log and the curve,
-            and must be visible to all processes.
-        facts: plain data that tell this training from all others.
+        weights: file of the weights; its folder also contains the checkpoint, the log and the
+            curve, and must be visible to all processes.
+        facts: plain data that identify this training.
         steps: number of optimiser steps.
-        note_every: steps from one entry of the log to the next; the last step is always logged.
+        note_every: number of steps from one validation to the next; the last step is always
+            followed by one.
         group: processes that train together.
 
     Attributes:
         step: number of steps made so far.
-        log: one entry for each validation: "step", mean losses since the entry before, measures.
-        losses: losses of each step since the last entry of the log.
-        seconds: time that the steps have taken, over all runs [s].
-        commits: commits of the code that made the steps.
+        log: one entry for each validation: "step", mean training losses since the validation
+            before, validation measures.
+        losses: training losses of each step since the last validation, (len(LOSSES),) each.
+        seconds: time that the steps have taken, over all runs of the command [s].
+        commits: commits of the code that the steps were made with.
 
     Raises:
         TrainError: if the folder holds another training.
     """
 
     LOSSES: tuple[str, ...] = ("loss",)
-    """Names of what `_learn` returns."""
+    """Names of the training losses that `_learn` returns."""
     CURVES: tuple[tuple[str, ...], ...]
     """Names of the values drawn in each panel of curve.png."""
 
@@ -109,7 +111,7 @@ class Trainer(ABC):
         """Train to the end with a progress bar, export, and return the path of the weights.
 
         Args:
-            stopping: once it is set, the training ends after its next step with a checkpoint.
+            stopping: event that ends the training after its next step, with a checkpoint.
 
         Raises:
             Stopped: if `stopping` ended the training before its last step.
@@ -162,19 +164,19 @@ class Trainer(ABC):
 
     @abstractmethod
     def _state(self) -> dict[str, Any]:
-        """Return all that changes while the network learns: plain data and tensors."""
+        """Return the state of networks and optimisers, plain data and tensors, for a checkpoint."""
 
     @abstractmethod
     def _load(self, state: dict[str, Any]) -> None:
-        """Go back to a `_state`."""
+        """Restore the state that `_state` returned."""
 
     @abstractmethod
     def _batch(self, step: int) -> tuple[Tensor, ...]:
-        """Return what a step learns from; called in another thread, ahead of time."""
+        """Return the batch of a step; called in another thread, ahead of time."""
 
     @abstractmethod
     def _learn(self, *batch: Tensor) -> list[float]:
-        """Make one step of the optimiser, and return the losses before it."""
+        """Make one optimiser step, and return the training losses before it."""
 
     @abstractmethod
     def _measures(self) -> dict[str, float]:
@@ -185,7 +187,7 @@ class Trainer(ABC):
         """Write the weights, with the facts of their training."""
 
     def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[tuple[Tensor, ...]]:
-        """Yield the batch of each step to come, made while the step before it is learnt from."""
+        """Yield the batch of each further step; it is made in `ahead` during the step before."""
         coming = ahead.submit(self._batch, self.step)
         for step in range(self.step, self.steps):
             batch = coming.result()
@@ -193,7 +195,7 @@ class Trainer(ABC):
             yield batch
 
     def _note(self) -> None:
-        """Validate, and write the log."""
+        """Validate the network, append an entry to the log, and write the log."""
         means = np.mean(self.losses, axis=0).tolist()
         entry = {"step": self.step, **dict(zip(self.LOSSES, means, strict=True))}
         self.log.append(entry | self._measures())
@@ -236,6 +238,6 @@ def draw_curve(
 
 
 def deterministic(seed: int) -> None:
-    """Seed torch, and forbid sums whose order, and so whose last bits, may change."""
+    """Seed torch, and make cuDNN use deterministic algorithms only."""
     torch.backends.cudnn.deterministic = True
     torch.manual_seed(seed)
