@@ -1,4 +1,4 @@
-"""The attack: drives with hostile predictors, in all families. No car may collide.
+"""Drive with hostile predictors in all families of buildings; no car may collide.
 
 python -m benchmarks.attack --drives 400
 """
@@ -19,27 +19,28 @@ if TYPE_CHECKING:
 
 COMMAND = "benchmarks.attack"
 SEED = 990_000
-"""Of the first building: none that a network has learned from."""
+"""Seed of the first building; no network was trained in a building of such seeds."""
 
 
 @dataclass(frozen=True)
 class AttackSettings(Options):
-    """All that decides the drives of an attack."""
+    """Settings that decide the drives of an attack."""
 
     drives: int = option(100, "number of drives", "N", low=1, high=10**9)
     seed: int = option(SEED, "seed of the first building", "N", low=0, high=2**31)
     seconds: float = option(
-        20.0, "most that a drive lasts in simulated time [s]", "S", low=0.1, high=1e6
+        20.0, "longest duration of a drive, in simulated time [s]", "S", low=0.1, high=1e6
     )
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 1 after a collision or a crash, 2 for bad input, 130 if interrupted."""
+    """Run the command line; 1 after a collision or crash, 2 for bad input, 130 if interrupted."""
     parser = OneLineParser(
         prog=COMMAND,
-        description="Drive with predictors that lie, write into their arguments, come late, raise "
-        "and break the contract, at risks from 0 to 0.99, and count collisions and crashes: there "
-        "may be none. Interrupted runs go on: give the same command again.",
+        description="Drive with predictors that predict falsely, write into their arguments, "
+        "answer late, raise and break the contract, at reliances from 0 to 0.99, and count "
+        "collisions of the car and crashes of the program: there may be none. Interrupted, it "
+        "continues when the same command is given again.",
     )
     AttackSettings.add_to(parser)
     parser.add_jobs()

@@ -1,4 +1,4 @@
-"""Calibration: how far may the last resort rely upon predictions, for a chance of collision?
+"""Calibrate the last resort: find the largest level λ that is certified for each risk δ.
 
 python -m benchmarks.calibrate --world corridor narrow office paper --risks 0.05 0.02
 """
@@ -30,7 +30,7 @@ CONDITIONS = (
     "reliance",
     "fixed_level",
 )
-"""Settings of drives that are options of this command too."""
+"""Fields of `benchmarks.runs.settings.Settings` that are also options of this command."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -42,10 +42,10 @@ def main(argv: list[str] | None = None) -> int:
     """
     parser = OneLineParser(
         prog=COMMAND,
-        description="Find the largest level at which the last resort may rely upon predictions, "
-        "while the chance of a collision in a drive stays below a bound: by learn-then-test on "
-        "drives at each level, in a fixed sequence from safe to bold. Interrupted calibrations go "
-        "on: give the same command again.",
+        description="Find the largest level λ at which the last resort may rely on predictions, so "
+        "that the probability of a collision in a drive stays below a bound. The method is "
+        "learn-then-test on drives at each level, from the safest level to the boldest. "
+        "Interrupted, it continues when the same command is given again.",
     )
     CalibrateSettings.add_to(parser)
     Settings.add_to(parser, *CONDITIONS)

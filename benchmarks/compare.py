@@ -1,4 +1,4 @@
-"""Comparisons in Python, without a folder: `drive` through a building, and `plot` the drives."""
+"""Comparisons from Python, without files: `drive` through a building, and `plot` the drives."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from sim.world import World
 def drive(
     world: World | str, seed: int = 0, calibration: Path | None = None, **settings: Any
 ) -> Run:
-    """Drive through a building with several arms, from one start to one goal.
+    """Drive through a building with several arms, from the same start to the same goal.
 
     Args:
-        world: the building, the name of a family of generated buildings, or a map_server file.
-        seed: of start and goal, and of a generated building.
-        calibration: file of `benchmarks.calibrate`, if a `risk` above 0 is among the settings.
+        world: building, name of a family of generated buildings, or path of a map_server file.
+        seed: seed of start and goal, and of a generated building.
+        calibration: calibration.json of `benchmarks.calibrate`; needed for a `risk` above 0.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
             `risk`, `reliance`, `v_max` and `vehicle`.
 
     Returns:
-        The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` its arrays.
+        The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
 
     Raises:
-        NoTaskError: if the building has no way of 10 m or more.
+        NoTaskError: if the building has no route of 10 m or more.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used.
-        CalibrationError: if the calibration is for other drives, or for no risk as small.
+        CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     name = world if isinstance(world, str) else world.name
     chosen = at_risk(Settings(world=(name,), seed=seed, episodes=1, **settings), calibration)

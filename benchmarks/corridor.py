@@ -1,4 +1,7 @@
-"""The main job: drive unknown buildings with and without a predicted map, and compare.
+"""Compare drives with and without a predicted map, through buildings that are unknown to the car.
+
+This is the main command. `benchmarks.runs` drives and summarises, `benchmarks.figures.all_figures`
+draws the figures.
 
 python -m benchmarks.corridor --help
 """
@@ -23,34 +26,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Place(Options):
-    """Where a run is worked on and kept; none of it decides a number."""
+    """Options of where a run is computed and saved; none of them changes a result."""
 
     jobs: int
     dask: str | None = option(
         None,
-        "address of a Dask scheduler, such as tcp://10.0.0.1:8786: its workers drive, in place of "
-        "processes here",
+        "address of a Dask scheduler, such as tcp://10.0.0.1:8786, whose workers drive instead of "
+        "processes on this machine",
         "ADDRESS",
         parse=str,
     )
     baselines: Path | None = option(
         None,
-        "an earlier run with another predictor, ε, δ or expansion: drives that would be the same "
-        "(known, optimistic, full; with the same ε and expansion oracle) are taken from there",
+        "folder of an earlier run with another predictor, ε, δ or expansion: drives that would be "
+        "the same (those of known, optimistic and full; of oracle if ε and expansion are the same) "
+        "are copied from there",
         "DIR",
         parse=Path,
     )
     calibration: Path | None = option(
         None,
-        "how far --risk allows to rely upon predictions: a file of benchmarks.calibrate, for the "
+        "calibration.json of benchmarks.calibrate, which gives the level λ for --risk; for the "
         "same predictor, planner, car and buildings",
         "FILE",
         parse=Path,
     )
     optimum: Path | None = option(
         None,
-        "least times T_opt of the same tasks, from benchmarks.optimum, for the same top speed: "
-        "adds them to the results",
+        "results file of benchmarks.optimum for the same tasks and top speed: adds its least times "
+        "T_opt to the results",
         "FILE",
         parse=Path,
     )
@@ -63,8 +67,9 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        The exit status: 0 if it ran, whatever the outcome; 1 if drives are missing, because
-        processes died or the disk is full; 2 for bad arguments or input; 130 if interrupted.
+        The exit status: 0 if all drives were made, whatever their outcomes; 1 if drives are
+        missing, because processes died or the disk is full; 2 for bad arguments or input; 130 if
+        interrupted.
     """
     return run_command("benchmarks.corridor", lambda: _run(argv))
 
@@ -72,9 +77,9 @@ def main(argv: list[str] | None = None) -> int:
 def _run(argv: list[str] | None) -> int:
     parser = OneLineParser(
         prog="benchmarks.corridor",
-        description="Drive a car through buildings that it has never seen, with and without a "
-        "predicted map, and show who was faster and who collided. Interrupted runs go on from "
-        "where they were: give the same command again.",
+        description="Drive a car through buildings that are unknown to it, with and without a "
+        "predicted map, and compare times and collisions. Interrupted, it continues when the same "
+        "command is given again.",
     )
     Settings.add_to(parser)
     parser.add_jobs()
@@ -83,7 +88,7 @@ def _run(argv: list[str] | None) -> int:
     settings, place = Settings.of(args), Place.of(args)
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
-    # Here and not above, so that --help and bad arguments answer at once.
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.figures.all_figures import draw_all
     from benchmarks.runs.certified import at_risk
     from benchmarks.runs.drive import check_maps
@@ -124,7 +129,7 @@ def _run(argv: list[str] | None) -> int:
 
 
 def _drive_all(store: Store, settings: Settings, weights: str | None, place: Place) -> bool:
-    """Drive what is missing; whether it was interrupted."""
+    """Make the missing drives, with a progress bar; return whether it was interrupted."""
     from tqdm import tqdm
 
     from benchmarks.runs.drive import attempt

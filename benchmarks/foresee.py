@@ -1,4 +1,4 @@
-"""The console script: `foresee corridor`, `foresee train` and so on."""
+"""The console script `foresee`, which runs each command by its name, such as `foresee corridor`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ COMMANDS = {
     "optimum": ("benchmarks.optimum", "compute time-optimal drives"),
     "stuck": ("benchmarks.stuck", "find out why drives got stuck"),
     "weave": ("benchmarks.weave", "count steering oscillations on straights"),
-    "sweeps": ("benchmarks.sweeps", "compare scores of how far to rely on a prediction"),
+    "sweeps": ("benchmarks.sweeps", "compare scores that limit the reliance on a prediction"),
     "stages": ("benchmarks.stages", "time the stages of the control cycle"),
-    "calibrate": ("benchmarks.calibrate", "certify how much risk the last resort may take"),
-    "risk": ("benchmarks.risk", "study requested against realised risk, and speed"),
+    "calibrate": ("benchmarks.calibrate", "certify a level of the last resort for a risk"),
+    "risk": ("benchmarks.risk", "compare requested with realised risk, and with speed"),
     "attack": ("benchmarks.attack", "drive with hostile predictors"),
     "interrupt": (
         "benchmarks.interrupt",
@@ -29,11 +29,11 @@ COMMANDS = {
     "study": ("predictor.study", "train all of the paper's networks"),
     "evaluate": ("predictor.evaluate", "score predictors along drives"),
 }
-"""Command → its module, and what it does."""
+"""Command → module, and description for the list of commands."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command by its name; return its exit status, 2 if there is none of that name."""
+    """Run a command by its name, and return its exit status; 2 if there is no such command."""
     words = sys.argv[1:] if argv is None else argv
     if words and words[0] in COMMANDS:
         # The working folder comes last in the search path: a plug-in is found there, and a file

@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 COMMAND = "benchmarks.interrupt"
 LATEST = 1.2
-"""Interruptions are drawn from 0 to this multiple of the time of an uninterrupted run."""
+"""Latest moment of an interruption, as a multiple of the time of an uninterrupted run."""
 
 
 @dataclass(frozen=True)
 class InterruptSettings(Options):
-    """All that decides the trials, but for the kinds of interruption."""
+    """Settings that decide the trials, except for the kinds of interruption."""
 
     trials: int = option(
-        480, "number of interruptions, over all commands and kinds in turn", "N", low=1, high=10**9
+        480, "number of trials; commands and kinds of interruption in turn", "N", low=1, high=10**9
     )
     seed: int = option(0, "seed of the interruption times", "N", low=0, high=2**31)
     commands: tuple[str, ...] = option(
@@ -39,29 +39,33 @@ class InterruptSettings(Options):
 
 @dataclass(frozen=True)
 class Place(Options):
-    """Where the trials run; none of it decides a result."""
+    """Options of where the trials run; none of them changes a result."""
 
     disk: Path | None = option(
         None,
-        "empty folder on a file system of its own with some 100 MB, which is filled up (mount -t "
-        "tmpfs -o size=100m tmpfs DIR); without it no disk is filled",
+        "empty folder on a file system of its own of about 100 MB, which is filled up (mount -t "
+        "tmpfs -o size=100m tmpfs DIR); without it, there are no trials with a full disk",
         "DIR",
         parse=Path,
     )
-    jobs: int = option(1, "trials at a time; each uses 2 processes", "N", low=1, high=10_000)
+    jobs: int = option(
+        1, "number of parallel trials; each uses 2 processes", "N", low=1, high=10_000
+    )
     work: Path = option(
-        Path("results/interrupt"), "data, uninterrupted runs, and what failed trials left", "DIR"
+        Path("results/interrupt"),
+        "folder of input data, uninterrupted runs, and files of failed trials",
+        "DIR",
     )
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 1 if a trial went wrong, 2 for bad input, 130 if interrupted."""
+    """Run the command line; 1 if a trial failed, 2 for bad input, 130 if interrupted."""
     parser = OneLineParser(
         prog=COMMAND,
         description="Interrupt small runs of the long commands (corridor, drives, dataset, train, "
-        "evaluate, study) at random moments by SIGKILL, SIGTERM, Ctrl-C and a full disk. Run each "
-        "again, and compare its results with those of an uninterrupted run. The command itself "
-        "can be interrupted and continued.",
+        "evaluate, study) at random moments by SIGKILL, SIGTERM, Ctrl-C and a full disk. Continue "
+        "each run with the same command, and compare its results with those of an uninterrupted "
+        "run. Interrupted, this command continues when it is given again.",
     )
     InterruptSettings.add_to(parser)
     Place.add_to(parser)

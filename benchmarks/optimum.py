@@ -1,9 +1,9 @@
-"""The physical limit: time-optimal drives of the car, with the whole map known.
+"""Compute time-optimal drives of the car with the whole map known.
 
 python -m benchmarks.optimum --help
 
-They are found without the project's planner, so that it can be measured against them: T_bound is a
-lower bound of the best time, T_opt an upper one, for it is driven.
+The project's planner is not used, so that it can be compared with these drives. T_bound is a lower
+bound of the shortest possible time. T_opt is an upper bound, since the simulated car drives it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def main(argv: list[str] | None = None) -> int:
 def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
     parser = OneLineParser(
         prog="benchmarks.optimum",
-        description="Find the car's quickest drives with the whole map known, on the tasks of "
-        "benchmarks.corridor, and write them to a file. Interrupted runs go on from where they "
-        "were: give the same command again.",
+        description="Find the fastest drives of the car with the whole map known, on the tasks of "
+        "benchmarks.corridor, and write them to a file. Interrupted, it continues when the same "
+        "command is given again.",
     )
     Settings.add_to(parser, "world", "episodes", "seed", "v_max", "braking")
     parser.add_jobs()
@@ -62,6 +62,7 @@ def _run(settings: Settings, out: Path, jobs: int) -> int:
 
 
 def _about(drive: dict[str, Any]) -> str:
+    """Return building and T_opt of a drive for the progress bar."""
     took = "no drive found" if drive["t_opt"] is None else f"{drive['t_opt']:.2f} s"
     return f"{drive['world']} {took}"
 

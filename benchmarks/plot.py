@@ -1,4 +1,4 @@
-"""Draws saved runs again: `python -m benchmarks.plot DIR [DIR ...]`."""
+"""Draw the figures of saved runs again: `python -m benchmarks.plot DIR [DIR ...]`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ DESCRIPTION = """\
 Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
 
 For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
-true map and the ways, coloured by speed) and moment.png (one tick in full). For several DIRs also
-speed_profiles.png: all of them in one speed profile.
+trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one
+tick). For several DIRs also speed_profiles.png: all runs in one speed profile.
 """
 EPILOG = """\
-Without --out each DIR gets its own figures, and speed_profiles.png lies in the first. With --out,
-figures of one DIR lie in OUT, those of several in OUT/NAME, speed_profiles.png in OUT.
-Exit status: 0, or 2 with one line where an argument or a run is bad.
+Without --out, the figures of a run are written into its DIR, and speed_profiles.png into the first
+DIR. With --out, the figures of one run are written into OUT, those of several runs into OUT/NAME,
+and speed_profiles.png into OUT.
+Exit status: 0, or 2 if an argument or a run cannot be used.
 """
 
 
@@ -35,12 +36,13 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="a saved run")
+    parser.add_argument("runs", metavar="DIR", nargs="+", type=Path, help="folder of a saved run")
     parser.add_argument(
         "--episode", metavar="K", type=int, help="draw episode K; by default each figure chooses"
     )
     parser.add_argument(
-        "--arm", help="arm of the moment and of the video; by default the arm that predicts"
+        "--arm",
+        help="arm that moment.png and the video show; by default one that uses a prediction",
     )
     parser.add_argument("--out", metavar="OUT", type=Path, help="folder for the figures")
     parser.add_argument(
@@ -56,7 +58,8 @@ def _parser() -> argparse.ArgumentParser:
         "--stride",
         metavar="N",
         type=between(1, 10**9),
-        help="draw every N-th tick; by default each, fewer where they exceed 400 frames",
+        help="draw every N-th tick in the video; by default every tick, or as many as give at "
+        "most 400 frames",
     )
     return parser
 
@@ -66,7 +69,7 @@ def _run(options: argparse.Namespace) -> None:
     from benchmarks.runs.saved_run import Run
 
     runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
-    # Only now, so that a bad run need not wait for it.
+    # Imported after loading, so that a bad run is reported without waiting for slow imports.
     from benchmarks.figures.all_figures import draw_run, save_figures
     from benchmarks.figures.animation import Animation
     from benchmarks.figures.speed_profile import speed_profile

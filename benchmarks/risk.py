@@ -1,4 +1,6 @@
-"""The study of the risk dial: is the promise kept, and what speed does a risk buy?
+"""Measure how the realised risk of a collision compares with the requested one, and with speed.
+
+The groups of drives ("cells") are listed in `benchmarks.risk_study.cells`.
 
 python -m benchmarks.risk --calibration results/calibration/calibration.json --hours 2
 """
@@ -23,15 +25,15 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        The exit status: 0; 1 if a car has collided, or touched something, at a risk of 0, or if
-        the interval of the realised risk of the mixture lies above the requested one; 2 for bad
-        input; 130 if interrupted.
+        The exit status: 0 if all promises were kept; 1 if a car collided with or touched something
+        at a risk of 0, or if the whole interval of the realised risk lies above the requested risk
+        in the mixture of buildings that was calibrated; 2 for bad input; 130 if interrupted.
     """
     parser = OneLineParser(
         prog=COMMAND,
-        description="Drive at each risk that a calibration certifies, in buildings that it has not "
-        "seen, and compare the risk that was requested with the collisions, and the collisions "
-        "with the speed. Interrupted studies go on: give the same command again.",
+        description="Drive at each risk that a calibration certifies, in buildings that were not "
+        "used for it; compare the requested risk with the share of collisions, and that with the "
+        "speed. Interrupted, it continues when the same command is given again.",
     )
     parser.add_argument(
         "--calibration",
@@ -44,14 +46,14 @@ def main(argv: list[str] | None = None) -> int:
         "--predictor",
         metavar="P",
         default="compact",
-        help="the predictor that the calibration is for (default: %(default)s)",
+        help="predictor that the calibration was made for (default: %(default)s)",
     )
     parser.add_argument(
         "--maps",
         metavar="W",
         nargs="+",
         default=[],
-        help="map_server .yaml files, or folders of them, of real buildings to drive in too",
+        help="map_server .yaml files, or folders of them: real buildings to drive in as well",
     )
     parser.add_argument(
         "--runs",
@@ -59,16 +61,19 @@ def main(argv: list[str] | None = None) -> int:
         nargs="+",
         type=Path,
         default=[],
-        help="runs of benchmarks.corridor at a risk of 0, whose drives are tested and counted too",
+        help="folders of benchmarks.corridor, driven at a risk of 0: their drives are tested for "
+        "contacts and counted as well",
     )
     parser.add_argument(
         "--hours",
         metavar="H",
         type=between(0.0, 1e4),
         default=4.0,
-        help="time that it may take [h]; the cells grow in turns (default: %(default)s)",
+        help="longest run time [h]; all groups of drives grow in turn (default: %(default)s)",
     )
-    parser.add_argument("--quick", action="store_true", help="4 drives of each cell")
+    parser.add_argument(
+        "--quick", action="store_true", help="make only 4 drives in each group, as a trial"
+    )
     parser.add_jobs()
     parser.add_out("results/risk", "folder of results.json, the figures and the drives", "DIR")
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))

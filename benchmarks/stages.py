@@ -1,4 +1,4 @@
-"""How long each stage of the control cycle takes, how that grows, and how much gets done.
+"""Time the stages of the control cycle, their growth with sizes, and the throughput of drives.
 
 python -m benchmarks.stages --help
 """
@@ -32,23 +32,23 @@ PEERS = {
     "do_mpc": "do-mpc",
     "pytorch_mppi": "pytorch-mppi",
 }
-"""Modules that `--peers` needs, and the packages that bring them."""
+"""Module that `--peers` needs → package that contains it."""
 COMPILER = "gcc"
-"""What casadi and do-mpc call by default."""
+"""C compiler that casadi and do-mpc call by default."""
 THREADS = 1
-"""That a library may take while it is measured."""
+"""Number of threads that a library may use while it is measured."""
 LIMITS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""What tells libraries so, here and in the processes that are started from here."""
+"""Environment variables that limit the threads of libraries, also in processes started here."""
 HALLS, HALL_TICKS = 20, 100
-"""Drives of each solver of the MPC's problem, and how long they are."""
+"""Number of drives of each solver of the MPC's problem, and their length [ticks]."""
 
 
 def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Measurement]:
-    """Return all that is measured, in order; names are group/name.
+    """Return all measurements in their order; their names are group/name.
 
     Args:
         args: settings of the run.
-        report: told what is being measured.
+        report: function that shows what is being measured.
     """
     from benchmarks.timing import growth, rates, throughput
     from benchmarks.timing.measurements import Measurement, installed
@@ -92,22 +92,22 @@ def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Mea
 
 @dataclass(frozen=True)
 class StageSettings(Options):
-    """What is measured, but for code and machine."""
+    """Settings that decide what is measured, except for code and machine."""
 
     drives: int = option(
-        4, "number of drives of each arm that time its stages", "N", low=1, high=10**6
+        4, "number of drives of each arm in which its stages are timed", "N", low=1, high=10**6
     )
     episodes: int = option(
         6,
-        "number of tasks that the default arms drive, with one process and then with two, for the "
-        "throughput",
+        "number of tasks for measuring the throughput: the default arms drive each with one "
+        "process, then with two",
         "N",
         low=1,
         high=10**6,
     )
     memory: int = option(
         12,
-        "number of drives of one process after each of which its memory is read; 1000 take about "
+        "number of drives of one process for measuring the growth of its memory; 1000 take about "
         "40 minutes",
         "N",
         low=6,
@@ -116,8 +116,8 @@ class StageSettings(Options):
     seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
     peers: bool = option(
         False,
-        "also time other libraries for the same tasks: pip install 'foresee[peers]'; takes "
-        "some minutes, most of them for compiling",
+        "also time other libraries for the same tasks, which takes some minutes, mostly for "
+        "compiling; needs pip install 'foresee[peers]'",
     )
 
 
@@ -125,12 +125,11 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line; 2 for bad arguments, 130 if interrupted."""
     parser = OneLineParser(
         prog="benchmarks.stages",
-        description="Time every stage of the control cycle over real drives, on one thread and "
-        "after a warm-up; how the stages grow with sensor, map, window and horizon; how much the "
-        "kernels and a study's processes get done. Leave the machine alone meanwhile. An "
-        "interrupted run goes on from where it was: give the same command again. What was "
-        "measured by other code, on another machine, with other packages or other settings is "
-        "measured anew.",
+        description="Time every stage of the control cycle in simulated drives, on one thread and "
+        "after a warm-up; the growth of these times with sensor, map, window and horizon; and the "
+        "throughput of kernels and of parallel drives. The machine should be idle otherwise. "
+        "Interrupted, it continues when the same command is given again. Measurements by other "
+        "code, on another machine, with other packages or with other settings are repeated.",
     )
     StageSettings.add_to(parser)
     parser.add_argument(
@@ -138,14 +137,17 @@ def main(argv: list[str] | None = None) -> int:
         type=Path,
         default=Path("results/stages"),
         metavar="DIR",
-        help="folder of results.json, growth.png, and the parts they are made of "
-        "(default: %(default)s)",
+        help="folder of results.json, growth.png, and finished measurements (default: %(default)s)",
     )
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _ask_for(modules: Iterable[str]) -> None:
-    """Find out before anything is measured that something is missing."""
+    """Check, before anything is measured, that modules and the C compiler are installed.
+
+    Raises:
+        UsageError: if one is missing.
+    """
     import shutil
     from importlib.util import find_spec
 
@@ -153,14 +155,14 @@ def _ask_for(modules: Iterable[str]) -> None:
     if missing:
         raise UsageError(f"--peers needs {', '.join(missing)}: pip install 'foresee[peers]'")
     if shutil.which(COMPILER) is None:
-        raise UsageError(f"--peers needs {COMPILER}, to compile what others solve")
+        raise UsageError(f"--peers needs {COMPILER}, to compile the problems of other solvers")
 
 
 def _run(args: Namespace) -> None:
     settings = StageSettings.of(args)
     if settings.peers:
         _ask_for(PEERS)
-    # Before numpy is there, and whatever the user's environment says.
+    # Set before numpy is imported, and regardless of the user's environment.
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
     import torch
     from tqdm import tqdm
@@ -183,7 +185,7 @@ def _run(args: Namespace) -> None:
             measured = kept.find(one)
             if measured is None:
                 measured = kept.measure(one)
-            # Each of the measures is a dictionary of some.
+            # A measurement of the group "measures" is a dictionary of several measures.
             found[group] |= measured if group == "measures" else {name: measured}
             bar.set_postfix_str("")
             bar.update()

@@ -1,4 +1,4 @@
-"""Find out why drives got stuck: when the goal could last be reached, on the true map.
+"""Find out why drives got stuck: the last moment at which the goal could still be reached.
 
 python -m benchmarks.stuck results/real --out stuck.json
 """
@@ -26,17 +26,18 @@ then from ever earlier states of the drive. The search is that of sim.task, not 
 keeps about 0.1 m from walls.
 """
 STRIDE = 5
-"""Ticks between two states that are tried."""
+"""Number of ticks between two states from which the search is tried."""
 LONGEST = 120.0
-"""Length of the longest way that is tried [m]."""
+"""Length of the longest path of the search [m]."""
 CLOSE = 1.0
-"""A way that comes this close to the goal reaches it [m]."""
+"""Distance from the goal at which a path counts as reaching it [m]."""
 LATE = 4.0
-"""A drive missed the last way out if it had one at most this long before its end [s]."""
+"""Time before the end of a drive that separates a missed way out (later) from a dead end
+(earlier) [s]."""
 
 
 def causes(run: Run) -> dict[str, Any]:
-    """Return the causes of a run's stuck drives, and how many drives each arm made.
+    """Return the cause of each stuck drive of a run, and the number of drives of each arm.
 
     Raises:
         RunError: if the run is damaged.
@@ -54,7 +55,7 @@ def causes(run: Run) -> dict[str, Any]:
 
 
 def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
-    """Return when a stuck drive could last have reached its goal.
+    """Return how long before its end a stuck drive could still have reached its goal [s].
 
     Raises:
         RunError: if the run is damaged.
@@ -69,7 +70,7 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     states = run.trace(index, arm).states
     car = CarLimits(v_max=run.setting("v_max", 4.0), braking=run.setting("braking", 1.5))
     goal = np.array(episode.goal)
-    # Standing still is no way back.
+    # The search starts at the last state in which the car still moved.
     moved = np.flatnonzero(states[:, 3] > 0)
     end = min(int(moved[-1]) + 1, len(states) - 1) if len(moved) else 0
     before, speed = None, None
@@ -83,7 +84,7 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
 
 
 def table(results: dict[str, Any]) -> str:
-    """Return the causes as Markdown, a line for each arm of each run."""
+    """Return the causes as a Markdown table, one line for each arm of each run."""
     rows = []
     for run in results["runs"]:
         for arm, drives in run["drives"].items():

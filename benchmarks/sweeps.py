@@ -1,4 +1,4 @@
-"""Compare scores that could decide how far a car may rely on a prediction.
+"""Compare scores of a prediction that could limit how far a car drives into unobserved space.
 
 python -m benchmarks.sweeps results/corridor --out sweeps.json
 """
@@ -15,29 +15,30 @@ if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
 
 DESCRIPTION = """\
-Compare scores that could decide how far a car may rely on a prediction, on drives of the arm known
-in runs of benchmarks.corridor. At every eighth tick the car's body is swept along arcs that leave
-the observed space. A score goes with each arc, and falls along it; the car may follow the arc as
-far as the score is above a threshold. For each share of wrong arcs, on which something is in the
-way, the table has the mean distance beyond the observed space at the best threshold.
+Compare scores that could limit how far a car drives into unobserved space, on drives of the arm
+known in runs of benchmarks.corridor. At every eighth tick the car's body is swept along arcs that
+leave the observed space. Each score falls along an arc; the car may follow the arc as long as the
+score is above a threshold. An arc is wrong if the car would hit something on that part of it. For
+each accepted share of wrong arcs, the table gives the mean distance beyond the observed space at
+the best threshold.
 """
 
 
 def distances(run: Run) -> dict[str, Any]:
-    """Return, for each score and share of wrong arcs, how far the car may rely on predictions.
+    """Return the mean distance beyond the observed space for each score and share of wrong arcs.
 
     Raises:
         RunError: if the run is damaged.
         UsageError: if it has no drives of the arm `known`, or its LIDAR was noisy.
     """
-    # Here and not above, so that --help and bad arguments answer at once.
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.risk_study.arcs import distances_of
 
     return distances_of(run)
 
 
 def table(results: dict[str, Any]) -> str:
-    """Return the mean distances beyond the observed space [m] as Markdown."""
+    """Return the mean distances beyond the observed space [m] as a Markdown table."""
     return records(
         [
             {"run": run["label"], "score": name}

@@ -1,4 +1,4 @@
-"""The tables of results files, as Markdown: all that is published comes from here.
+"""Print the tables of results files as Markdown; all published tables are made by this command.
 
 python -m benchmarks.tables docs/results/*.json
 """
@@ -34,11 +34,11 @@ TABLES = {
     "calibration drives": "benchmarks.runs.calibration:table_of_drives",
     "risk drives": "benchmarks.risk_study.tables:table_of_drives",
 }
-"""The function that turns each kind of results into Markdown; imported when it is needed."""
+"""Kind of results → function that makes its tables; imported when it is needed."""
 
 
 def tables_of(results: dict[str, Any]) -> str:
-    """Return the tables of one file, of a benchmark or of `predictor.evaluate`."""
+    """Return the tables of the contents of one results file as Markdown."""
     return str(resolve_name(TABLES[results["kind"]])(results))
 
 
@@ -58,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--overview",
         action="store_true",
-        help="print one table alone, with a line for each comparison",
+        help="print only one table, with a line for each comparison",
     )
     return run_command("benchmarks.tables", lambda: _run(parser.parse_args(argv)))
 
@@ -84,7 +84,7 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Read a file of results, and add its `tables`."""
+    """Read a results file, and add its tables under `tables`."""
     from benchmarks.runs.overview import summarised
 
     results = read_results(path)

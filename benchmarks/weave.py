@@ -1,4 +1,4 @@
-"""Count how much the car weaves: changes of the sign of its curvature on straights.
+"""Count how often the car weaves: changes of the sign of its curvature on straight stretches.
 
 python -m benchmarks.weave results/corridor --out weave.json
 """
@@ -19,29 +19,29 @@ if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
 
 DESCRIPTION = """\
-Count how often the car changes from one side to the other on straights, in runs of
-benchmarks.corridor on a prescribed route. The route is straight where it turns by less than 10°
-within 3 m before and behind. Ticks with a curvature below the threshold are ignored.
+Count how often the car changes between turning left and turning right on straight stretches, in
+runs of benchmarks.corridor on a prescribed route. The route is straight where it turns by less than
+10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are ignored.
 """
 STEP = 0.5
-"""Between two points of the way at which its direction is taken [m]."""
+"""Distance between two points of the route at which its direction is computed [m]."""
 AROUND = 6
-"""Points before and behind within which it must keep its direction."""
+"""Number of points before and behind a point over which a straight route keeps its direction."""
 TURN = np.radians(10.0)
-"""Turn below which a way is straight [rad]."""
+"""Change of direction below which the route is straight [rad]."""
 THRESHOLDS = (0.01, 0.05)
-"""Curvatures above which the car is said to turn [1/m]."""
+"""Curvatures above which the car counts as turning [1/m]."""
 
 
 def counts(run: Run) -> dict[str, Any]:
-    """Return the metres on straights and the changes of sign of each arm, for each threshold.
+    """Return the distance on straights [m] and the changes of sign at each threshold, for each arm.
 
     Raises:
         RunError: if the run is damaged.
-        UsageError: if its drives had no way in common.
+        UsageError: if it was not driven on a prescribed route.
     """
     if run.settings["route"] != "fixed":
-        raise UsageError(f"{run.directory}: its arms chose their ways; run it with --route fixed")
+        raise UsageError(f"{run.directory}: its arms chose their routes; run it with --route fixed")
     arms: dict[str, Any] = {}
     for arm in run.arms:
         metres, changes = 0.0, [0] * len(THRESHOLDS)
@@ -59,19 +59,24 @@ def counts(run: Run) -> dict[str, Any]:
 
 
 def sign_changes(curvature: NDArray[Any], threshold: float) -> int:
-    """Return how often the curvatures above a threshold [1/m] change their sign; shape (N,)."""
+    """Return how often curvatures (N,) above a threshold [1/m] change their sign."""
     turning = curvature[np.abs(curvature) > threshold]
     return int((np.diff(np.sign(turning)) != 0).sum())
 
 
 def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and end of each run of true values in an array of shape (N,)."""
+    """Return start and end index of each run of consecutive True values in an array (N,)."""
     edges = np.flatnonzero(np.diff(np.r_[False, marked, False].astype(int)))
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
 def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return whether the point of a way nearest to each point lies on a straight, (N,)."""
+    """Return which points (N, 2) are nearest to a straight part of a route, (N,).
+
+    Args:
+        points: points to test [m].
+        way: points of the route, (n, 2) [m].
+    """
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T))]
     at = np.arange(0.0, along[-1], STEP)
     path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
@@ -84,7 +89,10 @@ def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def table(results: dict[str, Any]) -> str:
-    """Return the changes of sign for 100 m of straight as Markdown, a line for each run."""
+    """Return the changes of sign per 100 m of straight route as a Markdown table.
+
+    It has a line for each run and threshold, and a column for each arm.
+    """
     arms = list(dict.fromkeys(arm for run in results["runs"] for arm in run["arms"]))
     rows = []
     for run in results["runs"]:
