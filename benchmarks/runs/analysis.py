@@ -1,4 +1,4 @@
-"""Commands that analyse saved runs, and write what they find into one file."""
+"""The common command line of commands that analyse saved runs: stuck, sweeps and weave."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def analyse(
     description: str,
     argv: list[str] | None,
 ) -> int:
-    """Run the command line of an analysis; return its exit status.
+    """Run the command line of an analysis, write its results, and return its exit status.
 
     Args:
-        kind: of its results.
-        of_run: analyses a run.
-        table: turns the contents of the file into Markdown.
-        description: for --help.
-        argv: arguments; by default those of the process.
+        kind: kind of the results, a key of `predictor.infra.results_file.COMMANDS`.
+        of_run: function that analyses a run.
+        table: function that turns the contents of the results file into Markdown.
+        description: description for --help.
+        argv: command-line arguments; None: those of the process.
     """
     parser = OneLineParser(
         prog=COMMANDS[kind],
@@ -49,7 +49,7 @@ def analyse(
 
     def work() -> None:
         args = parser.parse_args(argv)
-        # Here and not above, so that --help and bad arguments answer at once.
+        # Imported here, so that --help and bad arguments do not wait for slow imports.
         from benchmarks.runs.saved_run import Run
 
         runs = [Run.load(path).first(args.episodes) for path in args.runs]

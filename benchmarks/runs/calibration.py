@@ -1,4 +1,4 @@
-"""Learn-then-test: the largest level of the last resort whose collisions stay below a bound."""
+"""Calibration by learn-then-test: the largest level λ of the last resort certified for a risk δ."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from predictor.registry import load_predictor
 
 ARM = "predicted"
 KINDS = "calibration drives"
-"""Kind of the files of drives."""
+"""Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
 KEPT = (
     "world",
     "seed",
@@ -47,17 +47,17 @@ KEPT = (
     "promises_broken",
     "commit",
 )
-"""What the file of drives holds of a result."""
+"""Fields of `DriveResult` that these files keep of each drive."""
 
 
 @dataclass(frozen=True)
 class Tested:
-    """The drives at a level, and what they say about each risk.
+    """The drives at one level, and the test of each risk on them.
 
     Attributes:
-        level: λ.
-        drives: as far as they were needed, in their order.
-        capital: risk δ → the gambler's capital after each of them, (n,).
+        level: level λ of the last resort.
+        drives: drives in order, as many as the tests needed, n.
+        capital: risk δ → the gambler's capital after each drive, (n,).
     """
 
     level: float
@@ -66,20 +66,21 @@ class Tested:
 
 
 def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int) -> dict[str, Any]:
-    """Test one level after the other, and write what they certify to `out`.
+    """Test one level after the other, from the safest on, and write calibration.json.
 
     Args:
-        settings: of the drives.
-        asked: what to certify.
-        out: folder of calibration.json and of the drives, which it takes up again.
-        jobs: worker processes.
+        settings: settings of the drives.
+        asked: risks, levels and confidence of the calibration.
+        out: folder of calibration.json and of the drives; an interrupted calibration in it is
+            continued.
+        jobs: number of worker processes.
 
     Returns:
-        What calibration.json holds.
+        The contents of calibration.json.
 
     Raises:
-        UsageError: if the drives are too few for a risk, in buildings that the predictor has
-            learned from, or the folder holds another calibration.
+        UsageError: if there are too few drives to certify a risk, the predictor was trained in the
+            buildings of the drives, or the folder holds another calibration.
     """
     wanted = 1.0 / (1.0 - asked.confidence)
     for risk in asked.risks:
@@ -89,7 +90,7 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
                 f"--drives {asked.drives} cannot certify a risk of {risk:g}, even if none collides"
             )
     conditions = conditions_of(settings)
-    # Other levels, or other buildings, would be another test, and might not be chosen afterwards.
+    # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     told = asdict(asked) | conditions
     with ResumableFolder(out, json.loads(json.dumps(told)), grows=("drives",), exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)
@@ -135,7 +136,7 @@ def _test(
     out: Path,
     jobs: int,
 ) -> Tested:
-    """Drive at a level until it is clear for each risk whether it is certified."""
+    """Drive at a level until the test of each risk is decided."""
     wanted = 1.0 / (1.0 - asked.confidence)
     settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
     weights = fingerprint_of(load_predictor(settings.predictor))
@@ -150,7 +151,7 @@ def _test(
     work = partial(_driven, settings, weights)
     file.fill(work, range(asked.drives), jobs, lambda d: str(d["outcome"]), decided)
     drives = _in_order(file, asked.drives)
-    # As many as the slowest decision took: how many workers there were decides nothing.
+    # Only the drives that the slowest decision needed, whatever more the worker processes made.
     ends = [_end(drives, risk, asked.drives, wanted) for risk in risks]
     drives = drives[: max(len(drives) if end is None else end for end in ends)]
     if not drives:
@@ -162,9 +163,16 @@ def _test(
 
 
 def _end(drives: list[dict[str, Any]], risk: float, most: int, wanted: float) -> int | None:
-    """Return after how many drives it is clear whether a risk is certified; None: it is not yet.
+    """Return the number of drives after which the test of a risk is decided; None: not yet.
 
-    It is clear when the gambler is convinced, or when no drive still to come could do that.
+    It is decided as soon as the gambler's capital suffices, or can no longer suffice even if none
+    of the remaining drives collides.
+
+    Args:
+        drives: drives so far.
+        risk: risk δ that is tested.
+        most: largest number of drives.
+        wanted: capital that certifies the risk, 1 / (1 - confidence).
     """
     money = capital(_losses(drives), risk)
     best = money * (1.0 + risk / (1.0 - risk)) ** (most - 1.0 - np.arange(len(money)))
@@ -177,17 +185,17 @@ def _losses(drives: list[dict[str, Any]]) -> list[float]:
 
 
 def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
-    """Return the drives up to the first that is missing, without those that had no task."""
+    """Return the first drives without a gap, except for those in buildings without a task."""
     there = takewhile(lambda index: index in file.drives, range(most))
     drives = [file.drives[index] for index in there]
     return [drive for drive in drives if drive["outcome"] != "no task"]
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:
-    """Drive once, and return what the file of drives holds of it.
+    """Drive once, and return the entry of the drive in the file of drives.
 
-    The building is drawn at random: were its kind the same at every n-th drive, the drives would
-    not be draws from the mixture one after the other, as the test wants them.
+    The kind of building is drawn at random. If the kinds took turns, the drives would not be
+    independent draws from the mixture, as the test requires.
     """
     places, seed = sources(settings.world), settings.seed + index
     place = places[int(np.random.default_rng([seed, 3]).integers(len(places)))]
@@ -201,7 +209,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
 
 
 def _summary(tested: Tested) -> dict[str, Any]:
-    """Return what calibration.json holds of a level."""
+    """Return the entry of a level in calibration.json."""
     drives = tested.drives
     outcomes = Counter(d["outcome"] for d in drives)
     places = Counter(d["place"] for d in drives)
@@ -221,16 +229,23 @@ def _summary(tested: Tested) -> dict[str, Any]:
 
 
 def table_of_drives(found: dict[str, Any]) -> str:
-    """Return the drives at one level as Markdown."""
+    """Return a table of the drives at one level as Markdown.
+
+    Args:
+        found: contents of a file of drives of a calibration.
+    """
     drives = [drive for drive in found["drives"] if drive["outcome"] != "no task"]
     tested = Tested(found["settings"]["level"], drives, {})
     return table({"levels": [_summary(tested)], "certified": {}})
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return a calibration as Markdown: a line for each level.
+    """Return a calibration as a Markdown table, one line for each level.
 
     The intervals are nominal, since the number of drives depends on their outcomes.
+
+    Args:
+        found: contents of calibration.json.
     """
     certified = {float(risk): level for risk, level in found["certified"].items()}
     rows = []

@@ -8,24 +8,24 @@ from predictor.infra.command_line import UsageError
 from predictor.infra.options import Options, option
 
 SEED = 5_000_000
-"""Of the first building: none that a network has learned from, or a result was published of."""
+"""Seed of the first building; no training and no published result uses buildings of such seeds."""
 
 
 @dataclass(frozen=True)
 class CalibrateSettings(Options):
-    """All that decides a calibration, beside the settings of the drives."""
+    """Settings that decide a calibration, apart from those of its drives."""
 
     risks: tuple[float, ...] = option(
         (0.05, 0.02),
-        "chances of a collision in a drive to certify, each on its own",
+        "risks to certify, each on its own: bounds of the probability of a collision in a drive",
         "δ",
         low=1e-4,
         high=0.5,
     )
     levels: tuple[float, ...] = option(
         (0.001, 0.003, 0.01, 0.03, 0.05, 0.1),
-        "levels of the last resort to try, from safe to bold; the first that is not certified for "
-        "a risk ends its sequence",
+        "levels of the last resort to test, from safe to bold; for each risk the test ends at the "
+        "first level that is not certified",
         "λ",
         low=1e-6,
         high=0.9,
@@ -34,7 +34,7 @@ class CalibrateSettings(Options):
         1000, "most drives at a level, each in a building of its own", "N", low=1, high=10**6
     )
     confidence: float = option(
-        0.9, "probability with which each certificate shall hold", "P", low=0.5, high=0.999
+        0.9, "probability with which each certificate holds", "P", low=0.5, high=0.999
     )
     seed: int = option(SEED, "seed of the first building", "N", low=0, high=2**31)
 

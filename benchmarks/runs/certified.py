@@ -1,4 +1,4 @@
-"""The level of the last resort that a calibration certifies for the drives of a comparison."""
+"""The level of the last resort that a calibration certifies for the settings of a comparison."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from predictor.registry import load_predictor
 from sim.map_server import load_world
 
 RESOLUTION = 0.05
-"""Of the maps that the fingerprint of the planner's settings is made for [m]."""
+"""Resolution of maps for which the planner's settings are hashed [m]."""
 SAME = (
     *("route", "vehicle", "v_max", "braking", "window", "noise", "dropout"),
     *("expansion", "reliance", "fixed_level"),
 )
-"""Settings that a calibration holds for, beside predictor and buildings."""
+"""Settings of drives that must be those of the calibration, besides predictor and buildings."""
 
 
 def conditions_of(settings: Settings) -> dict[str, Any]:
-    """Return all that a calibration on drives with some settings holds for."""
+    """Return the conditions, by name, that a calibration for drives of some settings must have."""
     config = asdict(navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION))
     weights = fingerprint_of(load_predictor(settings.predictor))
     maps = [place for place in sources(settings.world) if place not in FAMILIES]
     return {
-        # By what they hold: a file may change.
+        # Maps are identified by the hash of their cells, since a file may change.
         **(
             {"maps": sorted(world_hash(load_world(path).grid.cells) for path in maps)}
             if maps
             else {}
         ),
-        # Without the runtime, which decides the last digits alone.
+        # Without the runtime, which only changes the rounding.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),
         **{name: getattr(settings, name) for name in SAME},
@@ -48,15 +48,15 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
 
 
 def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
-    """Return settings whose level is the one that is certified for their risk.
+    """Return the settings with the level that a calibration certifies for their risk.
 
     Args:
-        settings: of drives.
-        calibration: file of `benchmarks.calibrate`; needed for a risk above 0.
+        settings: settings of drives.
+        calibration: calibration.json of `benchmarks.calibrate`; needed for a risk above 0.
 
     Raises:
         UsageError: if both risk and level are given, or a risk without a calibration.
-        CalibrationError: if the calibration is for other drives, or for no risk as small.
+        CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     if settings.risk == 0.0:
         return settings

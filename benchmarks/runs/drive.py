@@ -1,4 +1,4 @@
-"""One drive of a comparison: an episode's number and an arm, to its result and trace."""
+"""One drive of a comparison: from the number of an episode and an arm to its result and trace."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ from sim.task import NoTaskError, Task, sample_task
 from sim.world import World, sealed
 
 MEASURES = ("time", "path_length", "mean_speed", "max_speed", "min_clearance")
-"""Figures of `sim.episode.Episode` that results take over."""
+"""Measures that are copied from `sim.episode.Episode` into the result."""
 
 
 Driven = tuple[DriveResult, dict[str, NDArray[Any]]]
-"""What goes into `results.json`, and what goes into `traces.npz`."""
+"""The result of a drive, for results.json, and its arrays by name, for traces.npz."""
 
 
 class Oracle:
-    """A predictor that is told the truth: free and occupied, inside the window it is asked for.
+    """A predictor that returns the true map of the square that it is asked about.
 
     Args:
-        world: the truth.
+        world: true map of the building.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Return the truth, with full confidence."""
+        """Return the true map with a confidence of 1."""
         free, surface = self.world.truth(known.frame)
         confidence = np.ones(known.frame.shape, dtype=np.float32)
         return Prediction(
@@ -59,10 +59,10 @@ class Oracle:
 
 
 def sources(names: tuple[str, ...]) -> list[str]:
-    """Return the families and map files that `--world` names, folders opened.
+    """Return the families and map files that `--world` names; a folder stands for the maps in it.
 
     Raises:
-        UsageError: if one is neither a family, nor a map, nor a folder with maps.
+        UsageError: if a name is neither a family, nor a map file, nor a folder with map files.
     """
     found: list[str] = []
     for name in names:
@@ -86,10 +86,10 @@ def sources(names: tuple[str, ...]) -> list[str]:
 
 
 def check_maps(names: tuple[str, ...]) -> None:
-    """Load each map file that `--world` names.
+    """Check that each map file that `--world` names can be loaded.
 
     Raises:
-        UsageError: if a name cannot be used.
+        UsageError: if a name is neither a family, nor a map file, nor a folder with map files.
         MapError: if a map cannot be read.
     """
     for place in sources(names):
@@ -99,10 +99,10 @@ def check_maps(names: tuple[str, ...]) -> None:
 
 @lru_cache(maxsize=2)
 def task_of(settings: Settings, index: int) -> Task:
-    """Return the task of an episode, the same for every arm and every vehicle.
+    """Return the task (building, start, goal, route) of an episode, the same for all arms and cars.
 
     Raises:
-        NoTaskError: if the world has no drive of the length wanted.
+        NoTaskError: if the building has no route of at least 10 m.
     """
     places = sources(settings.world)
     place, seed = places[index % len(places)], settings.seed + index // len(places)
@@ -112,18 +112,23 @@ def task_of(settings: Settings, index: int) -> Task:
 def task_in(place: str, seed: int, car: CarLimits) -> Task:
     """Return a task in one of `sources`.
 
+    Args:
+        place: family of generated buildings, or path of a map file.
+        seed: seed of start and goal, and of a generated building.
+        car: limits of the car that plans the route.
+
     Raises:
-        NoTaskError: if the world has no drive of the length wanted.
+        NoTaskError: if the building has no route of at least 10 m.
     """
     world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
     return task_in_world(world, seed, car)
 
 
 def task_in_world(world: World, seed: int, car: CarLimits) -> Task:
-    """Return a task in a building: one of at least 20 m, or of 10 m if there is none.
+    """Return a task in a building, of at least 20 m, or of at least 10 m if there is none.
 
     Raises:
-        NoTaskError: if there is neither.
+        NoTaskError: if the building has no route of at least 10 m.
     """
     try:
         return sample_task(world, seed, car)
@@ -133,11 +138,11 @@ def task_in_world(world: World, seed: int, car: CarLimits) -> Task:
 
 @lru_cache(maxsize=2)
 def shortest_length(task: Task) -> float | None:
-    """Return the length of the shortest way of a task on the whole map [m].
+    """Return the length of the shortest path of a task with the whole map known [m].
 
     Returns:
-        None if there is none: `benchmarks.optimal.shortest_way` may miss a gap hardly wider than
-        the car.
+        None if no path was found: `benchmarks.optimal.shortest_way` may miss a gap that is hardly
+        wider than the car.
     """
     radius = CarLimits().body.half_width
     try:
@@ -147,7 +152,7 @@ def shortest_length(task: Task) -> float | None:
 
 
 def facts_of(task: Task) -> dict[str, Any]:
-    """Return what results tell of a task: its building, seed, start and goal."""
+    """Return the facts of a task for the results: name of the building, seed, start and goal."""
     start, goal = ([float(v) for v in place] for place in (task.start, task.goal))
     return {"world": task.world.name, "seed": task.seed, "start": start, "goal": goal}
 
@@ -155,19 +160,19 @@ def facts_of(task: Task) -> dict[str, Any]:
 def score(
     outcome: str, time: float, path_length: float, shortest: float | None, car: CarLimits
 ) -> dict[str, float | None]:
-    """Compare a drive with the least time and the shortest way of its task.
+    """Compare a drive with the shortest path of its task, and with the least time for that path.
 
     Args:
-        outcome: "reached" counts alone.
-        time: it took [s].
-        path_length: driven [m].
-        shortest: length of the shortest way [m].
-        car: its limits.
+        outcome: outcome of the drive; the SCT is 0 unless it is "reached".
+        time: duration of the drive [s].
+        path_length: distance driven [m].
+        shortest: length of the shortest path [m]; None: unknown.
+        car: limits of the car.
 
     Returns:
-        `shortest_length` [m]; `t_bound`, T_bound [s]; `sct`, T_bound / time, 0 if the goal was not
-        reached; `detour`, what was driven over the shortest way. Each None where the way is not
-        known.
+        `shortest_length` [m]; `t_bound`, the least time T_bound [s]; `sct`, T_bound / time or 0;
+        `detour`, the distance driven divided by the shortest path. All are None if the shortest
+        path is not known.
     """
     if shortest is None:
         return dict.fromkeys(("shortest_length", "t_bound", "sct", "detour"))
@@ -181,15 +186,15 @@ def score(
 
 
 def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> Driven | str:
-    """Return `drive`, or a line why the episode cannot be driven.
+    """Return the result of `drive`, or one line that says why the episode has no task.
 
     Args:
-        settings: of the run.
-        weights: fingerprint that the predictor must have here too, where another machine drives.
-        item: number of the episode, and the arm.
+        settings: settings of the run.
+        weights: fingerprint of the predictor's weights, which may differ on another machine.
+        item: number of the episode, and name of the arm.
 
     Raises:
-        WorkersError: if it has another.
+        WorkersError: if the predictor on this machine has other weights.
     """
     mine = fingerprint_of(load_predictor(settings.predictor))
     if mine != weights:
@@ -201,7 +206,7 @@ def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> D
 
 
 def car_of(settings: Settings) -> CarLimits:
-    """Return the limits of the car that drives."""
+    """Return the limits of the car that a run's settings describe."""
     return CarLimits(
         v_max=settings.v_max, braking=settings.braking, reverse=VEHICLES[settings.vehicle]
     )
@@ -211,15 +216,15 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
     """Return the settings of an arm's navigator.
 
     Args:
-        settings: of the run.
-        arm: what may be relied upon.
-        resolution: of the map [m].
+        settings: settings of the run.
+        arm: arm that drives.
+        resolution: resolution of the building's map [m].
     """
     level = settings.level if arm.takes_risk else 0.0
     return NavigatorConfig(
         window=settings.window,
         expansion=settings.expansion,
-        # A plan may rely upon whatever its last resort may.
+        # At least the level, since a plan may enter all cells that its last resort may enter.
         reliance=max(settings.reliance, level) if arm.reliance is None else arm.reliance,
         level=level,
         adapt=not settings.fixed_level,
@@ -236,11 +241,11 @@ def navigator_for(
     """Return the navigator of an arm at the start of a task.
 
     Args:
-        settings: of the run.
-        arm: what may be relied upon.
-        task: where from, where to.
-        predictor: the arm's.
-        deadline: for its answers [s].
+        settings: settings of the run.
+        arm: arm that drives.
+        task: building, start, goal and route.
+        predictor: predictor of the arm; None: it has none.
+        deadline: time that a prediction may take [s].
     """
     truth, window = task.world.grid, settings.window
     config = replace(navigator_config(settings, arm, truth.frame.resolution), deadline=deadline)
@@ -251,26 +256,26 @@ def navigator_for(
 
 
 def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Driven:
-    """Drive one episode with one arm.
+    """Drive one episode with one arm, and return the result and the arrays of the drive.
 
     Args:
-        settings: of the run.
+        settings: settings of the run.
         index: number of the episode.
-        arm_name: who drives.
-        task: by default that of the episode; another may be of any building.
+        arm_name: name of the arm.
+        task: task to drive; None: that of the episode.
 
     Raises:
-        NoTaskError: if the world has no drive of the length wanted.
+        NoTaskError: if the building has no route of at least 10 m.
     """
     task = task or task_of(settings, index)
     arm = ARMS[arm_name]
     car = car_of(settings)
     choices = {"chosen": load_predictor(settings.predictor), "oracle": Oracle(task.world)}
     predictor = choices.get(arm.predictor)
-    # Whatever the machine is busy with, a drive must come out the same.
+    # A long deadline, so that the result does not depend on the load of the machine.
     navigator = navigator_for(settings, arm, task, predictor, deadline=600.0)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
-    # Of the task's seed, so that an episode is the same whichever it is of a run.
+    # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
     episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
     _give_back()
@@ -297,7 +302,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         ticks=len(trace["kept"]),
         faults={str(k): int(v) for k, v in episode.faults.items()},
         paths={str(k): int(v) for k, v in episode.paths.items()},
-        # Of the code that drove, which may be another machine's.
+        # The commit on this machine, which may be another than that of the command.
         commit=commit(),
         cycle_ms=[float(np.percentile(times, q)) for q in (50, 99)],
     )
@@ -310,10 +315,10 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
 
 
 def _give_back() -> None:
-    """Give freed memory back to the system.
+    """Return freed memory to the operating system.
 
-    glibc keeps it in pieces, and over drives in buildings of all sizes the pieces become too small
-    for the next one's maps: a process grew by 0.5 MiB a drive.
+    Otherwise glibc keeps it in fragments, which are too small for the maps of the next building: a
+    process grew by 0.5 MiB in each drive.
     """
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:

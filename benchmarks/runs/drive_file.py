@@ -1,4 +1,4 @@
-"""A JSON file of drives that grows, drive by drive, so that an interrupted command can go on."""
+"""A JSON file to which drives are added one by one, so that an interrupted command can continue."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_drives(path: Path, kind: str) -> dict[str, Any]:
     found = read_results(path)
     try:
         if found["kind"] == kind:
-            # A drive without a number, or settings that are none, are somebody else's.
+            # These raise if a drive has no number, or if the settings are no dictionary.
             [int(drive["index"]) for drive in found["drives"]]
             found["settings"].keys()
             return found
@@ -37,16 +37,17 @@ def read_drives(path: Path, kind: str) -> dict[str, Any]:
 
 
 class DriveFile:
-    """A file of drives; it is always whole.
+    """A file of drives, which is written atomically after each drive.
 
     Args:
-        path: of the file; made if need be.
-        kind: of the results.
-        settings: of the run, plain values.
-        grows: the setting that may differ in a file that is continued: the number of drives.
+        path: path of the file; it is made if it is missing.
+        kind: kind of the results, a key of `predictor.infra.results_file.COMMANDS`.
+        settings: settings of the run, plain data for JSON.
+        grows: name of the setting that may differ in a file that is continued: the number of
+            drives.
 
     Raises:
-        UsageError: if the file is of other settings or cannot be written.
+        UsageError: if the file has other settings or cannot be written.
     """
 
     def __init__(self, path: Path, kind: str, settings: dict[str, Any], grows: str) -> None:
@@ -63,11 +64,11 @@ class DriveFile:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise UsageError(f"--out: {path.parent} cannot be made: {error.strerror}") from None
-        # Now, not after the first drive.
+        # Written at once, so that an error is not found only after the first drive.
         self._write()
 
     def add(self, drive: dict[str, Any]) -> None:
-        """Keep a drive, and write the file anew.
+        """Add a drive, and write the file.
 
         Raises:
             UsageError: if it cannot be written.
@@ -83,17 +84,18 @@ class DriveFile:
         about: Callable[[dict[str, Any]], str],
         enough: Callable[[], bool] = lambda: False,
     ) -> dict[Item, str]:
-        """Do the drives that the file lacks, with a progress bar.
+        """Make the drives that are missing in the file, with a progress bar.
 
         Args:
-            work: does a drive, or says in a line why there is none; see `finished`.
-            items: one for each drive, in the order of their numbers.
-            jobs: worker processes.
-            about: tells of a drive beside the bar.
-            enough: whether the drives that there are will do; asked after each.
+            work: function from an item to a drive, or to a line that says why there is none; see
+                `predictor.infra.workers.finished`.
+            items: item of each drive, in the order of the drives' numbers.
+            jobs: number of worker processes.
+            about: function from a drive to the text beside the progress bar.
+            enough: function that is called after each drive; True: no more drives are needed.
 
         Returns:
-            The items without a drive, and why.
+            The items without a drive, each with the reason.
 
         Raises:
             UsageError: if drives are lost because processes died, or the file cannot be written.
@@ -118,11 +120,11 @@ class DriveFile:
         return skipped
 
     def first(self, count: int) -> list[dict[str, Any]]:
-        """Return those of the first drives that are there."""
+        """Return the drives whose number is below `count`, as far as they have been made."""
         return [self.drives[index] for index in range(count) if index in self.drives]
 
     def _write(self) -> None:
-        # A line a drive, so that a change of one is a change of a line.
+        # One line for each drive, so that differences between files are easy to see.
         lines = [_json(self.drives[index]) for index in sorted(self.drives)]
         text = f'{_json(self._head)[:-1]},"drives":[\n' + ",\n".join(lines) + "\n]}\n"
         try:

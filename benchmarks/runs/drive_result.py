@@ -1,4 +1,4 @@
-"""The result of one drive, from its end to summaries, tables and figures."""
+"""The result of one drive, as it is stored in results.json and used by tables and figures."""
 
 from __future__ import annotations
 
@@ -8,45 +8,46 @@ from types import NoneType, UnionType
 from typing import Any, Self, get_args, get_origin, get_type_hints
 
 FARTHEST = 1e9
-"""Larger numbers are refused: nothing that holds them can be drawn."""
+"""Largest number accepted from a file; larger ones cannot be drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveResult:
-    """What results.json holds of a drive; `dataclasses.asdict` gives its JSON.
+    """The measures of one drive; `dataclasses.asdict` gives its entry in results.json.
 
-    Fields with a default are missing from the results of older versions.
+    Fields with a default are missing in the results of older versions.
 
     Attributes:
-        vehicle: of `benchmarks.runs.settings.VEHICLES`.
-        t_opt: time of the best drive that `benchmarks.optimum` found [s].
-        arm: of `benchmarks.runs.settings.ARMS`.
+        vehicle: car, a key of `benchmarks.runs.settings.VEHICLES`.
+        t_opt: time of the fastest drive that `benchmarks.optimum` found for the task [s].
+        arm: arm, a key of `benchmarks.runs.settings.ARMS`.
         index: number of the episode.
         world: name of the building.
-        seed: of the task.
-        start: x [m], y [m], yaw [rad].
-        goal: x, y [m].
-        learned: whether the predictor was trained in this building.
+        seed: seed of the task.
+        start: x [m], y [m], yaw [rad] of the start.
+        goal: x, y of the goal [m].
+        learned: whether the predictor was trained or validated in this building.
         shortest: length of the task's prescribed route [m].
-        outcome: of `sim.episode.Outcome`.
+        outcome: outcome, one of `sim.episode.Outcome`.
         time: duration [s].
         path_length: distance driven [m].
-        shortest_length: length of the shortest way on the whole map [m]; None if none was found.
-        t_bound: time of the shortest way at the car's limits [s].
+        shortest_length: length of the shortest path with the whole map known [m]; None if no path
+            was found.
+        t_bound: least time T_bound for the shortest path at the car's limits [s].
         sct: success weighted by completion time, t_bound / time; 0 if the goal was not reached.
         detour: path_length / shortest_length.
-        mean_speed: [m/s].
-        max_speed: [m/s].
-        min_clearance: least distance of the body from an obstacle [m].
-        stops: number of stops on the way.
-        impact_speed: speed at the collision, if there was one [m/s].
-        promises: ticks in which the plan relied on unobserved cells.
-        promises_broken: those of them in which such a cell was in fact not free.
-        ticks: control cycles.
-        faults: kind of fault → number of times that it was survived.
+        mean_speed: mean speed [m/s].
+        max_speed: highest speed [m/s].
+        min_clearance: smallest distance of the body from an obstacle [m].
+        stops: number of stops before the end.
+        impact_speed: speed at the collision [m/s]; None if there was none.
+        promises: number of ticks in which the plan relied on unobserved cells.
+        promises_broken: number of these ticks in which such a cell was in fact not free.
+        ticks: number of control cycles.
+        faults: kind of fault → number of ticks in which it was handled.
         paths: source of the path → number of paths followed.
-        commit: of the code that drove.
-        cycle_ms: median and 99th percentile of the control cycle's time [ms].
+        commit: commit of the code that drove.
+        cycle_ms: median and 99th percentile of the time of a control cycle [ms].
     """
 
     vehicle: str = "dubins"
@@ -81,7 +82,7 @@ class DriveResult:
 
     @classmethod
     def from_json(cls, found: Any) -> Self:
-        """Return the result that a JSON object holds; names that are not fields are ignored.
+        """Return the result that a JSON object contains; unknown names are ignored.
 
         Raises:
             ValueError: if a field is missing, of the wrong type, or not a finite number.
@@ -99,7 +100,7 @@ class DriveResult:
 
     @property
     def verdict(self) -> str:
-        """The time and, where it is known, SCT, for people."""
+        """The time and, if it is known, the SCT as text for figures."""
         return f"{self.time:.1f} s" + ("" if self.sct is None else f" · SCT {self.sct:.2f}")
 
 
@@ -109,7 +110,7 @@ def _hints() -> dict[str, Any]:
 
 
 def _fits(value: Any, hint: Any) -> bool:
-    """Return whether a JSON value is of an annotated type, its numbers finite."""
+    """Return whether a JSON value has an annotated type, with numbers up to `FARTHEST`."""
     kind, inner = get_origin(hint), get_args(hint)
     if kind is UnionType:
         return any(_fits(value, one) for one in inner)

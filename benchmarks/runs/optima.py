@@ -1,4 +1,4 @@
-"""Time-optimal drives on disk: what `benchmarks.optimum` writes, and others compare with."""
+"""Reading of the time-optimal drives that `benchmarks.optimum` has written."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from predictor.infra.command_line import UsageError
 from predictor.infra.markdown import records
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
-"""Identifies a task: world, seed, start x, y, yaw, goal x, y, rounded."""
+"""Identity of a task: building, seed, start (x, y, yaw) and goal (x, y), rounded."""
 KIND = "optimum"
 
 
 def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
-    """Return what identifies a task in any file: numbers are rounded to 1 mm, 1 mrad.
+    """Return the identity of a task, with coordinates rounded to 1 mm and 1 mrad.
 
     Args:
-        world: its name.
-        seed: of the task.
-        start: x, y, yaw.
-        goal: x, y.
+        world: name of the building.
+        seed: seed of the task.
+        start: x, y, yaw of the start [m, m, rad].
+        goal: x, y of the goal [m].
     """
     return world, int(seed), _rounded(start), _rounded(goal)
 
 
 def _rounded(numbers: Sequence[float]) -> tuple[float, ...]:
-    # Adding 0 makes −0 the 0 that it equals.
+    # Adding 0 turns −0 into 0.
     return tuple(round(float(number), 3) + 0.0 for number in numbers)
 
 
 def optimum_of(path: Path, settings: Settings | None = None) -> dict[Key, float | None]:
-    """Return the least times T_opt [s] by task, None where no drive was found.
+    """Read the least time T_opt of each task [s]; None for a task without a drive.
 
     Args:
         path: file that `benchmarks.optimum` has written.
-        settings: of the drives, whose car must be theirs; any if None.
+        settings: settings of the run, which must have the same car; None: not checked.
 
     Raises:
         UsageError: if the file cannot be read, or is of another car.
@@ -61,7 +61,7 @@ def read_optima(path: Path) -> dict[str, Any]:
     """
     found = read_drives(path, KIND)
     try:
-        # What others rely on is there.
+        # These raise if a value that others use is missing or of a wrong type.
         [(d["t_opt"], d["t_bound"], *_rounded(d["start"])) for d in found["drives"]]
         [float(found["settings"][name]) for name in ("v_max", "braking")]
     except (ValueError, KeyError, TypeError):
@@ -70,7 +70,7 @@ def read_optima(path: Path) -> dict[str, Any]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return the means over drives whose T_opt and T_bound are known, as Markdown."""
+    """Return a Markdown table of the means over drives whose T_opt and T_bound are known."""
     drives = found["drives"]
     known = [d for d in drives if d["t_opt"] is not None and d["t_bound"] is not None]
     best, bound, length = (

@@ -1,4 +1,4 @@
-"""Tables over several files of results, a line for each."""
+"""Tables over several results files, with one line or more for each file."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from predictor.infra.markdown import DASH, figure, interval, records
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
-    """Summarise a comparison's episodes again: old files have fewer figures."""
+    """Summarise the episodes of a comparison again, since older files lack some measures."""
     episodes, arms = [*map(DriveResult.from_json, run["episodes"])], tuple(run["settings"]["arms"])
     route = run["settings"]["route"]
     return run | {"summary": summarise(episodes, arms), "gap": gap(episodes, arms, route)}
 
 
 def overview(runs: dict[str, dict[str, Any]]) -> str:
-    """Return a table of one line for each comparison: what prediction brought, and its price.
+    """Return a table of the main measures of several comparisons, one line for each.
 
-    A dash stands for an arm that did not drive, and for a figure that older results lack.
+    A dash stands for an arm that did not drive, and for a measure that older results lack.
 
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`.
@@ -62,7 +62,7 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
 
 
 def reliances(runs: dict[str, dict[str, Any]]) -> str:
-    """Return a line for each run of `predicted`: its reliance ε and the promises it broke.
+    """Return a table of the reliance ε and the broken promises of `predicted`, one line per run.
 
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
@@ -86,7 +86,7 @@ def reliances(runs: dict[str, dict[str, Any]]) -> str:
 
 
 def scores(runs: dict[str, dict[str, Any]]) -> str:
-    """Return a line for each predictor on each group of buildings: its scores.
+    """Return a table of scores, one line for each predictor on each group of buildings.
 
     Args:
         runs: name → contents of a results.json of `predictor.evaluate`.

@@ -1,4 +1,4 @@
-"""The quickest drives of a comparison's tasks, with the whole map known."""
+"""The fastest drives for the tasks of a comparison, with the whole map known."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from sim.episode import EpisodeConfig
 from sim.task import NoTaskError, Task
 
 FINE = 0.05
-"""Ticks in which the best drive, found in ticks of `TICK`, is solved for again, about [s]."""
+"""Approximate tick with which the best drive, found with ticks of `TICK`, is refined [s]."""
 GENTLE = 0.4
-"""Share of the car's limits that guesses use where those at its limits lead nowhere."""
+"""Share of the car's limits that guesses use if those at the limits lead to no valid drive."""
 ITERATIONS = 150
-"""Of the solver from one guess, at most; twice that from a gentle one."""
+"""Largest number of solver iterations from a guess; twice as many from a gentle one."""
 
 
 def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | None, int]:
-    """Search for the quickest drive of a task.
+    """Search for the fastest drive of a task.
 
     Args:
-        task: world, start and goal.
-        car: limits and body.
-        goal_radius: how near the goal a drive ends [m].
+        task: building, start and goal.
+        car: limits and body of the car.
+        goal_radius: distance from the goal at which a drive ends [m].
 
     Returns:
         The drive, or None if none was found, and the number of first guesses.
@@ -59,7 +59,7 @@ def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | No
 
 
 def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
-    """Return what the file of optima holds of an episode, or a line why it has no drive."""
+    """Return the entry of an episode in the results file, or one line why it has no task."""
     started = time.perf_counter()
     car = CarLimits(v_max=settings.v_max, braking=settings.braking)
     radius = EpisodeConfig().goal_radius
@@ -68,7 +68,7 @@ def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
     except NoTaskError as error:
         return str(error)
     length = shortest_length(task)
-    # Without one, only the body's long side shows a gap to be wide enough.
+    # None if no path was found; a drive may still exist, through a gap hardly wider than the car.
     shortest = None if length is None else round(length, 4)
     drive, tried = quickest(task, car, radius)
     result = {

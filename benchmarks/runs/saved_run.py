@@ -1,4 +1,4 @@
-"""A saved run: what `benchmarks.corridor` wrote into a folder, read piece by piece and checked."""
+"""A run that `benchmarks.corridor` has saved; its files are checked, and traces read on access."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from predictor.infra.resumable import UNREADABLE
 from predictor.mapping.grid import Grid, GridFrame
 
 RESULTS, TRACES = "results.json", "traces.npz"
-"""The files of a run."""
+"""Names of the files of a run."""
 
 UNNAMED = {"vehicle": "dubins", "braking": 1.5, "risk": 0.0, "level": 0.0, "fixed_level": False}
-"""Settings that older runs do not name, and what they were driven with."""
+"""Settings that older runs do not contain → values that they were driven with."""
 LARGEST = 2**30
-"""Of an array; a larger one is refused before it is read [bytes]."""
+"""Largest size of an array [bytes]; a larger one is not read."""
 SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "states": ("any", 4),
     "controls": ("T", 2),
@@ -51,29 +51,29 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "moment_p_occupied": "moment_p_free",
     "moment_confidence": "moment_p_free",
 }
-"""The shape of each array of a drive of T ticks, or the name of the array that has the same shape.
-`first_seen` has the shape of the map."""
+"""Array of a trace → its shape for a drive of T ticks, or the name of an array of the same shape.
+`first_seen`, which is not listed, has the shape of the map."""
 
 
 def named(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of a run, also of an older one, by their present names."""
+    """Return the settings of a run, also of an older version, under their present names."""
     if "reliance" in settings or "risk" not in settings:
         return UNNAMED | settings
     return UNNAMED | settings | {"reliance": settings["risk"], "risk": 0.0}
 
 
 class RunError(LineError):
-    """A folder does not hold a run that can be read; the message is one line."""
+    """A folder contains no readable run; the message is one line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The arrays of one drive, each read when it is asked for; see `sim.episode.Episode`.
+    """The arrays of one drive, each read on access; `sim.recorder` describes them.
 
     Attributes:
-        file: where they are.
-        index: the episode's number.
-        arm: who drove.
+        file: archive of the arrays.
+        index: number of the episode.
+        arm: name of the arm.
     """
 
     file: Archive
@@ -113,29 +113,29 @@ class Trace:
 
     @cached_property
     def states(self) -> NDArray[np.float64]:
-        """x, y, yaw, v at the ends of the ticks, (T+1, 4)."""
+        """x, y [m], yaw [rad], v [m/s] at the start and at the end of each tick, (T+1, 4)."""
         return self["states"].astype(np.float64)
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """Driven so far at each state [m], (T+1,)."""
+        """Distance driven up to each state [m], (T+1,)."""
         steps = np.hypot(*np.diff(self.states[:, :2], axis=0).T)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
     def gears(self) -> NDArray[np.int8]:
-        """The gear of each tick's plan, 1 or -1, (T,); 1 throughout in older traces."""
+        """Gear of each tick's plan, 1 or -1, (T,); always 1 in older traces."""
         return self["gears"] if "gears" in self else np.ones(len(self.states) - 1, np.int8)
 
     @cached_property
     def cusps(self) -> NDArray[np.int64]:
-        """Numbers of the states at which the car stands and then drives off the other way, (k,)."""
+        """Numbers of the states at which the car stands and then changes its direction, (k,)."""
         moving = np.flatnonzero(self.states[:, 3])
         return moving[1:][np.diff(np.sign(self.states[moving, 3])) != 0] - 1
 
     @cached_property
     def limits(self) -> list[str]:
-        """What limited the speed, by name, tick by tick, (T,)."""
+        """Name of what limited the speed in each tick, (T,)."""
         names, limits = [str(name) for name in self["limit_names"]], self["limits"].astype(int)
         if len(limits) and not 0 <= limits.min() <= limits.max() < len(names):
             self._refuse("limits", f"names none of the {len(names)} limits")
@@ -143,7 +143,7 @@ class Trace:
 
     @cached_property
     def relied(self) -> list[NDArray[Any]]:
-        """Rows and columns of cells not seen that each tick's plan relies on, T of (k, 2)."""
+        """Rows and columns of the unobserved cells that each tick's plan relies on, T of (k, 2)."""
         counts, cells = self["relied_count"].astype(int), self["relied_cells"]
         if (counts < 0).any() or counts.sum() != len(cells):
             self._refuse("relied_count", f"does not add up to the {len(cells)} cells relied on")
@@ -152,11 +152,11 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Archive:
-    """A compressed file of named arrays.
+    """A NumPy archive of named arrays, read one by one, or such arrays in memory.
 
     Attributes:
-        path: where it lies.
-        arrays: of a run that is in no file, by the names that they would have there.
+        path: path of the file.
+        arrays: arrays by name, for a run that was not saved; None: they are in the file.
     """
 
     path: Path
@@ -164,7 +164,7 @@ class Archive:
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """Of all arrays."""
+        """Names of all arrays."""
         return frozenset(self._file.files if self.arrays is None else self.arrays)
 
     def array(self, name: str) -> NDArray[Any]:
@@ -186,7 +186,7 @@ class Archive:
             raise RunError(f"{self.path} is broken at {name!r}: {one_line(error)}") from error
 
     def map(self, index: int) -> NDArray[np.int8]:
-        """Cells of the true map of an episode, (rows, columns).
+        """Return the cells of the true map of an episode, (rows, columns).
 
         Raises:
             RunError: if they are missing or broken.
@@ -210,15 +210,15 @@ class Archive:
 
 
 def frame_of(path: Path, numbers: NDArray[Any], cells: NDArray[Any]) -> GridFrame:
-    """Return the frame of some cells (rows, columns) from resolution, x and y, (3,) [m].
+    """Return the frame of a map that was read from a file.
 
     Args:
-        path: that they were read from.
-        numbers: read.
-        cells: in the frame.
+        path: path of the file, for error messages.
+        numbers: resolution, x and y of the lower-left corner, (3,) [m].
+        cells: cells of the map, (rows, columns).
 
     Raises:
-        RunError: if they are no frame.
+        RunError: if the numbers cannot be those of a frame.
     """
     if (
         numbers.shape != (3,)
@@ -234,14 +234,14 @@ def frame_of(path: Path, numbers: NDArray[Any], cells: NDArray[Any]) -> GridFram
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A benchmark's results, and lazily its traces.
+    """The results of a run of `benchmarks.corridor`, and its traces, which are read on access.
 
     Attributes:
-        directory: where it was saved.
-        settings: of the run.
-        summary: arm → its measures.
-        episodes: the result of each drive.
-        archive: the traces.
+        directory: folder of the run.
+        settings: settings of the run by name.
+        summary: arm → measures over all paired episodes.
+        episodes: result of each drive.
+        archive: archive of the traces.
     """
 
     directory: Path
@@ -252,7 +252,7 @@ class Run:
 
     @classmethod
     def load(cls, directory: Path | str) -> Run:
-        """Read the results of a folder; traces are read when they are needed.
+        """Read the results of a folder; traces are read on access.
 
         Raises:
             RunError: if the folder or its results are missing, broken, or empty.
@@ -283,7 +283,7 @@ class Run:
 
     @property
     def label(self) -> str:
-        """A short name: the folder's."""
+        """Name of the run: that of its folder."""
         return self.directory.resolve().name
 
     @cached_property
@@ -298,7 +298,7 @@ class Run:
         return sorted({episode.index for episode in self.episodes})
 
     def first(self, count: int) -> Self:
-        """Return the run with its first episodes alone; its summary stays that of all."""
+        """Return the run with its first `count` episodes only, but with the summary of all."""
         kept = set(self.indices[:count])
         return replace(self, episodes=[e for e in self.episodes if e.index in kept])
 
@@ -309,7 +309,7 @@ class Run:
 
     @cached_property
     def drives(self) -> dict[tuple[int, str], DriveResult]:
-        """The result of each drive, by number of the episode and arm."""
+        """Result of each drive, by number of the episode and arm."""
         return {(episode.index, episode.arm): episode for episode in self.episodes}
 
     def arms_of(self, index: int) -> list[str]:
@@ -325,11 +325,11 @@ class Run:
         return arms
 
     def pick_arm(self, index: int | None, arm: str | None = None) -> str:
-        """Return the arm to show: the one asked for, else one that predicts.
+        """Return the arm to show: the one asked for, else one that uses a prediction.
 
         Args:
-            index: the episode that it must have driven; None: any.
-            arm: asked for.
+            index: number of an episode that the arm must have driven; None: any.
+            arm: arm that is asked for; None: choose one.
 
         Raises:
             RunError: if there is no such episode, or no such arm in it.
@@ -344,7 +344,7 @@ class Run:
 
     @cached_property
     def showcase(self) -> int:
-        """The first episode that all arms reached the goal in, else the first of all."""
+        """Number of the first episode in which all arms reached the goal, else of the first one."""
         for index in self.indices:
             drives = [self.drives.get((index, arm)) for arm in self.arms]
             if all(drive and drive.outcome == "reached" for drive in drives):
@@ -363,7 +363,7 @@ class Run:
         return trace
 
     def truth(self, index: int) -> Grid:
-        """Return the true map of an episode's world.
+        """Return the true map of an episode's building.
 
         Raises:
             RunError: if it is missing or broken.

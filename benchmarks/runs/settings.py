@@ -11,13 +11,13 @@ from predictor.mapping.family_names import FAMILIES
 
 @dataclass(frozen=True)
 class Arm:
-    """One arm of a comparison: how much of the world it lets the one planner know.
+    """One arm (variant) of a comparison: how much of the map its planner may know and rely on.
 
     Attributes:
-        predictor: "none", "chosen" (by the user) or "oracle".
-        reliance: ε; None: the value of --reliance.
-        steer: whether the prediction moves the route.
-        whole_map: whether all of the world is known from the start.
+        predictor: "none", "chosen" (the predictor of --predictor) or "oracle".
+        reliance: reliance ε; None: the value of --reliance.
+        steer: whether the prediction influences the route.
+        whole_map: whether the whole map is known from the start.
     """
 
     predictor: str
@@ -27,16 +27,16 @@ class Arm:
 
     @property
     def takes_risk(self) -> bool:
-        """Whether --risk and --level are of any concern to this arm."""
+        """Whether --risk and --level apply to this arm."""
         return self.predictor == "chosen" and self.reliance is None
 
     def drives_alike(self, differing: set[str]) -> bool:
-        """Return whether this arm drives alike in comparisons with some settings different.
+        """Return whether this arm makes the same drives in two runs with different settings.
 
-        Never of an arm with the chosen predictor: its code may have changed, whatever its name.
+        False for an arm with the chosen predictor, since the code of a predictor may have changed.
 
         Args:
-            differing: names of these settings.
+            differing: names of the settings in which the two runs differ.
         """
         heedless = {"predictor", "weights", "risk", "level", "fixed_level"}
         if self.predictor == "none":
@@ -47,21 +47,21 @@ class Arm:
 
 
 ARMS = {
-    # What was seen, no prediction at all.
+    # Only cells that were observed free; no prediction.
     "known": Arm(predictor="none", reliance=0.0, steer=False, whole_map=False),
-    # What was seen; the prediction steers the route.
+    # Only cells that were observed free; the prediction influences the route.
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
-    # The prediction, at the stated reliance and risk.
+    # Also predicted cells, at the given reliance and level; the prediction influences the route.
     "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False),
-    # All that was not seen occupied.
+    # All cells that were not observed occupied.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
-    # The truth inside the predicted window.
+    # As predicted, but the prediction is the true map of the predicted square.
     "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False),
-    # The whole map.
+    # All free cells; the whole map is known from the start.
     "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),
 }
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
-"""The cars, and how fast each reverses [m/s]; 0: it has no reverse gear."""
+"""Car → top speed in reverse [m/s]; 0: no reverse gear."""
 
 
 def _arms(text: str) -> tuple[str, ...]:
@@ -70,7 +70,7 @@ def _arms(text: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Settings(Options):
-    """All that decides the numbers of a comparison; its options say what they are."""
+    """Settings that decide the results of a comparison; the help of each option describes it."""
 
     world: tuple[str, ...] = option(
         ("corridor",),
@@ -103,27 +103,28 @@ class Settings(Options):
     )
     risk: float = option(
         0.0,
-        "chance of a collision in a drive that arm predicted may take; 0: none, by construction. "
-        "Above 0 a calibration says how far its last resort may rely upon predictions",
+        "accepted probability of a collision in a drive of arm predicted; 0: collisions are "
+        "excluded by construction. Above 0, --calibration gives the level λ of its last resort",
         "δ",
         low=0,
         high=1,
     )
     level: float = option(
         0.0,
-        "in place of --risk: the last resort of arm predicted may rely upon an unobserved cell if "
-        "confidence · p_free is at least 1 − λ; 0: upon none. Nothing is certified",
+        "in place of --risk, without a certificate: the last resort of arm predicted may enter an "
+        "unobserved cell if confidence · p_free is at least 1 − λ; 0: none. If that proves wrong, "
+        "the car may collide",
         "λ",
         low=0,
         high=0.99,
     )
     fixed_level: bool = option(
-        False, "keep the level of the last resort even while predictions prove wrong"
+        False, "do not lower the level of the last resort while predictions prove wrong"
     )
     reliance: float = option(
         0.05,
-        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε; if that "
-        "proves wrong, the car brakes hard; at least λ",
+        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε. If that "
+        "proves wrong, the car brakes hard. ε is raised to λ if it is smaller",
         "ε",
         low=0,
         high=1,
@@ -164,4 +165,4 @@ class Settings(Options):
         if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
-            raise UsageError("--arms wants each arm once, and at least one")
+            raise UsageError("--arms needs at least one arm, and each only once")

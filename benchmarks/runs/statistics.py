@@ -14,12 +14,12 @@ from scipy.stats import binomtest
 from benchmarks.runs.drive_result import DriveResult
 
 ResultsByArm = dict[str, list[DriveResult]]
-"""arm → its results on the paired episodes, in one order."""
+"""Arm → its results on the paired episodes, in the same order for all arms."""
 
 MIN_WORLDS = 5
-"""An interval over worlds is given from no fewer distinct ones."""
+"""Smallest number of different buildings ("worlds") for which an interval over them is given."""
 GAP = ("known", "predicted", "oracle")
-"""Arms whose gap is shared."""
+"""Arms for the share of the gap between the first and the last that the second one closes."""
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
@@ -39,14 +39,15 @@ def estimate(
     """Compute a statistic of sums over episodes and its 95 % bootstrap interval.
 
     Args:
-        worlds: each episode's world, n of them; episodes of one world are drawn together.
-        entries: what is summed, (k, n).
-        statistic: of the sums of all resamplings, (k, rounds); one value for each, (rounds,).
-        rounds: resamplings; their seed is fixed.
+        worlds: building of each episode, n of them; episodes of one building are drawn together.
+        entries: k values of each episode that are summed, (k, n).
+        statistic: function from the sums of all resamplings, (k, rounds), to the value of each,
+            (rounds,).
+        rounds: number of resamplings; their seed is fixed.
 
     Returns:
-        `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` distinct worlds,
-        which say too little of others.
+        `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` different
+        buildings.
     """
     value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
     numbers: dict[str, int] = {}
@@ -68,16 +69,18 @@ def grouped_mean(
     weights: NDArray[np.float64],
     rounds: int = 2000,
 ) -> dict[str, Any] | None:
-    """Compute a weighted mean and its 95 % interval by resampling groups.
-
-    Without any weight the result is None. One group says nothing of others: then the ends of the
-    interval are None.
+    """Compute a weighted mean and its 95 % bootstrap interval by resampling groups.
 
     Args:
-        groups: to which each entry belongs, (n,); those of one group are drawn together.
-        sums: of what is averaged, times the weight, (n,); where it is NaN, there is no entry.
-        weights: (n,).
-        rounds: resamplings; their seed is fixed, so that two means are compared on the same ones.
+        groups: group of each entry, (n,); the entries of a group are drawn together.
+        sums: value times weight of each entry, (n,); NaN: the entry does not count.
+        weights: weight of each entry, (n,).
+        rounds: number of resamplings; their seed is fixed, so that two means are compared on the
+            same ones.
+
+    Returns:
+        `value`, `low`, `high`, and `groups`, the number of groups. Both ends are None for a single
+        group. None if no entry has a weight.
     """
     there = np.isfinite(sums) & (weights > 0)
     if not there.any():
@@ -93,7 +96,13 @@ def grouped_mean(
 
 
 def mean_speed(arms: ResultsByArm, arm: str, baseline: str | None = None) -> dict[str, Any]:
-    """Compute an arm's speed, total length over total time, less that of a baseline [m/s]."""
+    """Compute the mean speed of an arm, total distance over total time [m/s], with its interval.
+
+    Args:
+        arms: results of each arm.
+        arm: name of the arm.
+        baseline: arm whose mean speed is subtracted; None: none.
+    """
     names = (arm,) if baseline is None else (arm, baseline)
     entries = np.concatenate([_values(arms, key, *names) for key in ("path_length", "time")])
 
@@ -108,20 +117,22 @@ def mean_speed(arms: ResultsByArm, arm: str, baseline: str | None = None) -> dic
 def success(arms: ResultsByArm, arm: str) -> dict[str, Any] | None:
     """Compute SCT, success weighted by completion time (Yokoyama, Ha and Batra 2021).
 
-    The mean over episodes of T_bound / time where the goal was reached, else of 0.
+    It is the mean over episodes of T_bound / time; 0 for episodes in which the goal was not
+    reached.
 
     Returns:
-        None if no episode has one in every arm: results of older runs have none.
+        As `estimate`. None if no episode has an SCT in all arms, as in older results.
     """
     scored = _scored(arms)
     return _mean(scored, _values(scored, "sct", arm)[0]) if scored[arm] else None
 
 
 def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | None:
-    """Compute total time over that of a baseline, on the episodes that both reached.
+    """Compute the total time of an arm divided by that of a baseline, where both reached the goal.
 
     Returns:
-        Its interval is over worlds; `episodes` says how many there are. None if there are none.
+        As `estimate`, and `episodes`, the number of episodes that both reached. None if there are
+        none.
     """
     both = reached(arms, (arm, baseline))
     if not both[arm]:
@@ -132,16 +143,16 @@ def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | 
 
 
 def share_of_gap(arms: ResultsByArm, key: str) -> dict[str, Any] | None:
-    """(predicted - known) / (oracle - known) in one figure, with its 95 % interval over worlds.
+    """Compute the share of the gap that `predicted` closes, (predicted - known) / (oracle - known).
 
     Args:
-        arms: their results.
-        key: "sct"; or "time", over the episodes that all three reached. Time is for prescribed
-            routes only: else a detour that prediction saves counts as driving faster.
+        arms: results of each arm.
+        key: "sct"; or "time", over the episodes that all three arms reached. Time is for prescribed
+            routes only, since on a free route a shorter route would count as faster driving.
 
     Returns:
-        None where the interval of the denominator reaches 0, from fewer than `MIN_WORLDS` worlds,
-        and where arms or figures are missing.
+        As `estimate`. None if the interval of the denominator includes 0, there are fewer than
+        `MIN_WORLDS` buildings, or arms or values are missing.
     """
     if not arms.keys() >= set(GAP):
         return None
@@ -162,7 +173,7 @@ def share_of_gap(arms: ResultsByArm, key: str) -> dict[str, Any] | None:
 
 
 def _values(arms: ResultsByArm, key: str, *names: str) -> NDArray[np.float64]:
-    """Return a figure of some arms, (arms, episodes)."""
+    """Return a field of the results of some arms, (arms, episodes)."""
     return np.array([[getattr(r, key) for r in arms[name]] for name in names], dtype=np.float64)
 
 
@@ -178,7 +189,7 @@ def _scored(arms: ResultsByArm) -> ResultsByArm:
 
 
 def reached(arms: ResultsByArm, names: tuple[str, ...]) -> ResultsByArm:
-    """Return some arms alone, with those episodes in which all of them reached the goal."""
+    """Return the results of some arms on the episodes in which all of these reached the goal."""
     chosen = {name: arms[name] for name in names}
     return _only(chosen, lambda result: result.outcome == "reached")
 
@@ -193,7 +204,13 @@ def _worlds(arms: ResultsByArm) -> list[str]:
 
 
 def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -> float:
-    """Compute the exact two-sided p that two arms end in an outcome equally often."""
+    """Compute the two-sided p value of the exact McNemar test on an outcome of two arms.
+
+    Args:
+        first: results of one arm.
+        second: results of the other arm on the same episodes.
+        outcome: outcome whose frequency is compared, such as "collided".
+    """
     pairs = list(zip(first, second, strict=True))
     a = sum(x.outcome == outcome != y.outcome for x, y in pairs)
     b = sum(y.outcome == outcome != x.outcome for x, y in pairs)
@@ -201,7 +218,7 @@ def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -
 
 
 def realised_risk(results: Sequence[DriveResult]) -> dict[str, Any] | None:
-    """Compute the share of broken promises, averaged over worlds; None without promises."""
+    """Compute the share of broken promises, averaged over buildings; None without promises."""
     made, broken = Counter[str](), Counter[str]()
     for r in results:
         if r.promises:

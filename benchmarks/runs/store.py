@@ -1,4 +1,4 @@
-"""A run on disk: finished drives are kept one by one, then packed."""
+"""The folder of a running comparison: drives are saved one by one, and packed at the end."""
 
 from __future__ import annotations
 
@@ -31,23 +31,28 @@ from predictor.mapping.conventions import TICK
 PARTS = "parts"
 """Folder of the drives that are not packed yet."""
 GROWS = ("episodes", "arms")
-"""Settings that a run may be continued with more of."""
+"""Settings that may differ when a run is continued."""
 
 
 class Store(ResumableFolder):
-    """The folder of a run, which lets no other run in until the block ends or the process dies.
+    """The folder of a run, locked against other runs until it is closed or the process ends.
 
     Args:
-        out: the folder; made if need be.
-        settings: of the run.
-        weights: fingerprint of the predictor's weights, if it has any.
-        baselines: folder of an earlier run, whose drives of arms that ask no predictor, or the
-            oracle, are taken over where these settings would give the same.
+        out: folder of the run; made if it is missing.
+        settings: settings of the run.
+        weights: fingerprint of the predictor's weights; None: it has none.
+        baselines: folder of an earlier run. Its drives of arms that do not use the chosen predictor
+            are copied, if they would be the same with these settings.
+
+    Attributes:
+        episodes: results of the finished drives.
+        skipped: number of an episode → reason why it has no task.
+        lost: episodes and arms whose worker processes died.
 
     Raises:
         UsageError: if the folder holds a run with other settings or weights, cannot be written, or
-            another run is at work there; if that of the baselines holds no run, or none with a
-            drive that would be the same.
+            is in use by another run; if the folder of the baselines holds no run, or no drive that
+            would be the same.
     """
 
     def __init__(
@@ -56,13 +61,13 @@ class Store(ResumableFolder):
         self.settings = settings
         self.skipped: dict[int, str] = {}
         self.lost: list[tuple[int, str]] = []
-        # As JSON would give it back.
+        # Converted to JSON and back, to be compared with the settings in files.
         self._marked = json.loads(json.dumps(dataclasses.asdict(settings) | {"weights": weights}))
         adopted = None if baselines is None else self._checked(baselines)
         if not (out / SETTINGS).exists() and (out / RESULTS).exists():
-            # Without settings, results that cannot be read may be anybody's.
+            # A folder without settings must at least hold readable results; this raises if not.
             _results(out / RESULTS)
-        # Some older runs name the control period too, which is no setting.
+        # Some older runs also name the control period, which is not a setting.
         grows = (*GROWS, "dt")
         super().__init__(out, self._marked, grows=grows, absent=UNNAMED, exclusive=True)
         self.commit = commit()
@@ -72,19 +77,19 @@ class Store(ResumableFolder):
             self._adopt(*adopted)
 
     def done(self) -> set[tuple[int, str]]:
-        """Episodes and arms that need not be driven again."""
+        """Return the episodes and arms that have been driven."""
         return {(e.index, e.arm) for e in self.episodes}
 
     def add(self, result: DriveResult, arrays: dict[str, NDArray[Any]]) -> None:
-        """Keep a finished drive; after this a kill cannot lose it."""
+        """Save a finished drive; afterwards it survives a kill of the process."""
         self.write(_part(result), dataclasses.asdict(result), arrays)
         self.episodes.append(result)
 
     def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
-        """Write results.json and traces.npz from all that is finished, and return the results.
+        """Write results.json and traces.npz of all finished drives, and return the results.
 
         Args:
-            optima: T_opt of tasks [s]; by default episodes keep the one that they have.
+            optima: task → least time T_opt [s]; None: the results keep their own.
         """
         arms = self.settings.arms
         chosen = [e for e in self.episodes if self._wanted(e)]
@@ -94,7 +99,7 @@ class Store(ResumableFolder):
                 for e in chosen
             ]
         chosen.sort(key=lambda e: (e.index, arms.index(e.arm)))
-        # An interrupt may have left a drive on disk alone, for the next time.
+        # After an interrupt, a file may belong to a drive that is not in `episodes`: it is kept.
         known = {self.folder / _part(e) for e in self.episodes}
         loose = [path for path in self._parts() if path in known]
         if loose:
@@ -120,7 +125,7 @@ class Store(ResumableFolder):
         return episode.index < self.settings.episodes and episode.arm in self.settings.arms
 
     def _checked(self, baselines: Path) -> tuple[Run, list[str]]:
-        """Return an earlier run, and the arms that would drive as they did there."""
+        """Return an earlier run, and the arms whose drives would be the same in this run."""
         try:
             run = Run.load(baselines)
         except RunError as error:
@@ -139,6 +144,7 @@ class Store(ResumableFolder):
         return run, alike
 
     def _adopt(self, run: Run, alike: list[str]) -> None:
+        """Copy the missing drives of some arms from an earlier run."""
         done = self.done()
         try:
             arrays: dict[str, list[str]] = {}
@@ -153,19 +159,19 @@ class Store(ResumableFolder):
 
     @contextmanager
     def _traces(self) -> Iterator[zipfile.ZipFile]:
-        """Give a copy of the packed traces to add to; it takes their place when the block ends."""
+        """Open a copy of the packed traces for adding; at the end it replaces the original."""
         target = self.folder / TRACES
         temporary = target.with_suffix(".tmp")
         try:
             temporary.unlink(missing_ok=True)
             if target.exists():
-                # As it is: to deflate it anew would take hours.
+                # Copied as a file, since compressing the arrays again would take hours.
                 shutil.copyfile(target, temporary)
             with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED, compresslevel=4) as packed:
                 yield packed
             os.replace(temporary, target)
         except BaseException:
-            # On a full disk the half of it would be in the way.
+            # The incomplete file is removed, since the disk may be full.
             temporary.unlink(missing_ok=True)
             raise
 
@@ -180,14 +186,14 @@ class Store(ResumableFolder):
                             packed.writestr(name, part.read(name))
 
     def _packed(self) -> list[DriveResult]:
-        """Return the packed drives with results and traces; damaged files are set aside."""
+        """Return the packed drives that have results and traces; damaged files are set aside."""
         path, traces = self.folder / RESULTS, self.folder / TRACES
         if not path.exists() and not traces.exists():
             return []
         try:
             drives, self.skipped = _results(path)
         except UsageError as error:
-            # Nobody can tell of what drives the traces are.
+            # Without results, the traces cannot be assigned to drives.
             for damaged in (path, traces):
                 if damaged.exists():
                     self.set_aside(damaged, str(error))
@@ -202,9 +208,9 @@ class Store(ResumableFolder):
         return kept
 
     def _good_traces(self) -> set[str]:
-        """Return the names of the packed arrays whose drive and building are whole.
+        """Return the names of the packed arrays of drives whose arrays and building are undamaged.
 
-        A file with damaged ones is set aside, and one with what is good takes its place.
+        If there are damaged arrays, the file is set aside, and the undamaged ones are written anew.
         """
         traces = self.folder / TRACES
         if not traces.exists():
@@ -213,7 +219,7 @@ class Store(ResumableFolder):
             with zipfile.ZipFile(traces) as packed:
                 names = [name.removesuffix(".npy") for name in packed.namelist()]
                 bad = {name.rpartition("/")[0] for name in names if not _reads(packed, name)}
-                # Without its building, no drive of an episode is of use.
+                # A drive cannot be used without the map of its building.
                 worlds = {group[1:] for group in bad if group.startswith("w")}
                 good = {
                     name: packed.read(f"{name}.npy")
@@ -249,7 +255,7 @@ class Store(ResumableFolder):
 
 
 def _results(path: Path) -> tuple[list[DriveResult], dict[int, str]]:
-    """Return the drives of a results.json and why episodes are left out.
+    """Read the drives of a results.json, and the reasons why episodes are left out.
 
     Raises:
         UsageError: if it is damaged or of another version.
@@ -264,7 +270,7 @@ def _results(path: Path) -> tuple[list[DriveResult], dict[int, str]]:
 
 
 def _reads(packed: zipfile.ZipFile, name: str) -> bool:
-    """Return whether an entry can be read and is what was written."""
+    """Return whether an array of an archive can be read, with the right checksum."""
     try:
         packed.read(f"{name}.npy")
     except (*UNREADABLE, RuntimeError):

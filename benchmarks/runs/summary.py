@@ -1,4 +1,4 @@
-"""What a run comes to: a summary for machines, and a table for people."""
+"""The summary of a comparison: the measures of each arm over all paired episodes, and its table."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, figure, interval, markdown
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
-"""Who found the paths that were followed, as `planner.motion.path.Path.source` names them."""
+"""Sources of the paths that were followed, as in `planner.motion.path.Path.source`."""
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
 
 def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
-    """Return each arm's results on the episodes that all arms have finished, in one order."""
+    """Return the results of each arm on the episodes that all arms have finished, in one order."""
     by_key = {(r.index, r.arm): r for r in episodes}
     indices = sorted({r.index for r in episodes})
     common = [i for i in indices if all((i, arm) in by_key for arm in arms)]
@@ -28,7 +28,7 @@ def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
 
 
 def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, Any]:
-    """arm → figures, over the paired episodes; {} while no episode is finished by all arms."""
+    """Return arm → measures over the paired episodes; {} if no episode is finished by all arms."""
     by_arm = paired(episodes, arms)
     if not next(iter(by_arm.values()), []):
         return {}
@@ -36,7 +36,7 @@ def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, A
 
 
 def _figures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
-    """Return the figures of an arm, each None where it is not known."""
+    """Compute the measures of an arm over the paired episodes; None for one that is not known."""
     results = by_arm[arm]
     reached = [r for r in results if r.outcome == "reached"]
     together = statistics.reached(by_arm, tuple(by_arm))[arm]
@@ -80,7 +80,7 @@ def _figures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
 
 
 def _with_ends(name: str, estimated: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the value and the interval of an estimate under a name; None where there is none."""
+    """Return the value and the interval of an estimate, as NAME and NAME_interval."""
     value, low, high = (
         None if estimated is None else estimated[k] for k in ("value", "low", "high")
     )
@@ -88,14 +88,14 @@ def _with_ends(name: str, estimated: dict[str, Any] | None) -> dict[str, Any]:
 
 
 def _ratio(results: list[DriveResult], top: str, bottom: str) -> float | None:
-    """Return the sum of one figure over that of another, where both are known."""
+    """Return the sum of one field over the sum of another, for results in which both are known."""
     known = [r for r in results if getattr(r, bottom) is not None]
     sums = [sum(getattr(r, key) for r in known) for key in (top, bottom)]
     return sums[0] / sums[1] if known else None
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
-    """Return the mean of the values that are known."""
+    """Return the mean of the values that are not None; None if all are."""
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
 
@@ -104,8 +104,8 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
     """Return the share of the gap between `known` and `oracle` that `predicted` closes.
 
     Returns:
-        `sct`: the share in SCT; `time`: in time, on a prescribed route alone. Each None where it
-        cannot be given.
+        `sct`: the share in SCT; `time`: the share in time, on a prescribed route only. Each is None
+        if `statistics.share_of_gap` gives none.
     """
     by_arm = paired(episodes, arms)
     in_time = statistics.share_of_gap(by_arm, "time") if route == "fixed" else None
@@ -113,7 +113,7 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
 
 
 def title(settings: dict[str, Any]) -> str:
-    """Return in a line what was compared."""
+    """Return the settings of a comparison as one line."""
     settings, worlds = named(settings), settings["world"]
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     return (
@@ -131,11 +131,11 @@ def comparison(results: dict[str, Any]) -> str:
 
 
 def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
-    """Return the summary as a Markdown table, and remarks below it.
+    """Return the summary as a Markdown table, with remarks below it.
 
     Args:
-        summary: of `summarise`.
-        share: of `gap`.
+        summary: result of `summarise`.
+        share: result of `gap`.
     """
     if not summary:
         return "no episode has been finished by all arms yet"
@@ -192,7 +192,7 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
         if share[key] is not None:
             closed = interval(share[key], ".0f", 100.0)
             lines.append(f"Share of the gap between `known` and `oracle` {what}: {closed} %.")
-    # Without an interval there is too little to speak of a gap at all.
+    # Without an interval there are too few buildings to say anything about the gap.
     if (
         summary.keys() >= set(statistics.GAP)
         and first["sct_interval"] is not None
@@ -206,7 +206,7 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
 
 
 def broken(entry: dict[str, Any]) -> str:
-    """Return the share of promises that an arm broke, and its interval."""
+    """Return the share of promises that an arm broke, with its interval, as text."""
     if entry["realised_risk"] is None:
         return ""
     return f"{100 * entry['realised_risk']:.2f} % ({_percent(entry['realised_risk_interval'])})"
