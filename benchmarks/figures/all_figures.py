@@ -1,4 +1,4 @@
-"""All figures of a saved run."""
+"""The figures of a saved run of `benchmarks.corridor`; a new plot is added in `draw_run`."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ from predictor.infra.atomic_file import write_whole
 
 
 def draw_all(directory: Path) -> list[Path]:
-    """Draw speed_profile.png, trajectories.png and moment.png of a run into its own folder.
-
-    Returns:
-        The files.
+    """Draw the figures of the run in a folder, save them there, and return their paths.
 
     Raises:
         RunError: if the folder holds no run that can be read.
@@ -28,13 +25,13 @@ def draw_all(directory: Path) -> list[Path]:
 
 
 def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = None) -> list[Path]:
-    """Draw a run's three figures.
+    """Draw speed_profile.png, trajectories.png and moment.png of a run, and return their paths.
 
     Args:
-        run: what was measured.
+        run: run whose drives are drawn.
         out: folder for the files; made if it is missing.
-        episode: draw only this one; by default each figure chooses.
-        arm: whose moment; by default the one that predicts.
+        episode: number of the episode to draw; None: each figure chooses.
+        arm: arm of moment.png; None: one that uses a prediction.
 
     Raises:
         RunError: if there is no such drive, or its trace is broken.
@@ -49,14 +46,11 @@ def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = 
 
 
 def save_figures(figures: Sequence[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
-    """Write figures whole: all of them are drawn before any file takes its name.
+    """Draw figures, and save them as PNG files once all of them are drawn; return their paths.
 
     Args:
-        figures: names of files, and what draws each.
-        out: folder; made if it is missing.
-
-    Returns:
-        The files.
+        figures: name of each file, and function that draws the figure.
+        out: folder for the files; made if it is missing.
     """
     out.mkdir(parents=True, exist_ok=True)
     drawn = {out / name: io.BytesIO() for name, _ in figures}

@@ -1,4 +1,4 @@
-"""A drive as a moving picture: the map as it becomes known, the plan, and the speed."""
+"""The frames of the video of a drive: the map as it becomes known, the plan, and the speed."""
 
 from __future__ import annotations
 
@@ -41,34 +41,34 @@ from sim.car import along_arc
 
 DPI = 100
 SIZE = (8.4, 6.2)
-"""Of a frame [inch]."""
+"""Width and height of a frame [inch]."""
 PANELS = (0.02, 0.31, 0.46, 0.623), (0.50, 0.31, 0.48, 0.623)
-"""Left, bottom, width and height of the two maps in a frame."""
+"""Left, bottom, width and height of the two maps in a frame, as shares of its size."""
 MARGIN = 2.0
-"""Shown of the building around the drive [m]."""
+"""Margin around the whole drive in the right map [m]."""
 OVERVIEW = 320
-"""Largest side of the small map [cells]."""
+"""Largest side of the image of the right map [pixels]."""
 MOST = 400
-"""Frames at most, where no stride is given."""
+"""Largest number of frames if no stride is given."""
 
 
 def roll_out(
     state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: float = 1.0
 ) -> NDArray[np.float64]:
-    """Return the states (N+1, 4) of a car under controls (N, 2); see `sim.car`.
+    """Compute the states (N+1, 4) of a car under controls; see `sim.car`.
 
     Args:
         state: x, y, yaw, v at the start, (4,).
-        controls: of each step, in one gear throughout.
-        dt: of a step [s].
-        gear: 1 or -1; a car that moves stays in the gear of its motion.
+        controls: acceleration [m/s²] and curvature [1/m] of each step, (N, 2), all in one gear.
+        dt: duration of a step [s].
+        gear: 1 or -1; a car that already moves stays in the gear of its motion.
     """
     gear = math.copysign(1.0, state[3]) if state[3] != 0 else gear
     states = np.empty((len(controls) + 1, 4))
     states[0] = state
     for k, (a, curvature) in enumerate(np.asarray(controls, dtype=np.float64)):
         x, y, yaw, v = states[k]
-        # Saved plans are rounded: that must not make the car roll back at its stop.
+        # Clipped, since saved plans are rounded: the car must not roll back at its stop.
         length = gear * max(abs(v) * dt + 0.5 * a * dt**2, 0.0)
         speed = max(abs(v) + a * dt, 0.0)
         states[k + 1] = *along_arc(x, y, yaw, curvature, length), gear * speed
@@ -76,13 +76,19 @@ def roll_out(
 
 
 class Animation:
-    """The frames of one drive; each can be drawn at will.
+    """The frames of the video of one drive, drawn one by one by `frame`.
 
     Args:
-        run: whose drive.
-        index: which episode; by default the first that all arms reached the goal in.
-        arm: whose; by default the one that predicts.
-        stride: ticks from frame to frame; by default as many as keep to 400 frames.
+        run: run that contains the drive.
+        index: number of the episode; None: the first in which all arms reached the goal.
+        arm: arm that drove; None: one that uses a prediction.
+        stride: number of ticks from frame to frame; None: the smallest that gives at most `MOST`
+            frames.
+
+    Attributes:
+        ticks: tick that each frame shows.
+        trace: arrays of the drive.
+        truth: true map of the building.
 
     Raises:
         RunError: if there is no such drive, or its trace is broken.
@@ -106,7 +112,7 @@ class Animation:
         self.window = run.setting("window", 5.0)
         total = len(self.plans)
         self.stride = max(1, math.ceil(total / MOST)) if stride is None else stride
-        # The last tick is always shown: that is where a drive ends well or badly.
+        # The last tick is always shown, since it shows the outcome.
         self.ticks = sorted({*range(0, total, self.stride), *range(total - 1, total)})
         episode = run.drives[self.index, self.arm]
         self._outcome = episode.outcome
@@ -127,11 +133,11 @@ class Animation:
 
     @property
     def rate(self) -> float:
-        """Frames a second for real time [1/s]."""
+        """Frame rate at which the video runs in real time [1/s]."""
         return 1.0 / (self.dt * self.stride)
 
     def frame(self, number: int) -> NDArray[np.uint8]:
-        """Return one frame, (height, width, 3)."""
+        """Draw one frame, and return its pixels, (height, width, 3)."""
         tick = self.ticks[number]
         speed = self.trace.states[tick, 3]
         is_last = number == len(self) - 1
@@ -145,13 +151,13 @@ class Animation:
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
     def seen(self, tick: int) -> Grid:
-        """Return the true map where it has been seen by a tick, unknown elsewhere."""
+        """Return the map of what has been observed up to a tick, with the true values of cells."""
         seen = (self._first_seen > 0) & (self._first_seen <= tick + 1)
         return Grid(self.truth.frame, np.where(seen, self.truth.cells, np.int8(UNKNOWN)))
 
 
 class _Near:
-    """The surroundings of the car: what is seen, what the plan relies on, the plan."""
+    """The left map: the car's surroundings, with observed and relied-on cells, and the plan."""
 
     def __init__(self, ax: Axes, show: Animation) -> None:
         self._ax, self._show = ax, show
@@ -192,14 +198,14 @@ class _Near:
 
 
 class _Far:
-    """The whole drive: the building as far as it is known, and the way so far."""
+    """The right map: the building as far as it has been observed, and the drive so far."""
 
     def __init__(self, ax: Axes, show: Animation) -> None:
         self._show = show
         states, frame = show.trace.states, show.truth.frame
         points = np.vstack([states[:, :2], [show.goal]])
         low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
-        # As wide as the axes are, so that the picture fills them.
+        # The shown part gets the aspect ratio of the axes, so that it fills them.
         width, height = high - low
         ratio = PANELS[1][2] * SIZE[0] / (PANELS[1][3] * SIZE[1])
         grow = np.array([max(0.0, height * ratio - width), max(0.0, width / ratio - height)]) / 2
@@ -229,7 +235,7 @@ class _Far:
 
 
 class _Speed:
-    """Speed over time, negative in reverse, and the strip of what limited it."""
+    """The plot below the maps: speed over time, negative in reverse, and a strip of its limits."""
 
     def __init__(self, figure: Figure, show: Animation) -> None:
         limits = show.trace.limits

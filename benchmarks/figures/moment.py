@@ -1,4 +1,4 @@
-"""One tick in full: what is seen, what is believed, what is relied upon, and the plan."""
+"""Figure moment.png: observed map, prediction, risk map and plan at one tick of a drive."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from predictor.mapping.grid import Grid, GridFrame
 BELIEVED_FREE, BELIEVED_OCCUPIED = "#A6CEE3", "#B2182B"
 SEEN_SAFE = "#D6ECD2"
 TRUTH_COLOUR = "#6A51A3"
-"""The outline of the true free space."""
+"""Colour of the outline of the true free space."""
 PATH: dict[str, Any] = {"color": INK, "linewidth": 1.2, "linestyle": DASHED}
 STOPPED: dict[str, Any] = {
     "color": SPEED_COLOURS(0.0),
@@ -54,15 +54,15 @@ STOPPED: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class _Moment:
-    """A tick, as the trace holds it.
+    """Maps and plan at one tick, read from the trace.
 
     Attributes:
-        known: what has been seen.
-        safe: cells that the plan may rely on.
-        plan: states (N + 1, 4).
-        path: points (n, 2).
-        prediction: p_free, p_occupied and confidence of each cell, if there is one.
-        frame: of the prediction; that of `known` without one.
+        known: observed map.
+        safe: cells that the plan may enter, (rows, columns).
+        plan: states of the plan: x, y, yaw, v, (N + 1, 4).
+        path: points of the reference path, (n, 2) [m].
+        prediction: p_free, p_occupied and confidence of each cell; None: there is no prediction.
+        frame: frame of the prediction; without one, the frame of `known`.
     """
 
     known: Grid
@@ -74,22 +74,25 @@ class _Moment:
 
 
 def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure:
-    """Draw one tick in six panels, each with the outline of the true free space.
+    """Draw one tick of a drive in six panels; five show the outline of the true free space.
+
+    The tick is the one that the drive has recorded as its moment.
 
     Args:
-        run: whose drives.
-        index: which episode; by default the one that relied most on what it had not seen.
-        arm: whose; by default `predicted`, else one that had a prediction, else any.
+        run: run that contains the drive.
+        index: number of the episode; None: the one with the tick that relies on the most unobserved
+            cells.
+        arm: arm that drove; None: `predicted`, else another arm that used a prediction, else any.
 
     Raises:
-        RunError: if there is no such drive, or no moment of it was kept.
+        RunError: if there is no such drive, or no moment of it was recorded.
     """
     arm = run.pick_arm(index, arm)
     if index is None:
         driven = [i for i in run.indices if (i, arm) in run.drives]
         index = max(driven, key=lambda i: int(run.trace(i, arm)["relied_count"].max(initial=0)))
     now, truth = _load(run, index, arm), run.truth(index)
-    # Placed by hand: six squares of one size, with room for a legend below each.
+    # Laid out by hand, to get six squares of equal size with room for a legend below each.
     figure = Figure(figsize=(12.6, 9.0), dpi=150)
     figure.subplots_adjust(0.015, 0.085, 0.985, 0.905, wspace=0.14, hspace=0.2)
     axes, v_max = figure.subplots(2, 3), run.setting("v_max", 4.0)
@@ -146,7 +149,7 @@ def _load(run: Run, index: int, arm: str) -> _Moment:
 
 
 def _view(now: _Moment) -> tuple[float, float, float, float]:
-    """Return left, right, bottom, top of a square that holds the maps of this tick."""
+    """Return left, right, bottom and top [m] of a square that contains all maps of this tick."""
     boxes = np.array([extent(now.known.frame), extent(now.frame)])
     left, right = boxes[:, 0].min(), boxes[:, 1].max()
     bottom, top = boxes[:, 2].min(), boxes[:, 3].max()
@@ -156,7 +159,7 @@ def _view(now: _Moment) -> tuple[float, float, float, float]:
 
 
 def _name(ax: Axes, title: str, handles: list[Artist], x: float = 0.5, y: float = -0.005) -> None:
-    """Give a panel its title, and below it a legend."""
+    """Set the title of a panel, and draw its legend below it."""
     ax.set_title(title, loc="left", fontsize=11, color=INK)
     ax.set_facecolor(UNKNOWN_COLOUR)
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (x, y)}
@@ -211,7 +214,7 @@ def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
         return
     free, _, confidence = now.prediction
     trust = ax.imshow(confidence * free, "cividis", vmin=0, vmax=1, extent=extent(now.frame))
-    # Where the other panels have their legends, so that all panels stay of one size.
+    # The colour bar takes the place of a legend, so that all panels keep the same size.
     place = ax.inset_axes((0.28, -0.05, 0.42, 0.025))
     bar = figure.colorbar(trust, cax=place, ticks=[0, 0.5, 1], orientation="horizontal")
     bar.ax.tick_params(labelsize=8, length=2, pad=1)
@@ -254,7 +257,7 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
 
 
 def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
-    """Draw the speed along the plan, over what the leading end of the car stands on."""
+    """Draw the speed along the plan, and whether the car's front is then on observed cells."""
     x, y, yaw, speed = now.plan.T
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
     reverse = bool(speed.min() < 0)

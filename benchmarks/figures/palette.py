@@ -1,4 +1,4 @@
-"""What all figures share: styles, maps as images, lines coloured by speed."""
+"""Common elements of all figures: colours, legends, maps as images, lines coloured by speed."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ ARM_COLOURS = {
     "oracle": "#009E73",
     "full": "#4D4D4D",
 }
-"""After Okabe & Ito 2008, safe for the colour-blind."""
+"""Arm → colour; after Okabe & Ito 2008, safe for the colour-blind."""
 OTHER_ARM = "#E69F00"
-"""An arm without a colour of its own."""
+"""Colour of an arm that has none of its own."""
 
 PREDICTOR_COLOURS = {
     "unet_ff": "#0072B2",
@@ -51,9 +51,9 @@ PREDICTOR_COLOURS = {
     "grey": "#999999",
     "none": "#6B5B4B",
 }
-"""The same source, darkened where a line would be lost on white."""
+"""Predictor → colour; from the same source, darkened where a line would be hard to see on white."""
 OTHER_PREDICTORS = ("#E69F00", "#882255", "#44AA99", "#332288")
-"""Those without a colour of their own, in turn; after P. Tol's `muted` scheme."""
+"""Colours, in turn, of predictors that have none of their own; after P. Tol's `muted` scheme."""
 _TURNS = itertools.cycle(OTHER_PREDICTORS)
 
 LIMIT_COLOURS = {
@@ -66,24 +66,24 @@ LIMIT_COLOURS = {
     "goal": "#DDDDDD",
     "emergency": "#222222",
 }
-"""After P. Tol's `light` scheme for filled areas, in the order of legends."""
+"""Limit of the speed → colour, in the order of legends; after P. Tol's `light` scheme for areas."""
 
 FREE_COLOUR, OCCUPIED_COLOUR, UNKNOWN_COLOUR = "#FFFFFF", "#222222", "#D9D9D9"
 RELIED_COLOUR = "#FDBE85"
-"""Not seen, but relied upon."""
+"""Colour of unobserved cells that the plan relies on."""
 INK = "#333333"
-"""Text and thin lines."""
+"""Colour of text and thin lines."""
 CRASH_COLOUR = "#C00000"
 RIM: dict[str, Any] = {"edgecolor": "#888888", "linewidth": 0.5}
-"""Of a legend's entry for a pale area."""
+"""Style of the rim of a legend's entry for a pale area."""
 
 SPEED_COLOURS = LinearSegmentedColormap.from_list(
     "speed", ["#0D0887", "#7E03A8", "#CC4778", "#F0823F", "#F2A52B"]
 )
-"""Plasma without its yellow, which is lost on white."""
+"""Colour map of speed: `plasma` without its yellow, which is hard to see on white."""
 
 OUTCOME_MARKS = {"reached": "o", "collided": "X", "timed_out": "s", "stuck": "D"}
-"""At the end of a drive."""
+"""Outcome → marker at the end of a drive in diagrams."""
 MARKS: dict[str, dict[str, Any]] = {
     name: {
         "marker": marker,
@@ -101,19 +101,19 @@ MARKS: dict[str, dict[str, Any]] = {
         ("stuck or timed out", "s", INK, 7),
     )
 }
-"""On a map, by name in the legend."""
+"""Name in the legend → style of a marker on a map."""
 DASHED = (0, (4, 2))
 LEGEND: dict[str, Any] = {"fontsize": 8, "handlelength": 1.2, "columnspacing": 1.0}
-"""Small legends."""
+"""Style of small legends."""
 
 
 def new_figure(width: float, height: float, maps: bool = False) -> Figure:
     """Return an empty figure that needs no window system.
 
     Args:
-        width: [inch].
-        height: [inch].
-        maps: whether its panels keep their aspect, and shall stand close together.
+        width: width of the figure [inch].
+        height: height of the figure [inch].
+        maps: whether its panels have a fixed aspect ratio and should be close together.
     """
     layout: Literal["compressed", "constrained"] = "compressed" if maps else "constrained"
     return Figure(figsize=(width, height), dpi=150, layout=layout)
@@ -136,7 +136,12 @@ def limit_colour(limit: str) -> str:
 
 
 def limit_patches(limits: Iterable[str], **style: Any) -> list[Patch]:
-    """Return the legend's entries for those limits of the speed that occur."""
+    """Return the legend's entries for the limits of the speed that occur.
+
+    Args:
+        limits: names of limits, with repetitions.
+        style: further arguments of `Patch`.
+    """
     used = set(limits)
     order = [limit for limit in LIMIT_COLOURS if limit in used] + sorted(used - set(LIMIT_COLOURS))
     return [Patch(facecolor=limit_colour(limit), label=limit, **style) for limit in order]
@@ -153,10 +158,10 @@ def note(
     """Write a text at a point, shifted by some points to the right and up.
 
     Args:
-        ax: where.
-        text: what.
+        ax: axes to write in.
+        text: text.
         at: x, y of the point, by default in data coordinates.
-        shift: x, y [pt].
+        shift: shift along x and y [pt].
         style: further arguments of `Axes.annotate`.
     """
     defaults: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "color": INK}
@@ -164,11 +169,12 @@ def note(
 
 
 def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float64]:
-    """Return a map as colours, (rows, columns, 3).
+    """Return the image of a map, (rows, columns, 3).
 
     Args:
-        cells: as in `predictor.Grid`.
-        largest: side above which it is shrunk, so that walls one cell thin stay visible.
+        cells: values of the cells, as in `predictor.Grid`.
+        largest: longest side of the image [pixels]; a larger map is shrunk so that thin walls stay
+            visible.
     """
     cells = shrink(cells, math.ceil(max(cells.shape) / largest))
     image = np.empty((*cells.shape, 3))
@@ -179,18 +185,23 @@ def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float6
 
 
 def shrink(cells: NDArray[np.int8], factor: int) -> NDArray[np.int8]:
-    """Return a coarser map: blocks of cells take their largest value, so walls remain."""
+    """Return a coarser map, in which each block of cells has its largest value, so that walls stay.
+
+    Args:
+        cells: values of the cells, (rows, columns).
+        factor: side of a block [cells].
+    """
     return np.asarray(block_reduce(cells, factor, np.max, cval=UNKNOWN))
 
 
 def extent(frame: GridFrame) -> tuple[float, float, float, float]:
-    """Return left, right, bottom, top of a frame [m], as images want them."""
+    """Return left, right, bottom and top of a frame [m], as the argument `extent` of `imshow`."""
     (x, y), (width, height) = frame.origin, frame.size
     return x, x + width, y, y + height
 
 
 def draw_image(ax: Axes, image: NDArray[Any], frame: GridFrame) -> AxesImage:
-    """Lay an image of a frame's cells into metric axes; it may be coarser than the frame."""
+    """Draw an image of a frame's cells into axes in metres; it may be coarser than the frame."""
     left, _, bottom, _ = extent(frame)
     step = math.ceil(frame.shape[0] / image.shape[0]) * frame.resolution
     height, width = image.shape[0] * step, image.shape[1] * step
@@ -206,7 +217,13 @@ def outline(ax: Axes, truth: Grid, colour: str, width: float, zorder: float = 2)
 
 
 def speed_line(ax: Axes, v_max: float, width: float) -> LineCollection:
-    """Return an empty line, which `set_line` colours by speed, up to `v_max` [m/s]."""
+    """Add an empty line to axes, and return it; `set_line` gives it points and colours.
+
+    Args:
+        ax: axes.
+        v_max: speed at the end of the colour map [m/s].
+        width: width of the line [pt].
+    """
     line = LineCollection(
         [],
         cmap=SPEED_COLOURS,
@@ -220,7 +237,13 @@ def speed_line(ax: Axes, v_max: float, width: float) -> LineCollection:
 
 
 def set_line(line: LineCollection, points: NDArray[Any], speed: NDArray[Any]) -> None:
-    """Lead a line through points (n, 2), each segment coloured by its mean speed."""
+    """Set the points (n, 2) of a line, and colour each segment by its mean speed.
+
+    Args:
+        line: line that `speed_line` has made.
+        points: points, (n, 2).
+        speed: speed at each point, (n,) [m/s].
+    """
     line.set_segments(list(np.stack([points[:-1], points[1:]], axis=1)))
     line.set_array(np.abs(speed[:-1] + speed[1:]) / 2)
 
@@ -229,7 +252,7 @@ def draw_speed(
     ax: Axes, points: NDArray[Any], speed: NDArray[Any], v_max: float, width: float
 ) -> LineCollection:
     """Draw a line through points (n, 2), coloured by speed."""
-    # A white rim sets the line off from whatever lies beneath.
+    # A white rim separates the line from what is drawn beneath it.
     ax.plot(*points.T, color="white", linewidth=width + 1.5, solid_capstyle="round", zorder=4)
     line = speed_line(ax, v_max, width)
     set_line(line, points, speed)
@@ -253,11 +276,11 @@ def draw_body(ax: Axes, pose: NDArray[Any], arm: str) -> Polygon:
 
 
 def scale_bar(ax: Axes, length: float | None = None) -> None:
-    """Draw a bar in the lower left corner, in place of axes' numbers.
+    """Draw a scale bar in the lower left corner of a map.
 
     Args:
-        ax: whose limits are set.
-        length: of the bar [m]; by default 5 m, and 10 m where more than 25 m are shown.
+        ax: axes whose limits are set already.
+        length: length of the bar [m]; None: 5 m, or 10 m if the map is wider than 25 m.
     """
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     length = length or (10.0 if right - left > 25 else 5.0)
@@ -270,6 +293,6 @@ def scale_bar(ax: Axes, length: float | None = None) -> None:
 
 
 def bare(ax: Axes) -> None:
-    """Strip a map's axes: no numbers, a thin frame, the same scale along x and y."""
+    """Format the axes of a map: no ticks, a thin frame, the same scale along x and y."""
     ax.set(aspect="equal", xticks=[], yticks=[])
     ax.spines[:].set(color="#AAAAAA", linewidth=0.8)

@@ -1,4 +1,4 @@
-"""Figures of predictors' scores: reliability, measures over the distance, sheets of images."""
+"""Figures of predictors' scores: reliability diagrams, measures over distance, sheets of images."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from benchmarks.figures.palette import INK, bare, new_figure, predictor_colour
 from predictor.scoring.scores import EDGES, RINGS, Scores
 
 ENOUGH, SHARE = 1000, 5e-4
-"""Least number of cells in a ring, and least share of cells in a bin, that are drawn."""
+"""Smallest number of cells of a ring, and smallest share of the cells in a bin, for a point to be
+drawn."""
 SHOWN = 5
-"""Number of pictures of each kind on the sheet of an evaluation."""
+"""Number of predictions of each kind on the sheet of an evaluation."""
 OF_RINGS = {
     "iou_free": "IoU of free",
     "brier_free": "Brier score of free",
@@ -28,7 +29,7 @@ OF_RINGS = {
 """Measures that an evaluation draws over the distance, with their labels."""
 
 Curve = Sequence[Any]
-"""Probability given, share that came true, and share of the cells in each bin."""
+"""Reliability diagram: mean probability, observed share, and share of the cells of each bin."""
 
 
 def draw_evaluation(
@@ -95,11 +96,11 @@ def reliability(columns: Mapping[str, Mapping[str, Mapping[str, Curve]]]) -> Fig
 def over_distance(
     columns: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]], measures: Mapping[str, str]
 ) -> Figure:
-    """Draw measures of unobserved cells over the distance beyond the frontier.
+    """Draw measures of unobserved cells over the cells' distance beyond the frontier.
 
     Args:
         columns: column → predictor → rings, each with `from` [m], `cells` and the measures.
-        measures: measures, with their labels.
+        measures: name of each measure → label.
     """
     figure, axes = panels(columns, measures.values(), "beyond the frontier [m]")
     for row, predictors in zip(axes.T, columns.values(), strict=True):

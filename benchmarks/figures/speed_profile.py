@@ -1,4 +1,4 @@
-"""Speed over the distance driven, and what limited it."""
+"""Figure speed_profile.png: speed over the distance driven, and what limited it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,14 @@ STRIP = 0.27
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """One line of the figure."""
+    """A drive that is drawn as one line of the figure.
+
+    Attributes:
+        label: label of the line.
+        run: number of its run among those drawn.
+        result: result of the drive.
+        trace: arrays of the drive.
+    """
 
     label: str
     run: int
@@ -40,13 +47,14 @@ class _Drive:
 
 
 def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
-    """Draw one episode's speed over distance for each arm of each run, and its limits.
+    """Draw the speed over distance of each arm of each run in one episode, and its limits.
 
-    Speeds in reverse are drawn below zero.
+    Speeds in reverse are drawn below zero. Beside it, the SCT of all episodes is shown.
 
     Args:
-        runs: one or more; each gives its own lines.
-        index: which episode; by default the first that all arms of the first run reached.
+        runs: one or more runs.
+        index: number of the episode; None: the first one in which all arms of the first run reached
+            the goal.
 
     Raises:
         RunError: if no run has such an episode, or a trace is broken.
@@ -67,7 +75,7 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     )
     _profiles(axes[0, 0], drives, max(run.setting("v_max", 4.0) for run in runs))
     _strips(axes[1, 0], drives, room=many)
-    # Above the legend, where that is too wide to stand beside it.
+    # The title is above the legend if the legend is too wide to stand beside it.
     pad, title = 22 if len(drives) > 3 else 6, f"Episode {index} · {drives[0].result.world}"
     axes[0, 0].set_title(title, loc="left", fontsize=11, color=INK, pad=pad)
     if many:
@@ -143,7 +151,13 @@ def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:
 
 
 def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
-    """Draw the limits; `room`: whether there is space to the right for texts."""
+    """Draw a strip for each drive with what limited its speed, and its outcome as text.
+
+    Args:
+        ax: axes of the strips.
+        drives: drives.
+        room: whether there is space for the texts to the right of the axes.
+    """
     for row, drive in enumerate(drives):
         distance, outcome = drive.trace.distance, drive.result.outcome
         ax.broken_barh(
@@ -165,7 +179,7 @@ def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
 
 
 def _all_episodes(ax: Axes, runs: Sequence[Run], drives: list[_Drive]) -> None:
-    """SCT of each episode, a column for each line, so that one drive is not all one sees."""
+    """Draw the SCT of all episodes, with a column for each line of the figure."""
     rng = np.random.default_rng(0)
     for column, drive in enumerate(drives):
         arm = drive.result.arm

@@ -1,4 +1,4 @@
-"""Where the arms drove, and how fast."""
+"""Figure trajectories.png: the trajectories of all arms on the true map, coloured by speed."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from benchmarks.runs.saved_run import Run, Trace
 from predictor.mapping.grid import Grid
 
 MARGIN = 2.5
-"""Shown of the building around the drives [m]."""
+"""Margin of the shown map around the drives [m]."""
 END_MARKS = {"reached": "", "collided": "collision"}
-"""The mark at the end of a drive; "stuck or timed out" after any other outcome."""
+"""Outcome → marker at the end of a drive; "stuck or timed out" for all other outcomes."""
 
 
 def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
-    """Draw the true map and the paths: a row for each episode, a column for each arm.
+    """Draw the true map and the trajectories, with a row for each episode, a column for each arm.
 
     Args:
-        run: whose drives.
-        indices: which episodes; by default the first three that have been driven.
+        run: run that contains the drives.
+        indices: numbers of the episodes; None: the first three that have been driven.
 
     Raises:
         RunError: if there is no such episode, or a trace is broken.
@@ -60,8 +60,8 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
             line = _drive(ax, truth, trace, episode, run.setting("v_max", 4.0))
             ax.axis(box)
         scale_bar(across[0])
-        # The layout keeps room for the name's height, not for its length: it may run over the next
-        # panel.
+        # The layout reserves room for the height of the name, but not for its length, so that a
+        # long name may extend over the next panel.
         for text, counts in ((" ", True), (f"episode {index} · {row[0][0].world}", False)):
             title = note(across[0], text, (0, 1), (0, 34), xycoords="axes fraction", fontsize=9)
             title.set_in_layout(counts)
@@ -79,7 +79,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
 
 
 def _marks(drives: list[tuple[DriveResult, Trace]]) -> list[Line2D]:
-    """Return the legend, with only the marks that occur."""
+    """Return the entries of the legend for the markers that occur."""
     seen = {"start", "goal"} | {_end_mark(episode) for episode, _ in drives}
     if any(len(trace.cusps) for _, trace in drives):
         seen.add("change of gear")
@@ -91,10 +91,10 @@ def _end_mark(episode: DriveResult) -> str:
 
 
 def _box(row: list[tuple[DriveResult, Trace]]) -> NDArray[np.float64]:
-    """Return left, right, bottom, top of what an episode's panels show [m]."""
+    """Return left, right, bottom and top of the map that an episode's panels show [m]."""
     points = np.vstack([row[0][0].goal] + [trace.states[:, :2] for _, trace in row])
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
-    # Neither a sliver: a straight drive still gets a panel with some room.
+    # The shorter side is at least 0.4 of the longer one, also for a straight drive.
     short = np.maximum(0.0, 0.4 * (high - low).max() - (high - low)) / 2
     return np.stack([low - short, high + short], axis=1).ravel()
 
@@ -102,7 +102,7 @@ def _box(row: list[tuple[DriveResult, Trace]]) -> NDArray[np.float64]:
 def _drive(
     ax: Axes, truth: Grid, trace: Trace, episode: DriveResult, v_max: float
 ) -> LineCollection:
-    """Draw a panel."""
+    """Draw the panel of one drive, and return the line that is coloured by speed."""
     draw_image(ax, map_image(truth.cells), truth.frame)
     states = trace.states
     line = draw_speed(ax, states[:, :2], states[:, 3], v_max, width=2.2)
@@ -112,7 +112,7 @@ def _drive(
     if mark := _end_mark(episode):
         ax.plot(*states[-1, :2], **MARKS[mark])
     bare(ax)
-    # One above the other: side by side they would run into each other where panels are narrow.
+    # Arm and outcome are one above the other, since narrow panels have no room for both.
     colour = arm_colour(episode.arm)
     ax.set_title(episode.arm, loc="left", fontsize=10, color=colour, fontweight="bold", pad=17)
     word = episode.outcome.replace("_", " ")

@@ -1,4 +1,4 @@
-"""Frames written as a GIF, or as an MP4 where ffmpeg is at hand."""
+"""Writing of frames as a video: a GIF, or an MP4 if ffmpeg is installed."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tqdm import tqdm
 from predictor.infra.errors import LineError
 
 Picture = NDArray[np.uint8]
-"""(height, width, 3)."""
+"""Pixels of a frame, (height, width, 3)."""
 Pictures = Iterator[Picture]
 LAST = 2000
-"""How long a GIF rests on its last frame [ms]."""
+"""Time for which a GIF shows its last frame [ms]."""
 
 
 class VideoError(LineError):
@@ -29,7 +29,7 @@ class VideoError(LineError):
 
 
 def kind_for(wanted: str) -> str:
-    """Return the file type, "gif" or "mp4"; for "auto" MP4 if ffmpeg is installed.
+    """Return the file type, "gif" or "mp4"; for "auto", "mp4" if ffmpeg is installed.
 
     Raises:
         VideoError: if MP4 is wanted and there is no ffmpeg.
@@ -43,13 +43,13 @@ def kind_for(wanted: str) -> str:
 
 
 def write_video(frames: Callable[[int], Picture], count: int, rate: float, path: Path) -> None:
-    """Write frames whole or not at all, with a progress bar.
+    """Write a video atomically, with a progress bar.
 
     Args:
-        frames: draws the one of a number.
-        count: how many there are.
-        rate: frames a second.
-        path: its suffix, .gif or .mp4, says what is written.
+        frames: function from the number of a frame to its pixels.
+        count: number of frames.
+        rate: frame rate [1/s].
+        path: path of the file; its ending, .gif or .mp4, decides the format.
 
     Raises:
         VideoError: if there are no frames, or ffmpeg fails.
@@ -71,7 +71,7 @@ def write_video(frames: Callable[[int], Picture], count: int, rate: float, path:
 
 
 def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: Path) -> None:
-    # One palette for all frames: only what moves must then be stored anew.
+    # One palette for all frames, so that only the changes between frames must be stored.
     palette = Image.fromarray(samples).quantize(255, dither=Image.Dither.NONE)
     pictures = (
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
@@ -83,7 +83,7 @@ def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: P
 
 def _write_mp4(frames: Pictures, rate: float, path: Path) -> None:
     first = next(frames)
-    # Its coding of colours wants even sides.
+    # The pixel format yuv420p needs even sides.
     height, width = (side - side % 2 for side in first.shape[:2])
     command = (
         f"ffmpeg -y -loglevel error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} "
@@ -93,7 +93,7 @@ def _write_mp4(frames: Pictures, rate: float, path: Path) -> None:
         [*command.split(), str(path)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
     )
     assert process.stdin is not None
-    # Where ffmpeg gives up, its own message follows.
+    # If ffmpeg ends early, its own message is reported below.
     with contextlib.suppress(BrokenPipeError):
         for frame in itertools.chain([first], frames):
             process.stdin.write(frame[:height, :width].tobytes())
