@@ -1,4 +1,4 @@
-"""First guesses of a minimum-time drive: several ways to the goal, each at the car's own speed."""
+"""First guesses of a minimum-time drive: several paths to the goal, each with a speed profile."""
 
 from __future__ import annotations
 
@@ -18,34 +18,36 @@ from sim.car import along_arc, wrap
 from sim.task import Task
 
 TAUT = ((0.35, 0.5), (0.8, 1.0))
-"""Shortest ways tried: radius of the disc, and standard deviation that smooths them [m]."""
+"""Shortest paths to try: radius of the disc [m], and standard deviation of their smoothing [m]."""
 ARCS = ((1.1, 0.4), (2.0, 0.4), (1.1, 1.5), (3.75, 0.4))
-"""Ways of arcs tried: their radius over the car's tightest, clearance that they look for [m]."""
+"""Paths of arcs to try: radius divided by the car's turning radius, and clearance that they prefer
+[m]."""
 ROUNDING = 0.2
-"""Standard deviation that smooths ways of arcs [m]."""
+"""Standard deviation of the smoothing of paths of arcs [m]."""
 AWAY = math.pi / 3
-"""A start that looks this far away from the shortest way is turned to either side [rad]."""
+"""Angle between the start's heading and the shortest path above which paths that first turn to the
+left or to the right are tried, too [rad]."""
 TURN, JOIN = 1.2, 5.0
-"""Radius of that turn, and where on the shortest way it leads [m]."""
+"""Radius of that turn [m], and distance along the shortest path at which it joins the path [m]."""
 CLEARANCE = 0.03
-"""Free space that ways of arcs keep around the body [m]."""
+"""Free space that paths of arcs keep around the body [m]."""
 STEP = 0.05
-"""Between points of a way [m]."""
+"""Distance between two points of a path [m]."""
 DETOUR = 1.8
-"""Ways of arcs that are this much longer than the task's own are not followed."""
+"""Longest path of arcs to follow, divided by the length of the task's route."""
 
 
 def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Ways (n, 2) to near the goal [m], with their names; none twice, some perhaps not drivable.
+    """Yield the name and the points (n, 2) [m] of paths to near the goal.
 
-    The first are the shortest ways of discs, whatever the heading at the start; then the shortest
-    way after a turn to the left or to the right; the others are the cheapest ways of arcs, which a
-    car can drive from there.
+    First come the shortest paths of discs, which ignore the heading at the start, and the first of
+    them with a turn to the left or to the right before it. The others are the cheapest paths of
+    arcs, which respect the heading and the turning radius. Some may not be drivable.
 
     Args:
-        task: world, start and goal.
-        car: body and turning radius.
-        goal_radius: how near the goal a drive ends [m].
+        task: building, start and goal.
+        car: body and turning radius of the car.
+        goal_radius: distance from the goal at which a drive ends [m].
     """
     for radius, sigma in TAUT:
         try:
@@ -67,15 +69,16 @@ def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, 
 def timed(
     name: str, way: NDArray[np.float64], yaw: float, car: CarLimits, tick: float, share: float = 1.0
 ) -> Guess:
-    """Return a drive along a way, as fast as the car's limits allow.
+    """Return a drive along a path, as fast as the car's limits allow.
 
     Args:
-        name: of the guess.
-        way: points (n, 2), `STEP` apart [m].
-        yaw: the start's, whose turn of 2π the headings take [rad].
-        car: its limits.
-        tick: length of a tick, at most [s].
-        share: of the top speed and of the lateral acceleration to use.
+        name: name of the guess.
+        way: points of the path, (n, 2), `STEP` apart [m].
+        yaw: heading at the start [rad]; the headings along the path are the equivalent angles
+            nearest to it.
+        car: limits of the car.
+        tick: longest duration of a tick [s].
+        share: share of the top speed and of the lateral acceleration that is used.
     """
     spacing = np.hypot(*np.diff(way, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(spacing)])
@@ -104,7 +107,13 @@ def timed(
 def _turned(
     way: NDArray[np.float64], start: tuple[float, float, float], side: float
 ) -> NDArray[np.float64]:
-    """Return a way that begins with an arc until it points where the way leads."""
+    """Return a path that starts with an arc, up to where it points at the path's point at `JOIN`.
+
+    Args:
+        way: points of the path, (n, 2) [m].
+        start: x, y, yaw [m, m, rad].
+        side: 1 for a turn to the left, -1 to the right.
+    """
     join = min(len(way) - 1, round(JOIN / STEP))
     points = []
     for along in np.arange(0.0, 2.0 * math.pi * TURN, STEP):
@@ -118,11 +127,11 @@ def _turned(
 def _arcs(
     task: Task, car: CarLimits, radius: float, comfort: float, goal_radius: float
 ) -> NDArray[np.float64] | None:
-    """Return the cheapest way of arcs to near the goal, (n, 2) [m]; None without one."""
+    """Return the cheapest path of arcs to near the goal, (n, 2) [m]; None if there is none."""
     poses, parents, _, _ = arc_ways(
         task.world, task.start, car.body, radius, CLEARANCE, comfort, DETOUR * task.path_length
     )
-    # Poses come in the order of cost.
+    # Poses are in the order of their cost.
     near = np.flatnonzero(np.hypot(*(poses[:, :2] - task.goal).T) <= 1.2 * goal_radius)
     if len(near) == 0:
         return None
@@ -138,7 +147,7 @@ def _arcs(
 
 
 def _evenly(way: NDArray[np.float64], left: float) -> NDArray[np.float64]:
-    """Points `STEP` apart along a way, up to a distance before its end [m]."""
+    """Return points `STEP` apart along a path, up to the distance `left` before its end [m]."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
     end = max(along[-1] - left, 4 * STEP)
     at = np.linspace(0.0, end, max(4, round(end / STEP)) + 1)
@@ -146,7 +155,7 @@ def _evenly(way: NDArray[np.float64], left: float) -> NDArray[np.float64]:
 
 
 def _smooth(way: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """Convolve a way with a Gaussian [m]; its ends stay where they are."""
+    """Smooth a path by a Gaussian of standard deviation `sigma` [m]; its ends do not move."""
     reach = min(len(way) - 1, math.ceil(4.0 * sigma / STEP))
     before = 2.0 * way[0] - way[reach:0:-1]
     after = 2.0 * way[-1] - way[-2 : -2 - reach : -1]

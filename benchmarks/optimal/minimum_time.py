@@ -1,9 +1,9 @@
 """The car's minimum-time problem on a known map, by direct multiple shooting.
 
-The controls, acceleration and curvature, are held over ticks of equal length, which is free. A tick
-is the simulator's own arc, so what is solved is what `sim.car.DubinsCar` drives. casadi derives the
-problem, IPOPT solves it (Wächter and Biegler 2006). The solution is a local minimum: which one
-depends on the guess.
+The controls, acceleration and curvature, are constant in each tick. All ticks have the same
+duration, which is an optimisation variable. A tick is modelled by the same arc as in the simulator,
+so that `sim.car.DubinsCar` can drive the solution. casadi derives the problem, and IPOPT solves it
+(Wächter and Biegler 2006). The solution is a local minimum, which depends on the first guess.
 """
 
 from __future__ import annotations
@@ -24,28 +24,30 @@ from sim.car import DubinsCar
 from sim.task import Task
 
 CIRCLES = 3
-"""That cover the body; those at its ends are kept clear, and sweep what the others cover."""
+"""Number of circles that cover the body. Only the two at its ends are constrained, since they sweep
+over what the others cover."""
 SPACING = 0.14
-"""Between places along a tick where the circles are kept clear, about [m]."""
+"""Approximate distance of the places along a tick where the circles are constrained [m]."""
 MARGINS = (0.006, 0.012, 0.025)
-"""Added to the circles' radius [m]: what the simulator adds, then more if the body collides."""
+"""Margins to add to the circles' radius [m]: that of the simulator, then larger ones as long as the
+body collides in the simulator."""
 CAP = 1.0
-"""Beyond this clearance no wall matters [m]."""
+"""Clearance above which walls have no influence [m]."""
 INSIDE = 1e-4
-"""How far inside the goal's radius a drive ends [m]."""
+"""Distance inside the goal's radius at which a drive ends, against rounding [m]."""
 AROUND = 3.0
-"""How far beyond the guesses the map is read [m]."""
+"""Margin around the guesses within which the map is used [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A drive to start from; it need not be feasible.
+    """A drive from which the solver starts; it need not be feasible.
 
     Attributes:
-        name: how it was made.
-        dt: of a tick [s].
-        states: x, y, yaw, v, (N + 1, 4).
-        controls: acceleration, curvature, (N, 2).
+        name: name of the guess, which tells how it was made.
+        dt: duration of a tick [s].
+        states: x, y [m], yaw [rad], v [m/s], (N + 1, 4).
+        controls: acceleration [m/s²], curvature [1/m], (N, 2).
     """
 
     name: str
@@ -59,7 +61,7 @@ class Guess:
         return self.dt * len(self.controls)
 
     def resampled(self, ticks: int) -> Guess:
-        """Return the same drive in another number of ticks."""
+        """Return the same drive with another number of ticks."""
         mine, ends = np.linspace(0.0, 1.0, len(self.states)), np.linspace(0.0, 1.0, ticks + 1)
         states = np.stack([np.interp(ends, mine, column) for column in self.states.T], axis=1)
         held = ((ends[1:] + ends[:-1]) / 2 * len(self.controls)).astype(int)
@@ -68,13 +70,13 @@ class Guess:
 
 @dataclass(frozen=True, eq=False)
 class Drive(Guess):
-    """A drive that the simulator's car has driven.
+    """A drive that was rolled out with the simulator's car.
 
     Attributes:
-        status: what the solver said.
-        iterations: that it took.
-        collides: whether the body met something solid.
-        arrives: whether it ended within the goal's radius.
+        status: return status of the solver.
+        iterations: number of iterations of the solver.
+        collides: whether the body collided.
+        arrives: whether the drive ended within the goal's radius.
     """
 
     status: str
@@ -84,18 +86,18 @@ class Drive(Guess):
 
     @property
     def valid(self) -> bool:
-        """Whether this drive counts: only the rollout decides, not the solver."""
+        """Whether the rollout arrives without a collision; the solver's status does not count."""
         return self.arrives and not self.collides
 
 
 @dataclass(frozen=True, eq=False)
 class MinimumTime:
-    """The problem of a task.
+    """The minimum-time problem of a task.
 
     Attributes:
-        task: world, start and goal.
-        car: limits and body.
-        goal_radius: how near the goal a drive ends, at any speed [m].
+        task: building, start and goal.
+        car: limits and body of the car.
+        goal_radius: distance from the goal at which a drive ends, at any speed [m].
         box: lowest and highest x, y that a drive may use, (2, 2) [m].
     """
 
@@ -105,12 +107,12 @@ class MinimumTime:
     box: NDArray[np.float64]
 
     def solve(self, guess: Guess, iterations: int = 300, barrier: float = 0.1) -> Drive:
-        """Return the quickest drive near a guess, rolled out by the simulator's car.
+        """Return the fastest drive near a guess, rolled out with the simulator's car.
 
         Args:
-            guess: where to start; its number of ticks is kept.
-            iterations: of the solver, at most, for each margin.
-            barrier: IPOPT's first barrier parameter; small where the guess is nearly a solution.
+            guess: first guess; its number of ticks is kept.
+            iterations: largest number of solver iterations for each margin.
+            barrier: first barrier parameter of IPOPT; small if the guess is nearly a solution.
         """
         for margin in MARGINS:
             drive = self._solve(guess, margin, iterations, barrier)
@@ -120,7 +122,13 @@ class MinimumTime:
         return drive
 
     def roll(self, guess: Guess, status: str = "", iterations: int = 0) -> Drive:
-        """Roll a guess's controls out by the simulator's car."""
+        """Roll out the controls of a guess with the simulator's car.
+
+        Args:
+            guess: drive whose controls are used.
+            status: return status of the solver, for the result.
+            iterations: number of iterations of the solver, for the result.
+        """
         car, state = DubinsCar(self.car), np.array([*self.task.start, 0.0])
         states, hit = [state], False
         for control in guess.controls:
@@ -129,7 +137,7 @@ class MinimumTime:
             states.append(state)
         arrives = math.dist(state[:2], self.task.goal) <= self.goal_radius
         driven = np.array(states)
-        # The car's yaw is wrapped; between two states it would be anything.
+        # The car's yaw is wrapped; unwrapped, it can be interpolated.
         driven[:, 2] = np.unwrap(driven[:, 2])
         said = (status, iterations, hit, arrives)
         return Drive(guess.name, guess.dt, driven, guess.controls, *said)
@@ -141,9 +149,10 @@ class MinimumTime:
         stage = self._stage(places).map(ticks)
         after, lateral, clear = stage(x[:, :-1], u, ca.repmat(dt, 1, ticks))
         last = x[:2, ticks] - ca.DM(list(self.task.goal))
-        # One row a constraint: values, lowest, highest.
-        # The simulator would cut a curvature that is too large by a rounding, and go astray.
+        # A little below the limit, since the simulator clips a curvature that exceeds it by
+        # rounding, and the drive would then deviate from the solution.
         cornering = car.lateral_acceleration * (1.0 - 1e-6)
+        # Each row is a constraint: values, lower bound, upper bound.
         rows = [
             (x[:, 1:] - after, 0.0, 0.0),
             (lateral, -cornering, cornering),
@@ -187,12 +196,12 @@ class MinimumTime:
         return self.roll(drive, stats["return_status"], stats["iter_count"])
 
     def _stage(self, places: int) -> ca.Function:
-        """Return one tick as a function of state (4,), control (2,) and its length.
+        """Return the function of one tick from state (4,), control (2,) and duration.
 
-        It returns the state after it (4,), the lateral acceleration at both ends (2,), and the
-        clearance of the circles' centres at some places along it (2 · places,).
+        The function returns the state after the tick (4,), the lateral acceleration at both ends
+        (2,), and the clearance of the circles' centres at some places along it (2 · places,).
         """
-        # Scalar symbols (SX) are some times as fast as matrix symbols (MX), which splines need.
+        # Scalar symbols (SX) are several times as fast as matrix symbols (MX), which splines need.
         x, u, dt = ca.SX.sym("x", 4), ca.SX.sym("u", 2), ca.SX.sym("dt")
 
         def after(t: Any) -> Any:
@@ -222,7 +231,7 @@ class MinimumTime:
 
     @cached_property
     def _clearance(self) -> ca.Function:
-        """Signed distance to what is solid, as a cubic spline: (2,) [m] to [m]."""
+        """Cubic spline of the signed distance to walls: from a point (2,) [m] to a distance [m]."""
         frame = self.task.world.grid.frame
         first = np.floor((self.box[0] - frame.origin) / frame.resolution).astype(int) - 2
         last = np.ceil((self.box[1] - frame.origin) / frame.resolution).astype(int) + 2
@@ -243,10 +252,11 @@ class MinimumTime:
 
 
 def signed_distance(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the distance of each cell to the solid boundary [cells]; negative inside.
+    """Return the signed distance of each cell's centre to the solid cells [cells]; negative inside.
 
-    The distance is to the cells' squares, not to their centres: a lattice of half the spacing
-    holds the corners and the sides' middles too, among which the nearest point always is.
+    The distance is measured to the squares of the cells, not to their centres. It is computed on a
+    lattice of half the spacing, which also contains the corners of cells and the middles of their
+    sides: the nearest point of a square is always one of these.
     """
     doubled = np.pad(solid.repeat(2, axis=0).repeat(2, axis=1), 1)
     closed = doubled[:-1, :-1] | doubled[1:, :-1] | doubled[:-1, 1:] | doubled[1:, 1:]

@@ -1,7 +1,8 @@
-"""The shortest way through a building for a body that may turn on the spot: a lower bound.
+"""The shortest path of a disc through a building, and the lower bound T_bound that it gives.
 
-A disc of half the body's width fits wherever the body does, so no drive is shorter than the
-shortest way of the disc's centre, and none is quicker than that way at the car's best speed.
+A disc whose radius is half the body's width fits wherever the body does. Therefore no drive is
+shorter than the shortest path of the disc's centre, or faster than full acceleration and then top
+speed along that path.
 """
 
 from __future__ import annotations
@@ -20,33 +21,33 @@ from predictor.mapping.kernels import njit
 from sim.world import World
 
 SLACK = 1e-4
-"""How far the disc may enter a wall [m]: more than rounding, less than matters."""
+"""Depth to which the disc may enter a wall [m]: above rounding errors, and otherwise negligible."""
 STRIDE = 0.02
-"""Between points of a line at which the disc is tested near walls [m]."""
+"""Distance of the points of a line at which the disc is tested near walls [m]."""
 DIRECTIONS = 36
-"""Places around a wall's corner where a way may bend."""
+"""Number of places around a wall's corner where a path may bend."""
 NEAR = 0.08
-"""A way can be pulled around corners of walls that are within this of the disc [m]."""
+"""Distance from the disc up to which corners of walls are used to shorten a path [m]."""
 ROUNDS = 4
-"""Times that a way is pulled taut, at most."""
+"""Largest number of times that a path is shortened."""
 
 Room = tuple[NDArray[np.bool_], NDArray[np.float64], float, NDArray[np.float64], float]
-"""Where a disc moves: solid cells (rows, columns), clearance from each cell's centre to the nearest
-solid one's (rows, columns) [m], side of a cell [m], lower-left corner (2,) [m], and the disc's
-radius [m]."""
+"""Map and disc, as an argument of kernels: solid cells (rows, columns), distance from each cell's
+centre to the nearest solid cell's (rows, columns) [m], side of a cell [m], lower-left corner (2,)
+[m], and radius of the disc [m]."""
 
 
 class NoWayError(LineError):
-    """Goal and start are not connected for a disc of that radius."""
+    """There is no path from start to goal for a disc of this radius; the message is one line."""
 
 
 def time_bound(length: float, car: CarLimits, goal_radius: float) -> float:
-    """Return the least time [s] for a length [m]: full acceleration, then top speed.
+    """Return the least time T_bound for a path [s], with full acceleration up to the top speed.
 
     Args:
-        length: of the shortest way to the goal [m].
-        car: its limits.
-        goal_radius: how near the goal the drive ends [m].
+        length: length of the shortest path to the goal [m].
+        car: limits of the car.
+        goal_radius: distance from the goal at which a drive ends [m].
     """
     distance = max(0.0, length - goal_radius)
     rising = 0.5 * car.v_max**2 / car.acceleration
@@ -63,24 +64,23 @@ def way_length(way: NDArray[np.float64]) -> float:
 def shortest_way(
     world: World, start: tuple[float, float], goal: tuple[float, float], radius: float
 ) -> NDArray[np.float64]:
-    """Return the shortest way of a disc's centre to a goal, on the whole map.
+    """Find the shortest path of a disc's centre to a goal, with the whole map known.
 
-    Lazy Theta* (Nash, Koenig and Tovey 2010) over the cells finds on which side to pass what; the
-    way is then pulled taut: a search for the shortest way among the points at the disc's radius
-    around nearby corners of walls. A gap that is less than a cell wider than the disc may be
-    missed.
+    Lazy Theta* (Nash, Koenig and Tovey 2010) over the cells decides on which side obstacles are
+    passed. The path is then shortened by a search among the points at the disc's radius around
+    nearby corners of walls. A gap that is less than a cell wider than the disc may be missed.
 
     Args:
-        world: the true map; all that is not free is solid.
-        start: x, y [m].
-        goal: x, y [m].
-        radius: of the disc [m].
+        world: building; all cells that are not free are solid.
+        start: x, y of the start [m].
+        goal: x, y of the goal [m].
+        radius: radius of the disc [m].
 
     Returns:
-        (n, 2) from start to goal, n ≥ 2; arcs around corners are polylines [m].
+        Points from start to goal, (n, 2) [m], n ≥ 2; arcs around corners are polylines.
 
     Raises:
-        NoWayError: if there is none.
+        NoWayError: if there is no path.
         ValueError: if the radius is negative or not finite.
     """
     if not 0.0 <= radius < math.inf:
@@ -107,12 +107,12 @@ def shortest_way(
 
 
 def _blocked(solid: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
-    """Cells at whose centre a disc would meet a solid cell; radius in cells."""
+    """Return the cells at whose centre a disc of a radius [cells] would overlap a solid cell."""
     reach = math.ceil(radius + 0.5)
     beside = np.maximum(np.abs(np.arange(-reach, reach + 1)) - 0.5, 0.0)
     disc = np.hypot(beside[:, None], beside) < radius
     disc[reach, reach] = True
-    # Outside the map all is solid.
+    # All is solid outside of the map.
     padded = np.pad(solid, reach, constant_values=True)
     grown = np.asarray(binary_dilation(padded, disc))
     return grown[reach:-reach, reach:-reach]
@@ -129,9 +129,9 @@ def _corners(world: World) -> NDArray[np.float64]:
 
 
 def _around(corners: NDArray[np.float64], room: Room) -> NDArray[np.float64]:
-    """Return the places of the disc's centre as it turns around corners, (n, 2) [m]."""
+    """Return free places of the disc's centre around corners, (n, 2) [m]."""
     angles = 2.0 * math.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-    # Lines from one point to the next are to touch the circle, not to cut it.
+    # Slightly farther out, so that lines from one point to the next do not cut the circle.
     reach = room[-1] / math.cos(math.pi / DIRECTIONS)
     ring = reach * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     points = (corners[:, None] + ring).reshape(-1, 2)
@@ -151,7 +151,7 @@ def _distances(points: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray
 
 @njit(cache=True, nogil=True)
 def _meets(solid, resolution, origin, x, y, radius):  # type: ignore[no-untyped-def]
-    """Return whether a disc meets a solid cell."""
+    """Return whether a disc at x, y overlaps a solid cell, or leaves the map."""
     u, v, reach = (x - origin[0]) / resolution, (y - origin[1]) / resolution, radius / resolution
     for row in range(math.floor(v - reach), math.floor(v + reach) + 1):
         for col in range(math.floor(u - reach), math.floor(u + reach) + 1):
@@ -177,7 +177,7 @@ def sees(room, a, b):  # type: ignore[no-untyped-def]
         col = math.floor((x - origin[0]) / resolution)
         if not (0 <= row < solid.shape[0] and 0 <= col < solid.shape[1]):
             return False
-        # Half a cell's diagonal is lost at either end.
+        # The clearance is from centre to centre: half a cell's diagonal is subtracted at both ends.
         spare = clearance[row, col] - 1.4143 * resolution - radius
         if spare <= 0.0 and _meets(solid, resolution, origin, x, y, radius - SLACK):
             return False
@@ -188,10 +188,10 @@ def sees(room, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _any_angle(free, room, start, goal):  # type: ignore[no-untyped-def]
-    """Lazy Theta* over free cells: the way (n, 2) from start to goal, or none (0, 2)."""
+    """Return a path (n, 2) [m] by Lazy Theta* over free cells; (0, 2) if there is none."""
     _, _, resolution, origin, _ = room
     rows, cols = free.shape
-    # The two first nodes are the start and the goal themselves, the others are cells.
+    # The first two nodes are the start and the goal, all others are cells.
     root, end = 0, 1
     cost = np.full(rows * cols + 2, np.inf)
     parent = np.full(rows * cols + 2, -1, dtype=np.int64)
@@ -207,7 +207,7 @@ def _any_angle(free, room, start, goal):  # type: ignore[no-untyped-def]
         if node != root:
             _place(parent[node], cols, resolution, origin, start, goal, b)
             if not sees(room, b, a):
-                # The straight line was hoped for; take the best closed neighbour instead.
+                # The line that was assumed free is not: use the best closed neighbour as parent.
                 best, at = np.inf, -1
                 row, col = _cell(a, resolution, origin)
                 for i in range(row - 1, row + 2):
@@ -268,7 +268,7 @@ def _cell(point, resolution, origin):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _place(node, cols, resolution, origin, start, goal, out):  # type: ignore[no-untyped-def]
-    """Write where a node of `_any_angle` lies."""
+    """Write the position of a node of `_any_angle` into `out`, (2,) [m]."""
     if node < 2:
         end = start if node == 0 else goal
         out[0], out[1] = end[0], end[1]
@@ -279,9 +279,9 @@ def _place(node, cols, resolution, origin, start, goal, out):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def _taut(points, limit, room):  # type: ignore[no-untyped-def]
-    """Shortest way among points (n, 2), from the first to the second: their indices (m,).
+    """Return the indices (m,) of the shortest path among points (n, 2), from point 0 to point 1.
 
-    Only ways shorter than `limit` [m] are followed; there must be one.
+    Only paths shorter than `limit` [m] are followed; there must be one.
     """
     count = len(points)
     cost = np.full(count, np.inf)
