@@ -1,4 +1,4 @@
-"""The prediction study: predictors compared on frames of simulated and of real drives.
+"""The prediction study: scores of predictors on frames of simulated and of real drives.
 
 python -m benchmarks.prediction --help
 """

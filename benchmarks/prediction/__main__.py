@@ -14,15 +14,16 @@ from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks.image_config import EXPANSIONS
 
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
-"""Default data sets; one that is missing is left out."""
+"""Folders of the default data sets; one that is missing is left out."""
 PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
 """Default predictors."""
 DESCRIPTION = """\
-Compare predictors on the data of the prediction study: the similarity of their images to the truth
-(SSIM), and their probabilities on unobserved cells, at each expansion of the 5 m crop, in
-simulation and on real logs, beside the values of the paper. Two baselines are always included:
-`copy`, the input as it is, and `grey`, an image that is all grey. Interrupted, it continues when
-the same command is given again. Predictors and expansions can be added to a folder at any time.
+Compare predictors on the data sets of the prediction study, simulated and from real logs: by the
+similarity of their images to the truth (SSIM) and by scores of their probabilities on unobserved
+cells, at each expansion of the 5 m crop. The values of the paper are printed beside them. Two
+baselines are always included: `copy`, the unchanged input, and `grey`, an image that is all grey.
+Interrupted, it continues when the same command is given again. Predictors and expansions can be
+added to a folder at any time.
 """
 
 
@@ -35,18 +36,19 @@ def main(argv: list[str] | None = None) -> int:
     )
     told = {
         "out": "folder of results.json, tables.md and the figures (default: %(default)s)",
-        "data": "simulated set made by predictor.dataset, of which the splits test and more are "
-        f"scored (default: {SIMULATED}, which may be missing if there are logs)",
-        "logs": "set made by predictor.dataset --log, or logs or folders of logs, from which a "
-        f"set is made in OUT/physical (default: {PHYSICAL}, if it exists)",
+        "data": "folder of the simulated data set of predictor.dataset, whose splits test and more "
+        f"are scored (default: {SIMULATED}, which may be missing if there are logs)",
+        "logs": "folder of a data set of predictor.dataset --log; or logs, or folders of logs, of "
+        f"which a data set is made in OUT/physical (default: {PHYSICAL}, if it exists)",
         "predictors": "none, extend, compact, compact-logs, compact-paper, module:Class, "
-        "FILE.safetensors, a folder of predictor.study, whose networks are compared at the "
-        "expansion that they were trained for, or fused:FOLDER/ARCH, which combines them; NAME=P "
-        f"renames; figures show the first eight that predict (default: {' '.join(PREDICTORS)})",
+        "FILE.safetensors; a folder of predictor.study, whose networks are compared at the "
+        "expansion that they were trained for; or fused:FOLDER/ARCH, which combines them. NAME=P "
+        "renames a predictor. Figures show the first eight that predict something "
+        f"(default: {' '.join(PREDICTORS)})",
         "expansions": "side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00 "
         f"(default: {' '.join(map(str, EXPANSIONS))})",
-        "apart": "distance along the drive from one scored frame to the next [m]; 0: all frames "
-        "are scored (default: %(default)s)",
+        "apart": "least distance along the drive from one scored frame to the next [m]; 0: all "
+        "frames are scored (default: %(default)s)",
     }
     out, apart = Path("results/prediction"), between(0.0, 1000)
     expansions: dict[str, Any] = {"nargs": "+", "type": _expansion, "default": EXPANSIONS}
@@ -91,7 +93,7 @@ def _run(args: argparse.Namespace) -> None:
     if data is None and (logs is None or (SIMULATED / MANIFEST).is_file()):
         data = SIMULATED
     evaluation = Evaluation(args.out, data, logs, expansions, args.apart, who)
-    # First, since it needs an idle machine, and finds predictors that break the contract early.
+    # Costs are measured first: they need an idle machine, and reveal invalid predictors early.
     costs, printed = costs_of(evaluation), printed_costs(evaluation)
     evaluation.run(args.jobs)
     results = report(evaluation, costs, printed)
@@ -106,7 +108,7 @@ def _run(args: argparse.Namespace) -> None:
 
 
 def _logs(args: argparse.Namespace) -> Path | None:
-    """Return the folder of the physical set, which is made if logs are named."""
+    """Return the folder of the physical data set, made here if logs are given; None without one."""
     from benchmarks.recording.data_sets import make_physical
     from predictor.data.bags import BagConfig
     from predictor.data.frames import MANIFEST

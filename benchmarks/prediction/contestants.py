@@ -1,4 +1,4 @@
-"""The predictors that are compared, and what each of them answers about a square."""
+"""The predictors that are compared ("contestants"), and their answers about a square."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 from predictor.scoring.images import ternary
 
 BASELINES = ("copy", "grey")
-"""Always compared: the input as it is, unknown around; and an image that is all grey."""
+"""Names of the baselines: the unchanged crop, unknown around it; and an image that is all grey."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Contestant:
         name: name in the tables.
         spec: argument of `predictor.load_predictor`.
         expansion: only expansion that it can predict; None: any.
-        identity: fingerprint of its weights and runtime, or of its source, under which its scores
-            are kept.
+        identity: fingerprint of its weights and runtime, or of its source file; scores are stored
+            under it.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Contestant:
 
 
 def contestants(wanted: Sequence[str], expansions: Sequence[float]) -> list[Contestant]:
-    """Return all that are compared: the baselines, then those wanted, in their order.
+    """Return the contestants: the baselines, then the wanted predictors in their order.
 
     Args:
         wanted: arguments of `predictor.load_predictor`, or folders of `predictor.study`; a prefix
@@ -137,7 +137,7 @@ def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
 
 
 def _contestant(spec: str, name: str) -> Contestant:
-    """Return a predictor with all that decides its scores, as far as it is known."""
+    """Return the contestant of a predictor, with the identity of its weights or source."""
     predictor = load_predictor(spec)
     expansion = predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
     identity = fingerprint_of(predictor)
@@ -157,7 +157,7 @@ class Answer:
 
     Attributes:
         image: greys in [0, 1]: free 1, unknown 0.5, occupied 0.
-        kept: the same image with the cells that the predictor was given as they were given.
+        kept: the same image, in which the observed cells of the input keep their value.
         p_free: probability of free; only unobserved cells count.
         p_occupied: probability of occupied; only unobserved cells count.
         nan_cells: number of cells that were NaN, which count as unknown.
@@ -171,15 +171,16 @@ class Answer:
 
 
 Entrant = Callable[[ScoredSquare], Answer]
-"""Answers about a square; raises BadPredictionError for what breaks the contract of predictors."""
+"""Function from a square to an answer; it raises BadPredictionError if the predictor breaks the
+contract of predictors."""
 
 
 def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
-    """Load a contestant's predictor.
+    """Load a contestant's predictor, and return the function that asks it about a square.
 
     Args:
         contestant: predictor or baseline.
-        rates: shares of free and of occupied among unobserved cells, which the baselines give as
+        rates: shares of free and of occupied among unobserved cells, which the baselines return as
             probabilities.
     """
     if contestant.name in BASELINES:
@@ -191,12 +192,12 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
 
 
 def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
-    """Return whether a predictor is made of the paper's networks, which give a grey image."""
+    """Return whether a predictor consists of networks of the paper, which return a grey image."""
     return isinstance(predictor, ImagePredictor | Fused)
 
 
 def prints(contestant: Contestant) -> bool:
-    """Return whether a contestant is a predictor made of the paper's networks."""
+    """Return whether a contestant consists of networks of the paper, which return a grey image."""
     return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
 
 
@@ -204,7 +205,7 @@ _loaded = lru_cache(maxsize=8)(load_predictor)
 
 
 def _of_baseline(name: str, rates: tuple[float, float], square: ScoredSquare) -> Answer:
-    """Answer with the crop as it is, or with grey, and the same probabilities everywhere."""
+    """Answer with the unchanged crop, or with grey, and with the same probabilities everywhere."""
     crop = TERNARY[codes_of(square.crop.cells)]
     image = crop if name == "copy" else np.full_like(crop, 0.5)
     free, occupied = (np.full(crop.shape, rate, np.float32) for rate in rates)
@@ -223,7 +224,7 @@ def _of_network(predictor: ImagePredictor | Fused, square: ScoredSquare) -> Answ
 
 
 def _of_predictor(predictor: Predictor, square: ScoredSquare) -> Answer:
-    """Answer with the prediction of any other predictor, given what a planner gives it."""
+    """Answer with the prediction of any other predictor, whose input is that from a planner."""
     belief = asked(predictor, square.window, square.pose)
     image = ternary(square.window, belief)
     return Answer(image, image, belief.p_free, belief.p_occupied, belief.nan_cells)

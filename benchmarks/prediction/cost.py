@@ -1,4 +1,4 @@
-"""The cost of a prediction: parameters, multiply-accumulates, milliseconds."""
+"""The cost of a prediction: number of parameters, multiply-accumulates, and time [ms]."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Cost = dict[str, Any] | None
 def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     """Measure the cost of each predictor at each expansion, once on each machine.
 
-    Called before scoring, it also finds predictors that break the contract early.
+    It is called before scoring, so that predictors that break the contract are found early.
 
     Raises:
         ScoringError: if a predictor breaks the contract.
@@ -65,8 +65,9 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
 def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
     """Measure the cost of the networks in the paper's size, once on each machine.
 
-    Their weights are random, which does not change the time. They run on one thread, from image
-    to image: the steps from map to image and from greys to probabilities are not included.
+    Their weights are random, which does not change the time. They run on one thread. Only the time
+    from image to image is measured, not the steps from map to image and from greys to
+    probabilities.
     """
     from tqdm import tqdm
 
@@ -100,7 +101,7 @@ def _cost(evaluation: Evaluation, contestant: Contestant, expansion: float) -> C
 
 
 def _examples(evaluation: Evaluation, expansion: float) -> list[ScoredSquare]:
-    """Return squares spread evenly over the test drives, or the logs."""
+    """Return squares that are spread evenly over the test drives, or else over the logs."""
     data = evaluation.data
     frames = Frames.load(data, "test") if data is not None else evaluation.sets["physical"]
     chosen = np.unique(np.linspace(0, len(frames) - 1, SQUARES).astype(int))
@@ -123,7 +124,7 @@ def _printed(arch: str) -> dict[str, Any]:
 
 
 def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
-    """Count parameters and multiply-accumulates; None for a predictor of another package.
+    """Count parameters and multiply-accumulates of a predictor; None if it is of another package.
 
     Args:
         contestant: contestant that is measured.
@@ -137,7 +138,7 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
         return _counted(net, (2, side, side), *context)
     weights = [Path(contestant.spec)]
     if isinstance(predictor, Fused):
-        # Networks that are wider than the square needs are not run.
+        # Only the networks that the square needs are run, the narrowest first.
         narrower = sum(100 * part.config.expansion < n - 1e-6 for part in predictor.parts)
         weights = predictor.weights[: narrower + 1]
     elif not isinstance(predictor, ImagePredictor):

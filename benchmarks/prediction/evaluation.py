@@ -1,4 +1,4 @@
-"""An evaluation: the squares, the predictors that are asked about them, and their scores."""
+"""An evaluation: the scored squares, the contestants, and the scores kept in a folder."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ from predictor.infra.workers import finished
 SPLITS = ("test", "more")
 """Splits of a simulated set that are scored."""
 TOGETHER = 100
-"""Frames of a stretch, which is the unit of work."""
+"""Number of frames of a stretch, which is the unit of work."""
 UNTOLD = (0.5, 0.5)
-"""Probabilities that the baselines give to unobserved cells without validation drives."""
+"""Probabilities that the baselines return if there are no validation drives to measure them on."""
 BLOCK = 10.0
-"""Length of a block of a real drive that is resampled as one [m]. It is the side of the widest
-square, so that squares of blocks that are no neighbours share no cell, unless the drive returns."""
+"""Length of a block of a real drive [m]; the frames of a block are resampled together. It is the
+side of the widest square, so that squares of blocks that are not neighbours share no cell, unless
+the drive returns to a place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +35,12 @@ class Drive:
     """A drive that is scored.
 
     Attributes:
-        place: "simulated", or the site.
-        folder: folder of its set.
-        number: number in its set.
-        about: facts of it from the manifest.
+        place: "simulated", or name of the site.
+        folder: folder of its data set.
+        number: number of the drive in its data set.
+        about: facts of the drive from the manifest.
         chosen: numbers of the scored frames, (k,).
-        ways: distance driven up to each of them [m], (k,).
+        ways: distance driven up to each scored frame, (k,) [m].
     """
 
     place: str
@@ -51,7 +52,7 @@ class Drive:
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Block of each scored frame, (k,); a simulated drive is one block."""
+        """Number of the block of each scored frame, (k,); a simulated drive is one block."""
         if self.place == "simulated":
             return np.full(len(self.chosen), self.number)
         return (self.ways / BLOCK).astype(np.int64)
@@ -65,11 +66,11 @@ class Evaluation:
         data: folder of the simulated set; None: there is none.
         logs: folder of the physical set; None: there is none.
         expansions: expansions of the squares.
-        apart: distance from one scored frame to the next along a drive [m].
+        apart: least distance from one scored frame to the next along a drive [m].
         contestants: predictors that are compared.
 
     Attributes:
-        sets: kind → frames of its set, if there is one.
+        sets: kind of the set ("simulated", "physical") → its frames.
         drives: drives that are scored.
         rates: expansion → shares of free and of occupied cells on the validation drives.
 
@@ -99,7 +100,7 @@ class Evaluation:
 
     @property
     def places(self) -> list[str]:
-        """ "simulated", and the sites."""
+        """Places of the drives: "simulated", and the names of the sites."""
         return list(dict.fromkeys(drive.place for drive in self.drives))
 
     def who(self, expansion: float) -> list[Contestant]:
@@ -107,14 +108,14 @@ class Evaluation:
         return [one for one in self.contestants if one.does(expansion)]
 
     def stretches(self, drive: Drive, expansion: float) -> list[Stretch]:
-        """Return the stretches of a drive."""
+        """Return the stretches of a drive at an expansion."""
         rates, who = self.rates[expansion], tuple(self.who(expansion))
         frames = drive.chosen.tolist()
         parts = [tuple(frames[i : i + TOGETHER]) for i in range(0, len(frames), TOGETHER)]
         return [Stretch(drive.folder, drive.number, part, expansion, rates, who) for part in parts]
 
     def run(self, jobs: int) -> None:
-        """Score what is missing, with a progress bar over answers.
+        """Compute the missing scores, with a progress bar over the answers of contestants.
 
         Raises:
             ScoringError: if a predictor breaks its contract.
@@ -130,7 +131,7 @@ class Evaluation:
         def answers(stretches: list[Stretch]) -> int:
             return sum(len(stretch.frames) * len(stretch.contestants) for stretch in stretches)
 
-        # Ordered by expansion: the networks of one fit into memory, those of all do not.
+        # Ordered by expansion, since only the networks of one expansion fit into memory.
         every = [
             stretch
             for expansion in self.expansions
@@ -152,10 +153,10 @@ class Evaluation:
                 bar.update(answers([stretch]))
 
     def kept(self, drive: Drive, expansion: float, one: Contestant) -> Iterator[Part]:
-        """Yield facts and scores of a contestant along a drive, in order.
+        """Yield facts and scores of a contestant for each stretch of a drive, in order.
 
         Raises:
-            FileNotFoundError: if something has not been scored.
+            FileNotFoundError: if a stretch has not been scored.
         """
         for stretch in self.stretches(drive, expansion):
             name = self.store.scores_name(stretch, drive.about["sha256"], one)
@@ -168,12 +169,12 @@ class Evaluation:
 
 
 def key_of(expansion: float) -> str:
-    """Return the name of an expansion in the results."""
+    """Return the key of an expansion in the results, such as "1.30"."""
     return f"{expansion:.2f}"
 
 
 def sets_of(evaluation: Evaluation) -> dict[str, Any]:
-    """Return the facts of the sets for the results."""
+    """Return the facts of the data sets for the results."""
     out = {}
     for kind, frames in evaluation.sets.items():
         manifest = read_manifest(frames.folder)
@@ -206,15 +207,18 @@ def _drives(frames: Frames, apart: float) -> list[Drive]:
 
 
 def spaced(ways: NDArray[np.float64], apart: float) -> NDArray[np.intp]:
-    """Choose the first place of a drive, and each that lies far enough from the last chosen.
+    """Choose frames of a drive: the first, and each that is far enough from the last chosen one.
 
     Args:
-        ways: distance driven up to each place, (n,) [m].
-        apart: least distance between two chosen places [m]; 0: all are chosen.
+        ways: distance driven up to each frame, (n,) [m].
+        apart: least distance between two chosen frames [m]; 0: all are chosen.
+
+    Returns:
+        Numbers of the chosen frames.
     """
     chosen, last = [], -np.inf
     for index, way in enumerate(ways):
-        # Rounding may make the sum of steps a little smaller than it is.
+        # With a tolerance for rounding errors of the summed steps.
         if way - last >= apart - 1e-4:
             chosen.append(index)
             last = way

@@ -34,36 +34,36 @@ TITLES = {
     "worst": "The worst squares of {leader}, one a drive",
     "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
-"""Titles of the sheets; median and worst are by SSIM."""
+"""Name of each sheet → title; median and worst are by SSIM."""
 SIMILAR = {
     "ssim": "SSIM, whole square",
     "ssim_kept": "SSIM, what was seen put back",
     "ssim_unseen": "SSIM, unseen outside the crop",
 }
-"""Measures drawn over the expansion, with their labels."""
+"""Measures that are drawn over the expansion → labels."""
 MEASURES = {
     "iou_free": "IoU of free",
     "iou_occupied": "IoU of occupied",
     "brier": "Brier",
     "ece": "calibration error",
 }
-"""Measures drawn over the distance beyond the frontier, with their labels."""
+"""Measures that are drawn over the distance beyond the frontier → labels."""
 RATE = 10.0
-"""Frames per second of the video: every other frame of a drive at 10 Hz, so twice as fast."""
+"""Frame rate of the video [1/s]. It shows every other frame of a drive at 10 Hz: twice as fast."""
 NEAR, FAR = 1.3, 2.0
-"""Expansions whose reliability is shown, or the nearest measured."""
+"""Expansions whose reliability diagrams are drawn; if they were not measured, the nearest ones."""
 STYLES: dict[str, dict[str, Any]] = {
     "train": {"color": "#D00000", "linestyle": "-"},
     "test": {"color": "black", "linestyle": (0, (1, 1.2))},
     "physical": {"color": "#D00000", "linestyle": "-"},
 }
-"""Line styles of drives on maps by split, as in the paper."""
+"""Split → line style of its drives on maps, as in the paper."""
 OUTLINE: dict[str, Any] = {"fill": False, "edgecolor": "#0072B2", "linestyle": (0, (3, 2))}
 """Line style of the 5 m crop on sheets."""
 MARGIN = 2.0
 """Margin around the known part of a map [m]."""
 ACROSS = 3
-"""Number of maps beside each other."""
+"""Number of maps side by side."""
 
 
 def draw(
@@ -192,14 +192,14 @@ def write_hallway(rows: list[Row], out: Path) -> Path:
     path = out / f"hallway.{kind_for('auto')}"
     figure, axes = squares(rows[:1])
     canvas = FigureCanvasAgg(figure)
-    # Laid out once, so that nothing moves from frame to frame.
+    # The layout is computed once, so that nothing moves from frame to frame.
     canvas.draw()
     figure.set_layout_engine("none")
     columns = [axis.get_title() for axis in axes[0]]
 
     def frame(number: int) -> NDArray[np.uint8]:
         row = rows[number]
-        # The car of the frame before.
+        # Remove the car of the previous frame.
         axes[0, 0].patches[-1].remove()
         for axis, column in zip(axes[0], columns, strict=True):
             axis.images[0].set_data(row.images[column])

@@ -1,4 +1,4 @@
-"""The squares shown in figures: chosen by rules, predicted once more, and kept."""
+"""The example squares in figures: chosen by fixed rules, predicted once more, and stored."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from predictor.data.squares import TERNARY, codes_of
 from predictor.scoring.images import ssim
 
 SHOWN, COLUMNS = 5, 8
-"""Number of examples on a sheet, and of predictors beside each other."""
+"""Number of examples on a sheet, and of predictors side by side."""
 WIDEST = 1.7
 """Largest expansion in the paper's figure."""
 LASTS = 240
 """Number of frames of the drive in the video, of which every other is shown."""
 STRAIGHT, STEP = 0.35, 20
-"""Largest change of heading in the video [rad], and frames between two candidates for its start."""
+"""Largest change of heading in the video [rad], and number of frames between two candidates for its
+start."""
 LEADERS = ("unet_ff", "resnet_ff", "gan", "compact")
-"""Predictors whose failures and typical squares are shown: the first that is compared."""
+"""Candidates for the predictor whose worst and typical squares are shown, in order: the first one
+that is compared."""
 NOTHING = (*BASELINES, "none")
 """Contestants that predict nothing."""
 GIVEN, TRUE = "input", "truth"
-"""Columns beside those of the predictors."""
+"""Columns of a sheet before and after those of the predictors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class Row:
     Attributes:
         title: title of the row.
         yaw: heading of the car [rad].
-        images: column → greys, (n, n) uint8; none for predictors of other expansions.
+        images: column → greys, (n, n) uint8; without predictors of other expansions.
         ssim: predictor → SSIM of its image.
     """
 
@@ -52,19 +54,19 @@ class Row:
 
 
 Sheets = dict[str, list[Row]]
-"""Name → what is on it: "simulated" and "physical" are the paper's figure, "random" and "worst"
-what they say, "transients" some of the random ones with obstacles put in, "hallway" the frames of
-the video."""
+"""Name of a sheet → its squares: "simulated" and "physical" show a median square at several
+expansions as in the paper's figure, "random" and "worst" several squares, "transients" some of the
+random ones with added obstacles, "hallway" the frames of the video."""
 
 
 class Shot(NamedTuple):
     """A square that is shown.
 
     Attributes:
-        drive: its drive.
-        frame: number of its frame in the drive.
-        expansion: its expansion.
-        title: title of its row.
+        drive: drive that the square belongs to.
+        frame: number of the frame in the drive.
+        expansion: expansion of the square.
+        title: title of the row on the sheet.
     """
 
     drive: Drive
@@ -74,7 +76,7 @@ class Shot(NamedTuple):
 
 
 def pictures(evaluation: Evaluation) -> Sheets:
-    """Return all squares shown of an evaluation, and keep them."""
+    """Return the sheets of an evaluation; they are computed once and stored in its folder."""
     from tqdm import tqdm
 
     chosen = _chosen(evaluation)
@@ -109,7 +111,7 @@ def pictures(evaluation: Evaluation) -> Sheets:
 
 
 def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.intp]:
-    """Find where the straight stretches of a drive begin.
+    """Find the frames at which straight stretches of a drive begin.
 
     Args:
         yaw: heading along the drive, (n,) [rad].
@@ -121,18 +123,18 @@ def straight(yaw: NDArray[np.float64], count: int, most: float) -> NDArray[np.in
 
 
 def shown(names: Iterable[str]) -> list[str]:
-    """Return the first contestants that predict something, as many as a figure can show."""
+    """Return the first `COLUMNS` contestants that predict something."""
     return [name for name in dict.fromkeys(names) if name not in NOTHING][:COLUMNS]
 
 
 def leader(names: Iterable[str]) -> str:
-    """Return the contestant whose failures are shown: the first of LEADERS, else the last."""
+    """Return the contestant whose worst squares are shown: the first of `LEADERS`, or the last."""
     names = list(names)
     return next((name for name in LEADERS if name in names), names[-1])
 
 
 def _row(evaluation: Evaluation, asked: list[Contestant], shot: Shot, transient: bool) -> Row:
-    """Ask about a square, with transients put into its input if they are wanted."""
+    """Predict a square by all contestants asked, if `transient` with transients in the input."""
     drive, index, expansion, title = shot
     square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
     if transient:
@@ -157,7 +159,7 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[Shot]]:
     out: dict[str, list[Shot]] = {}
     for name, drives in (("simulated", test), ("physical", real)):
         if drives:
-            # The median.
+            # The median square by SSIM at the middle expansion.
             scored = _scored(evaluation, drives, narrow[len(narrow) // 2])
             one = scored[len(scored) // 2]
             out[name] = [Shot(*one, x, f"{x:.2f}×") for x in narrow]
@@ -169,7 +171,7 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[Shot]]:
         # Real drives contain their own transients.
         out["transients"] = out["random"][:3]
     scored_drives = [drive for drive in evaluation.drives if drive.place == "simulated"] or real
-    # One for each drive, so that they show several failures.
+    # One square for each drive, so that different failures are shown.
     worst: dict[int, Shot] = {}
     for one in _scored(evaluation, scored_drives, max(expansions)):
         worst.setdefault(one[0].number, _named(one, max(expansions)))
@@ -180,7 +182,7 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[Shot]]:
 
 
 def _named(one: tuple[Drive, int], expansion: float) -> Shot:
-    """Return a square whose title is its drive and frame."""
+    """Return a square whose title names its drive and frame."""
     drive, index = one
     return Shot(drive, index, expansion, f"{drive.about['file'].removesuffix('.npz')}, {index}")
 
@@ -199,9 +201,10 @@ def _scored(
 
 
 def _hallway(drives: list[Drive]) -> tuple[Drive, range]:
-    """Find the narrowest straight stretch of these drives: the least free space in the 5 m crop.
+    """Find the narrowest straight stretch of some drives, the one with the least free space.
 
-    If none is straight, return the beginning of the first drive.
+    The free space is that in the 5 m crop. If no stretch is straight, return the beginning of the
+    first drive.
     """
     best = np.inf
     found = drives[0], range(min(LASTS, drives[0].about["count"]))

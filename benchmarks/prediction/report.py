@@ -1,4 +1,4 @@
-"""The results of an evaluation: means with intervals, scores of cells, costs, and settings."""
+"""The results of an evaluation: means over frames with intervals, scores of cells, and costs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SSIM = {
 }
 """SSIM that Katyal et al. 2018 print in Tables I and II: place → expansion → network."""
 COMPARED = ("grey", "copy", "none", "unet_ff")
-"""Predictors that every other is compared with, if they are among the contestants."""
+"""Predictors with which all others are compared, if they are among the contestants."""
 ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
 """Measures of images, one value for each frame."""
 SUMMED = ("brier", "nll")
@@ -54,8 +54,8 @@ def report(
 
     Args:
         evaluation: the evaluation.
-        costs: what `costs_of` has measured.
-        printed: what `printed_costs` has measured.
+        costs: results of `costs_of`.
+        printed: results of `printed_costs`.
     """
     commits: set[str] = set()
     places = {
@@ -104,7 +104,7 @@ def _rows(
         place: "simulated", or a site.
         expansion: expansion of the squares.
         costs: costs of all predictors.
-        commits: set to which the commits are added that the scores were made with.
+        commits: set to which the commits are added with which the scores were made.
     """
     drives = [drive for drive in evaluation.drives if drive.place == place]
     blocks = _numbered(drives)
@@ -136,7 +136,7 @@ def _rows(
 
 
 def _joined(parts: list[Kept]) -> tuple[Kept, Scores]:
-    """Return the values of all frames, (n,) each, and the sums over their cells."""
+    """Return the values of all frames by name, (n,) each, and the sums over their cells."""
     scores = Scores()
     for part in parts:
         scores += Scores.of(part, "scores")
@@ -144,7 +144,7 @@ def _joined(parts: list[Kept]) -> tuple[Kept, Scores]:
 
 
 def _numbered(drives: Iterable[Drive]) -> NDArray[np.int64]:
-    """Return the number of each frame's block, counted over all drives, (n,)."""
+    """Return the number of the block of each frame, counted over all drives, (n,)."""
     labels = [(drive.number, int(block)) for drive in drives for block in drive.blocks]
     return np.unique(np.array(labels), axis=0, return_inverse=True)[1].reshape(-1)
 
@@ -174,7 +174,7 @@ def _curve(scores: Scores, name: str) -> dict[str, list[float]]:
 
 
 def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
-    """Compute mean differences on the same squares, with 95 % intervals over blocks."""
+    """Compute the mean differences of two contestants, with 95 % intervals over blocks."""
     one = np.ones(len(blocks))
     out = {name: grouped_mean(blocks, mine[name] - theirs[name], one) for name in ALIKE}
     cells = mine["cells"]
@@ -182,9 +182,9 @@ def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str
 
 
 def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
-    """Return the facts of each predictor by name, and by expansion if it can do only one.
+    """Return the facts of each predictor by name, and also by expansion if it can do only one.
 
-    `reduced` is what differs from the paper's training; None if nothing does.
+    The fact `reduced` has the settings in which a training differs from the paper's; None: none.
     """
     names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
     out: dict[str, Any] = {}

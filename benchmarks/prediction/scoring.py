@@ -1,4 +1,4 @@
-"""Scores of predictors on a stretch of a drive at one expansion."""
+"""The scoring of contestants on a stretch (some frames) of a drive at one expansion."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from predictor.scoring.images import Similarity, similarity
 from predictor.scoring.scores import Scores
 
 OF_A_FRAME = (*Similarity.__dataclass_fields__, "brier", "nll", "cells", "nan_cells")
-"""Values kept of each frame: SSIM, sums over unobserved cells, and their number."""
+"""Values that are stored for each frame: SSIM in several ways, sums over unobserved cells, and the
+number of these cells."""
 Kept = dict[str, NDArray[Any]]
-"""Arrays kept of a stretch: each of `OF_A_FRAME`, and the sums of `Scores`."""
+"""Arrays that are stored for a stretch: each of `OF_A_FRAME`, and the sums of `Scores`."""
 
 
 class ScoringError(LineError):
@@ -50,7 +51,7 @@ class Stretch:
 
 
 class Tally:
-    """The scores of one predictor so far."""
+    """The sums of the scores of one predictor over the squares added so far."""
 
     def __init__(self) -> None:
         self.scores, self.frames = Scores(), list[tuple[float, ...]]()
@@ -114,7 +115,7 @@ def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, 
 
 @lru_cache(maxsize=2)
 def drive_of(folder: Path, drive: int) -> Frames:
-    """Return one drive of a set; cached, since its stretches follow each other."""
+    """Return one drive of a data set; cached, since stretches of a drive are scored in turn."""
     return _set(folder).alone(drive)
 
 

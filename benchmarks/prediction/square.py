@@ -16,19 +16,20 @@ from predictor.scoring.scores import rings_of
 
 @dataclass(frozen=True, eq=False)
 class ScoredSquare:
-    """A frame at an expansion, with all that scoring needs.
+    """A frame at an expansion, with the maps and masks for scoring.
 
     Attributes:
-        crop: 5 m crop as seen by the whole LIDAR, unknown around it: input of the paper's networks.
-        window: all that a LIDAR confined to its 5 m window has seen of the square: input of a
-            planner.
-        pose: pose of the car: x, y, yaw [m, m, rad]; x and y are the middle of the square, which
+        crop: map of the 5 m crop as observed by the whole LIDAR, unknown around it: the input of
+            the paper's networks.
+        window: map of the square as observed by a LIDAR that is used within its 5 m window only:
+            the input of a planner.
+        pose: x, y, yaw of the car, (3,) [m, m, rad]; x and y are the middle of the square, which
             is at most half a cell from the car.
-        truth: codes of what is true, (n, n).
-        image: ternary image of the truth.
-        ring: ring of each cell, as `predictor.scoring.scores.rings_of`, the same for all
-            predictors; -1: observed in the crop or in the window.
-        unseen: unobserved cells outside of the crop.
+        truth: codes of the true map, (n, n).
+        image: ternary image of the true map, (n, n).
+        ring: ring of each cell as in `predictor.scoring.scores.rings_of`, the same for all
+            predictors, (n, n); -1: observed in the crop or in the window.
+        unseen: unobserved cells outside of the crop, (n, n).
     """
 
     crop: Grid

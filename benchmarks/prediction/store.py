@@ -1,7 +1,7 @@
-"""The folder of finished parts; each file is named after all that decides its content.
+"""The folder of finished parts, whose file names are hashes of all that decides their contents.
 
-The same command therefore repeats nothing, and a folder can grow by predictors, expansions and
-sites.
+The same command therefore computes nothing twice, and predictors, expansions and sites can be added
+to a folder.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from predictor.infra.plain_json import loads
 from predictor.infra.resumable import ResumableFolder
 
 VERSION = 3
-"""Version of the measures; it changes when the meaning of one does."""
+"""Version of the measures, which changes with the definition of any of them."""
 
 
 class Store(ResumableFolder):
@@ -48,7 +48,13 @@ class Store(ResumableFolder):
         )
 
     def once(self, measure: Callable[[], Any], kind: str, *decided_by: Any) -> Any:
-        """Return a kept measurement, or measure and keep it; see `name` for the arguments."""
+        """Return a stored measurement, or measure and store it.
+
+        Args:
+            measure: function that measures.
+            kind: see `name`.
+            decided_by: see `name`.
+        """
         path = (self.folder / self.name(kind, *decided_by)).with_suffix(".json")
         try:
             return loads(path.read_text())

@@ -37,7 +37,7 @@ SHORT = {
     "brier": "Brier",
     "ece_free": "calibration error of free",
 }
-"""Measures of the short table, and their column heads."""
+"""Measures of the short table → column heads."""
 
 ABOVE = """\
 ## Above the baselines
@@ -47,7 +47,7 @@ The best of the paper's networks at each expansion, by SSIM of the whole square,
 to each baseline, with 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
 """
 BEST = "the paper's best"
-"""Name of the paper's best network, which depends on site and expansion."""
+"""Name in tables for the best of the paper's networks, which depends on site and expansion."""
 SITES = """
 ## Sites above the baselines
 
@@ -57,7 +57,7 @@ difference above zero. By expansion: {expansions}.
 
 
 def summary(results: dict[str, Any]) -> str:
-    """Return the comparison with the baselines, and the list of networks."""
+    """Return the tables of the comparison with the baselines, and of the networks."""
     places, sites = places_of(results), results["physical"]
     expansions = list(dict.fromkeys(x for entry in places.values() for x in entry))
     return "\n".join(
@@ -109,12 +109,12 @@ def places_of(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
 
 
 def kind_of(place: str) -> str:
-    """Return the kind of drives of a place, as the paper's values are named."""
+    """Return the kind of drives of a place, "simulated" or "physical"."""
     return "simulated" if place == "simulated" else "physical"
 
 
 def names_of(entry: dict[str, Rows]) -> list[str]:
-    """Return the predictors of a place, each once."""
+    """Return the names of the predictors of a place, each once."""
     return list(dict.fromkeys(name for rows in entry.values() for name in rows))
 
 
@@ -242,7 +242,7 @@ def _transients(places: dict[str, Any]) -> str:
 
 
 def _by_expansion(entry: dict[str, Rows], names: Iterable[str], *keys: str) -> list[list[str]]:
-    """Return the rows of a table: what stands under the keys at each expansion."""
+    """Return the rows of a table of the values under some keys: predictors × expansions."""
     rows = [["predictor", *(f"{expansion}×" for expansion in entry)]]
     for name in names:
         rows.append([f"`{name}`", *map(_cell, _along(entry, name, *keys))])

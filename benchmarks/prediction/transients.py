@@ -1,9 +1,9 @@
-"""Whether networks filter transient obstacles, as Katyal et al. 2018 report of theirs.
+"""Measurement of whether networks filter transient obstacles, as Katyal et al. 2018 report.
 
-The raw images of networks are measured, since a planner keeps observed cells as observed. In
-simulation small obstacles are put into the input where free space was observed, like traces of
-people who walked past. Real logs contain transients already: cells observed occupied that all
-scans together found free, away from any wall.
+It uses the raw images of the networks, since for a planner observed cells keep their value. In
+simulation, small obstacles are added to the input in observed free space, like traces of people who
+walked past. Real logs contain transients already: cells that were observed occupied, but are free
+in the map of all scans, away from any wall.
 """
 
 from __future__ import annotations
@@ -24,27 +24,29 @@ from predictor.data.frames import RESOLUTION
 from predictor.mapping.grid import OCCUPIED, Grid
 
 RADIUS, CLEAR = 0.15, 0.6
-"""Radius of an added obstacle, and least distance of its middle from all else, the car too [m]."""
+"""Radius of an added obstacle [m], and least distance of its middle from the car, from other added
+obstacles, and from all cells that were not observed free [m]."""
 PUT = 3
-"""Number of obstacles added to an input, if there is room."""
+"""Number of obstacles that are added to an input, if there is room."""
 OFF = 0.15
 """Least distance of a real transient from any cell that is truly not free [m]; a nearer one may be
-a wall seen from a wrong pose."""
+a wall that was observed from a wrong pose."""
 FRAMES = 60
 """Number of frames of each place, spread evenly over its drives."""
 
 
 @dataclass
 class Count:
-    """Cells, over all frames so far.
+    """Numbers of cells, summed over all frames so far.
 
     Attributes:
-        transient: cells of transients.
-        filtered: cells of transients that the network draws free, nearer to white than to grey.
-        before: the same in the image without the transients; only if they were added.
-        walls: cells observed occupied that are truly occupied.
-        kept: cells of walls that the network draws occupied; a network that erases everything
-            also filters well.
+        transient: number of cells of transients.
+        filtered: number of these that the network draws free, nearer to white than to grey.
+        before: number of these that the network draws free if the transients are not added; 0 for
+            real transients.
+        walls: number of cells that were observed occupied and are truly occupied.
+        kept: number of these that the network draws occupied, since a network that erases
+            everything also filters well.
     """
 
     transient: int = 0
@@ -54,7 +56,14 @@ class Count:
     kept: int = 0
 
     def add(self, answer: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
-        """Add one network's answer about one square."""
+        """Add the counts for one square.
+
+        Args:
+            answer: function that asks the network about a square.
+            square: the square.
+            put_in: whether transients are added to the input; else those of the log are counted.
+            seed: seed of the places of added transients.
+        """
         given, transient = with_transients(square, seed) if put_in else (square, found(square))
         if not transient.any():
             return
@@ -68,7 +77,11 @@ class Count:
         self.kept += int((image[walls] < 0.25).sum())
 
     def shares(self, put_in: bool) -> dict[str, Any]:
-        """Return the shares for the results; NaN if there are no cells."""
+        """Return the shares of cells for the results; NaN if there are no cells.
+
+        Args:
+            put_in: whether the transients were added to the inputs.
+        """
         of, walls = self.transient or np.nan, self.walls or np.nan
         return {
             "cells": self.transient,
@@ -115,12 +128,12 @@ def found(square: ScoredSquare) -> NDArray[np.bool_]:
 
 
 def transients(evaluation: Evaluation) -> dict[str, Any]:
-    """Measure place → expansion → network → shares, and keep them."""
+    """Measure the shares of all networks: place → expansion → network → shares."""
     from tqdm import tqdm
 
     out: dict[str, Any] = {place: {} for place in evaluation.places}
     chosen = {place: _spread(evaluation, place) for place in out}
-    # Ordered by expansion: the networks of one fit into memory, those of all do not.
+    # Ordered by expansion, since only the networks of one expansion fit into memory.
     asked = [
         (x, place, one)
         for x in evaluation.expansions
