@@ -1,1 +1,7 @@
-"""Simulated drives recorded as training samples, as frames of data sets, and as scores."""
+"""Simulated drives for the commands of `predictor`: training samples, data sets, and scores.
+
+`training_drives` makes the samples of `predictor.drives` and `predictor.train`, `data_sets` the
+frames of `predictor.dataset`, and `evaluation` the scores of `predictor.evaluate`. `own_buildings`
+reads a user's own maps and logs. These modules are not in `predictor`, since they use the simulator
+and the planner.
+"""

@@ -31,7 +31,7 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     """
     drives = {drive.name: drive for drive in drives_of(config)}
     frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
-    # The longest first, so that no process works alone at the end.
+    # The longest drives first, so that all processes end at about the same time.
     todo = sorted((drives[name] for name in frames.missing), key=lambda drive: -drive.count)
     total = sum(drive.count for drive in drives.values())
     there = total - sum(drive.count for drive in todo)
@@ -47,8 +47,8 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
 def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int) -> None:
     """Make all missing frames of a set of logs, with a progress bar, and report what was skipped.
 
-    The set consists of these logs. The file of a log that is no longer named stays in the folder
-    without belonging to the set.
+    The set consists of exactly these logs. The frames of a log that is no longer named stay in the
+    folder, but do not belong to the set.
 
     Args:
         folder: folder of the set.

@@ -1,4 +1,4 @@
-"""An evaluation of predictors along drives: a folder of scores, its results and tables."""
+"""The evaluation of predictors along drives: the folder of scores, the results, and the tables."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_int
 
 
 def group_of(place: str) -> str:
-    """Return the group in which a family or a map file is reported: the family, or its folder."""
+    """Return the group in which a building is reported: its family, or the folder of its map."""
     path = Path(place)
     return path.resolve().parent.name if path.suffix else place
 
 
 class Evaluation:
-    """A folder of scores, one part for each drive.
+    """An evaluation in a folder, with one part for the scores of each drive.
 
     Args:
         config: settings of the evaluation.
@@ -53,14 +53,14 @@ class Evaluation:
         if len(set(places)) < len(places) or len(set(config.predictors)) < len(config.predictors):
             raise UsageError("--world and --predictors want each name once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
-        # Scores depend on the weights, whatever their name.
+        # The weights are compared, too, since a file of the same name may have changed.
         prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
         kept = asdict(config) | {"weights": prints, "measures": MEASURES}
         self.settings = json.loads(json.dumps(kept))
         self.folder = ResumableFolder(out, self.settings)
 
     def run(self, jobs: int) -> None:
-        """Score what is missing, with a progress bar."""
+        """Score the missing drives, with a progress bar."""
         from tqdm import tqdm
 
         todo = [item for item in self.items if self._read(item) is None]
@@ -74,7 +74,7 @@ class Evaluation:
                 bar.update()
 
     def finish(self) -> dict[str, Any]:
-        """Write results.json and the figures of all that was scored, and return the results."""
+        """Write results.json and the figures of all scored drives, and return the results."""
         import numpy as np
 
         names = rows_of(self.config)
@@ -173,7 +173,7 @@ def _summary(
 
 
 def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
-    """Compute the scores of a row; rows of room have no scores of occupied cells."""
+    """Compute the measures of a row; rows that end with `AS_ROOM` have none of occupied cells."""
     measures = scores.measures(rings)
     if name.endswith(AS_ROOM):
         return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
@@ -181,7 +181,7 @@ def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
 
 
 def table(results: dict[str, Any]) -> str:
-    """Return the scores of each group in Markdown: of all cells, and by distance."""
+    """Return the tables of the scores of each group as Markdown: of all cells, and by distance."""
     columns = (
         "iou_free",
         "iou_occupied",
@@ -214,7 +214,7 @@ def table(results: dict[str, Any]) -> str:
 
 
 def _by_distance(predictors: dict[str, Any]) -> str:
-    """Return the scores of free by distance beyond the frontier, without confidence."""
+    """Return the table of the scores of free by the distance beyond the frontier."""
     rows: list[list[str]] = []
     for name, row in predictors.items():
         if "rings" in row and "(" not in name:

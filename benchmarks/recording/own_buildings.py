@@ -1,4 +1,7 @@
-"""Buildings of one's own to record training samples in: map files and logs, split by building."""
+"""A user's own buildings for training (`--world`): reading of maps and logs, and their split.
+
+The split is by building, into training and validation; see `OwnBuildings.found`.
+"""
 
 from __future__ import annotations
 
@@ -26,16 +29,16 @@ from sim.world import World, sealed
 MAPS = (".yaml", ".yml")
 """Endings of map files."""
 HELD_OUT = 0.25
-"""Share of the buildings that are held out for validation, on average."""
+"""Average share of the buildings that are held out for validation."""
 
 
 @dataclass(frozen=True)
 class Building:
-    """Maps and logs of one building.
+    """The maps and logs of one building.
 
     Attributes:
-        paths: path of each, absolute.
-        hashes: hash of each: of a map's cells, of a log's scans.
+        paths: absolute path of each map or log.
+        hashes: hash of the contents of each, the cells of a map or the poses and scans of a log.
     """
 
     paths: tuple[str, ...]
@@ -44,12 +47,12 @@ class Building:
 
 @dataclass(frozen=True)
 class OwnBuildings:
-    """The buildings of `--world`.
+    """The buildings of `--world`, split into training and validation.
 
     Attributes:
-        train: those to train on.
-        validation: those held out for validation.
-        skipped: a line for each file that was left out.
+        train: buildings to train on.
+        validation: buildings that are held out for validation.
+        skipped: one line for each file that was left out, with the reason.
     """
 
     train: tuple[Building, ...] = ()
@@ -58,19 +61,19 @@ class OwnBuildings:
 
     @classmethod
     def found(cls, names: tuple[str, ...]) -> OwnBuildings:
-        """Read the maps and logs that some names stand for, and split them by building.
+        """Read the maps and logs that are given, and split them by building.
 
-        Each file is a building of its own, but the files in a folder inside a named folder are of
-        one building. Files that cannot be read or driven in, and copies, are left out. A building
-        is held out if the first of its hashes lies below a threshold, so that the split depends
-        neither on names nor on other buildings; but of several buildings at least one is held out,
-        and at least one is not.
+        Each file counts as one building, except that all files in a subfolder of a given folder
+        belong to one building. Files that cannot be read or driven in, and copies, are left out. A
+        building is held out if the first of its hashes lies below a threshold, so that the split
+        depends neither on names nor on other buildings. Of several buildings, however, at least one
+        is held out, and at least one is not.
 
         Args:
             names: paths of map files, of logs, and of folders.
 
         Raises:
-            UsageError: if a name is neither, or no building can be used.
+            UsageError: if a path is none of these, or no building can be used.
         """
         seen: dict[str, Path] = {}
         found, skipped = [], []
@@ -99,19 +102,19 @@ class OwnBuildings:
         return cls(tuple(found[held:]), tuple(found[:held]), tuple(skipped))
 
     def of(self, split: str) -> tuple[Building, ...]:
-        """Return the buildings of a split."""
+        """Return the buildings of a split, "train" or "validation"."""
         return self.train if split == "train" else self.validation
 
     @property
     def hashes(self) -> dict[str, list[list[str]]]:
-        """The hashes of the buildings of each split, fit for JSON."""
+        """Split → hashes of each of its buildings, plain data for JSON."""
         return {
             split: [list(one.hashes) for one in self.of(split)] for split in ("train", "validation")
         }
 
 
 def is_log(path: Path) -> bool:
-    """Return whether a path is that of a log, by its name."""
+    """Return whether a path is that of a log, judging by its name."""
     return is_bag(path) or path.name.removesuffix(".gz").endswith(ENDINGS)
 
 
@@ -152,10 +155,10 @@ def _hash(path: Path) -> str:
 
 
 def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
-    """Return the map files and logs of each building that some names stand for.
+    """Return the map files and logs of each building that some paths name.
 
     Raises:
-        UsageError: if a name stands for none.
+        UsageError: if a path names none.
     """
     found: list[list[Path]] = []
     for path in map(Path, names):

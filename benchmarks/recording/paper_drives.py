@@ -1,12 +1,12 @@
-"""The paper's simulated data: drives of the project's own planner, recorded at every tick.
+"""The paper's simulated data set, made of drives of the project's own planner, tick by tick.
 
-Katyal et al. 2018: two maps with paths 3.5–10 m wide, six trajectories at 10 Hz and 0.5 m/s with a
-LIDAR of 270° and 20 m. Four of them, 5,221 images, are for training and two, 1,090 images, for
-testing; each map has two of the four and one of the two. Added to these are drives for validation
-and more test drives, each on a map of its own.
+Katyal et al. 2018 have two maps with paths 3.5–10 m wide, and six trajectories at 10 Hz and 0.5 m/s
+with a LIDAR of 270° and 20 m. Four trajectories, 5,221 images, are for training, and two, 1,090
+images, for testing; each map has two of the four and one of the two. Here there are also drives for
+validation and more test drives, each on a map of its own.
 
-Unlike in the paper, the buildings may be cluttered, the ranges noisy, and people may walk about who
-are in no map, as in real logs.
+Unlike in the paper, the buildings may be cluttered and the ranges noisy, and there may be walking
+people, who are not in the true map, as in real logs.
 """
 
 from __future__ import annotations
@@ -41,13 +41,14 @@ SPEED = 0.5
 FIRST_MAP, FIRST_DRIVE = 700_000, 710_000
 """First seeds of buildings and of drives; training samples and published results use others."""
 PATH_EVERY = 40
-"""Ticks from one path search, which takes as long as ten ticks, to the next: 2 m at this speed."""
+"""Number of ticks from one path search to the next: 2 m at this speed. A search takes as long as
+ten ticks."""
 PER_SPLIT = 1_000
 """Number of seeds of buildings for each split."""
 TRIES = 20
-"""Number of seeds for each drive."""
+"""Number of seeds that are tried for each drive."""
 CIRCLES = 1.5, 40.0
-"""Turns of a car within a time [s] from which on it counts as going round in circles."""
+"""Number of full turns, and time within which they count as driving in circles [s]."""
 
 
 class DriveError(LineError):
@@ -74,7 +75,7 @@ class Drive:
 
 
 def settings_of(config: SimulatedConfig) -> dict[str, Any]:
-    """Return all settings that decide the frames of a set."""
+    """Return all settings that decide the frames of a data set, for its manifest."""
     return asdict(config) | {
         "family": FAMILY,
         "speed": SPEED,
@@ -88,7 +89,7 @@ def check_apart(about: list[dict[str, Any]]) -> None:
     """Check that validation drives and the further test drives share no building with others.
 
     Raises:
-        FramesError: if one does.
+        FramesError: if they do.
     """
     homes: dict[str, set[str]] = {}
     for facts in about:
@@ -100,7 +101,7 @@ def check_apart(about: list[dict[str, Any]]) -> None:
 
 
 def drives_of(config: SimulatedConfig) -> list[Drive]:
-    """Return all trajectories of a set."""
+    """Return all trajectories of a data set."""
     shares = {
         "train": _shared(config.train, 4),
         "test": _shared(config.test, 2),
@@ -161,15 +162,15 @@ def driven(
         config: noise of the LIDAR, and number of people.
 
     Returns:
-        The frames, and why the drive ended too early; None if it did not.
+        The frames; and the reason why the drive ended too early, None if it did not.
 
     Raises:
-        NoTaskError: if the building has no way that long.
+        NoTaskError: if the building has no route of that length.
     """
     import numpy as np
 
     car, lidar = DubinsCar(CarLimits(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
-    # Separate streams, so that the people do not depend on the noise.
+    # Separate random streams, so that the people do not depend on the noise.
     noise, crowds = (np.random.default_rng([seed, stream]) for stream in (2, 3))
     # The route is longer than the drive, so that the car does not slow down for the goal.
     length = SPEED * TICK * count + 10.0
@@ -213,5 +214,5 @@ def driven(
 
 
 def _shared(total: int, among: int) -> list[int]:
-    """Split a number of frames as evenly as possible."""
+    """Split a number of frames among drives as evenly as possible."""
     return [total // among + (number < total % among) for number in range(among)]

@@ -1,9 +1,9 @@
 """Simulated logs of a robot in a generated building.
 
-The logs of docs/datasets.md differ from the paper's simulation in more than the buildings. Their
-LIDAR sees 180°, in beams half a degree or a degree apart. Their scans are up to a metre apart, and
-people walk through them. Their truth is a map made of the same scans, in which most rooms behind
-doors are missing. Networks that predict such maps can be trained on logs simulated here.
+The real logs of docs/datasets.md differ from the paper's simulation not only in the buildings: the
+LIDAR sees 180°, with beams half a degree or a degree apart; the scans are up to a metre apart, and
+contain walking people; the true map is made of the same scans, so that most rooms behind doors are
+missing in it. Networks that predict such maps can be trained on the logs simulated here.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from sim.task import Task
 ROBOT = CarLimits(v_max=0.5, turning_radius=0.3, body=Body(0.4, 0.4))
 """A car that fits through any door and turns in any room, for planning the robot's way."""
 LOOK = 0.2
-"""Longest time that people walk before they choose their direction again [s]."""
+"""Longest step of the simulation of walking people [s]."""
 
 
 @dataclass(frozen=True)
 class LogConfig:
-    """Settings of simulated logs; each log draws its own values from them.
+    """Settings of simulated logs; each log draws its own values from them at random.
 
     Attributes:
         beams: number of beams of a scan over 180°.
         apart: shortest and longest distance from one scan to the next [m].
         noise: standard deviation of the ranges [m].
         dropout: share of beams without a return.
-        people: number of people walking per area of floor [1/m²].
-        misplaced: standard deviation of the poses, each coordinate [m].
-        misturned: standard deviation of the headings [rad].
+        people: number of walking people per area of floor [1/m²].
+        misplaced: standard deviation of the error of each coordinate of the poses [m].
+        misturned: standard deviation of the error of the headings [rad].
     """
 
     beams: tuple[int, ...] = (181, 361)
@@ -53,12 +53,12 @@ class LogConfig:
 def simulated_log(
     tasks: list[Task], rng: np.random.Generator, config: LogConfig | None = None
 ) -> LaserLog:
-    """Move a robot through a building, and log what its LIDAR sees.
+    """Move a robot through a building, and return the log of its LIDAR.
 
     Args:
-        tasks: ways through one building, one after the other.
+        tasks: routes through one building, which are followed one after the other.
         rng: generator of all random values.
-        config: settings that values are drawn from.
+        config: settings from which values are drawn; None: the defaults.
     """
     config = config or LogConfig()
     lidar = Lidar(
@@ -91,7 +91,12 @@ def simulated_log(
 
 
 def poses_along(points: NDArray[np.float64], apart: float) -> NDArray[np.float64]:
-    """Return poses (n, 3) along a way of points (m, 2), a distance apart [m], facing ahead."""
+    """Return poses (n, 3) along a route, facing ahead.
+
+    Args:
+        points: points of the route, (m, 2) [m].
+        apart: distance from one pose to the next [m].
+    """
     steps = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     at = np.arange(0.0, along[-1], apart)

@@ -1,4 +1,4 @@
-"""The scores of predictors along one drive, on what the car has not observed yet."""
+"""The scores of predictors along one drive, on the cells that the car has not observed yet."""
 
 from __future__ import annotations
 
@@ -26,26 +26,26 @@ from sim import LidarConfig
 from sim.task import NoTaskError
 
 BLANK = "grey"
-"""Name of an image that is all grey, in the tables, for comparing SSIM."""
+"""Name in tables for an image that is all grey, as a baseline of SSIM."""
 TRUSTED = " (c·p)"
-"""Suffix of a predictor's name: its probabilities times its confidence are scored."""
+"""Suffix of a predictor's name in a row that scores its probabilities times its confidence."""
 AS_ROOM = " (room)"
-"""Suffix of a predictor's name: confidence · p_free, which the planner uses, is scored as the
-probability that a cell lies in a free square as wide as the car."""
+"""Suffix of a predictor's name in a row that scores confidence · p_free, which the planner uses, as
+the probability that a cell lies in a free square as wide as the car."""
 
 
 MEASURES = 2
-"""Version of the measures; it changes when the meaning of one does."""
+"""Version of the measures, which changes with the definition of any of them."""
 
 
 def score_drive(
     config: EvaluateConfig, item: tuple[str, int]
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | str:
-    """Score one drive, and return its facts and arrays, or a line that says why there is no drive.
+    """Drive once, and return facts and scores; or one line that says why there is no drive.
 
     Args:
         config: settings of the evaluation.
-        item: family or map file, and seed.
+        item: family of buildings or path of a map file, and seed.
 
     Raises:
         BadPredictionError: if a predictor breaks its contract, or raises.
@@ -108,7 +108,7 @@ def score_drive(
 
 
 def rows_of(config: EvaluateConfig) -> list[str]:
-    """Return the names of the rows: each predictor is scored in three ways."""
+    """Return the names of the rows of scores, three for each predictor."""
     return [name + end for name in config.predictors for end in ("", TRUSTED, AS_ROOM)]
 
 

@@ -1,6 +1,6 @@
-"""Settings of recorded drives: of training samples, of the paper's simulated set, and of scores.
+"""Settings of recorded drives: for training samples, the paper's simulated set, and scores.
 
-Nothing heavy is imported here, since command lines are built from them.
+This module imports nothing heavy, since command lines are built from it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from predictor.infra.options import Options, option
 from predictor.mapping.family_names import FAMILIES
 
 LEARNED = ("corridor", "narrow", "office", "paper", "floor_plan", "floor_plan")
-"""Families to train on by default. The one that is named twice gets two shares of the drives, and
-`trap` is held out, as a kind of building that the network never sees."""
+"""Families of generated buildings to train on by default. A family that is listed twice gets two
+shares of the drives. `trap` is held out: no network is trained on it."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class DrivesConfig(Options):
     every: int = 6
     logs: float = option(
         0.0,
-        "share of the drives in generated buildings that are simulated robots' logs: a LIDAR of "
-        "180°, scans up to a metre apart, people, and the map of all scans of the log as truth",
+        "share of the drives in generated buildings that are logs of a simulated robot, with a "
+        "LIDAR of 180°, scans up to a metre apart, people, and the map of all scans as truth",
         "S",
         low=0,
         high=1,
@@ -52,8 +52,8 @@ class DrivesConfig(Options):
     )
     world: tuple[str, ...] = option(
         (),
-        "buildings of your own: map_server .yaml files, robots' logs (CARMEN, ROS bags), or "
-        "folders of such files. A quarter of them is held out for validation",
+        "your own buildings: map_server .yaml files, logs of robots (CARMEN, ROS bags), or folders "
+        "of such files. A quarter of the buildings is held out for validation",
         "W",
     )
     share: float = option(
@@ -69,7 +69,7 @@ class DrivesConfig(Options):
 class SimulatedConfig(Options):
     """Settings of the paper's simulated set, with the options of `predictor.dataset`.
 
-    The defaults are the paper's.
+    By default, the set is like that of the paper.
     """
 
     train: int = option(
@@ -108,7 +108,8 @@ class EvaluateConfig(Options):
 
     world: tuple[str, ...] = option(
         ("corridor", "narrow", "office", "paper", "trap"),
-        "families of generated buildings, map_server .yaml files, or folders of such files",
+        "buildings to drive in: families of generated buildings, map_server .yaml files, or "
+        "folders of such files",
         "W",
     )
     predictors: tuple[str, ...] = option(

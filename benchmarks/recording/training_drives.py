@@ -1,7 +1,8 @@
-"""Training samples, recorded on drives through generated buildings.
+"""Training samples of `predictor.drives` and `predictor.train`, recorded on simulated drives.
 
-The car drives with its own planner, without prediction. Each drive is then replayed with LIDARs of
-other windows and other noise, which takes a tenth of the time of driving.
+The car drives with the project's own planner, without prediction, through generated buildings and
+the user's own ones. Each drive is then replayed with LIDARs of other windows and other noise, which
+takes a tenth of the time of driving. Logs of robots, simulated or the user's, are replayed as well.
 """
 
 from __future__ import annotations
@@ -51,16 +52,17 @@ SPLITS = {"train": 1_200_000, "validation": 520_000}
 """First seed of each split. Published measurements use other seeds, below 10,000 and from 700,000
 on; earlier weights used the 200,000 before the first and the 20,000 before the second."""
 WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
-"""Sides of the square that the LIDAR writes into, drawn at random [m]."""
+"""Sides of the square in which the LIDAR is used, drawn at random [m]."""
 JOURNEYS, APART = (1, 2, 4, 8), 2.0
-"""Number of ways through the building of a simulated log, drawn at random, since some robots visit
-each room and some one corridor; and distance from one sample to the next [m]."""
+"""Numbers of routes through the building in a simulated log, drawn at random, since some robots
+visit each room and some only one corridor; distance from one sample of a log to the next [m]."""
 STRETCH = 50.0
-"""Length of a log that one replay covers [m], so that a log gives no more samples than a drive."""
+"""Length of a user's log that one replay covers [m], so that it gives no more samples than a
+drive."""
 Posed = tuple[bytes, "NDArray[np.float64]"]
-"""A sample, and the pose that it was taken at, (3,)."""
+"""A sample, and the pose of the robot in it, (3,) [m, m, rad]."""
 SPREAD = 10_000_000
-"""Difference of seeds from one way to the next, larger than any split."""
+"""Difference of seeds from one route of a log to the next, larger than any split."""
 
 
 def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tuple[int, str]:
@@ -68,7 +70,7 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
 
     Args:
         config: settings of the set.
-        own: the buildings of `config.world`.
+        own: the user's own buildings, `config.world`.
         item: split, and number of the drive in it.
 
     Returns:
@@ -86,8 +88,8 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
     else:
         world = generate(kind, seed) if path is None else world_of(path)
         drawn = world_hash(world.grid.cells)
-        # Half of the generated buildings are varied, since the network is calibrated only on what
-        # it has learned.
+        # Half of the generated buildings are varied, since the network's probabilities are
+        # calibrated only for kinds of buildings that it was trained on.
         if path is None and rng.random() < 0.5:
             world = varied(world, rng)
         driven_through = world_hash(world.grid.cells)
@@ -106,10 +108,19 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
 def place_of(
     config: DrivesConfig, own: OwnBuildings, split: str, number: int
 ) -> tuple[str, Path | None]:
-    """Return the kind of building of a drive: a family, "map" or "log"; and its file, or None.
+    """Choose the building of a drive.
 
-    Drives in own buildings are spread evenly among the others. Where no building is held out, all
-    drives for validation are in generated buildings.
+    Drives in the user's own buildings are spread evenly among the others. If none of these
+    buildings is held out, all drives for validation are in generated buildings.
+
+    Args:
+        config: settings of the set.
+        own: the user's own buildings.
+        split: "train" or "validation".
+        number: number of the drive in its split.
+
+    Returns:
+        The family of a generated building, "map" or "log"; and the path of the map or log, or None.
     """
     mine = own.of(split)
     share = config.share if mine else 0.0
@@ -124,10 +135,10 @@ def place_of(
 def _driven(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
 ) -> Iterator[Posed]:
-    """Yield the samples of a drive, with the building as truth.
+    """Yield the samples of a drive, with the map of the building as truth.
 
     Raises:
-        NoTaskError: if there is nowhere to drive.
+        NoTaskError: if the building has no route for the car.
     """
     task = task_in_world(world, seed, CarLimits())
     # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
@@ -152,9 +163,9 @@ def _logged(
     """Yield the samples of a simulated log, with the map of the whole log as truth.
 
     Raises:
-        NoTaskError: if there is nowhere to drive.
+        NoTaskError: if the building has no route for the robot.
     """
-    # All ways but the first may be missing: from some starts there is none of that length.
+    # All routes but the first may be missing, since from some starts there is none of that length.
     tasks = [sample_task(world, seed, ROBOT)]
     for number in range(1, int(rng.choice(JOURNEYS))):
         with contextlib.suppress(NoTaskError):
@@ -184,14 +195,14 @@ def _replayed(
     rng: np.random.Generator,
     longest: float = math.inf,
 ) -> Iterator[Posed]:
-    """Yield the samples of a log.
+    """Yield the samples of a log, which is replayed `config.views` times.
 
     Args:
         config: settings of the set.
-        log: its scans and poses.
+        log: scans and poses.
         truth: map of the whole log.
-        rng: generator of the windows and of where each replay begins.
-        longest: distance that a replay covers [m]; if it is finite, each begins anywhere.
+        rng: generator of the windows and of the beginnings of the replays.
+        longest: distance that a replay covers [m]; if it is finite, each begins at a random scan.
     """
     import numpy as np
 
@@ -212,7 +223,7 @@ def _replayed(
             known.integrate(clipped(log.scans[number], REACH), pose)
             gone += along[number] - along[max(number - 1, begin)]
             if gone >= APART:
-                # The remainder is carried over, except for the jump from one way to the next.
+                # The remainder is carried over, but not whole jumps from one route to the next.
                 gone %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = codes_of(truth.crop(square).cells)
@@ -231,8 +242,8 @@ def driven(
 
     Args:
         task: building, start and goal.
-        window: window of the LIDAR [m].
-        reliance: 0: unobserved cells count as occupied; 1: as free.
+        window: side of the square in which the LIDAR is used [m].
+        reliance: 0: unobserved cells count as occupied; 1: they count as free.
         rng: generator of the LIDAR's noise.
         longest: time after which the drive is stopped [s]; None: never.
     """
@@ -257,9 +268,18 @@ def seen_again(
     every: int,
     first: int = 0,
 ) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """Replay a drive with another LIDAR, and yield the map so far and the state every few ticks.
+    """Replay a drive with another LIDAR, and yield the observed map and the state every few ticks.
 
-    The map is the same object each time and grows; copy what is to be kept.
+    The map is the same object each time, and changes; copy what must not change.
+
+    Args:
+        task: building and start.
+        states: states of the drive, (T, 4).
+        window: side of the square in which the LIDAR is used [m].
+        lidar: settings of the LIDAR.
+        rng: generator of the LIDAR's noise.
+        every: number of ticks from one yielded map to the next.
+        first: number of the first tick whose map is yielded, below `every`.
     """
     known, sensor = task.blank(window), Lidar(lidar)
     known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
@@ -270,7 +290,12 @@ def seen_again(
 
 
 def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
-    """Return the path of a drive's samples."""
+    """Return the path of the file with a drive's samples.
+
+    Args:
+        config: settings of the set.
+        item: split, and number of the drive in it.
+    """
     return config.out / item[0] / f"{item[1]:06d}.npz"
 
 
@@ -280,12 +305,13 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
     Args:
         config: settings of the set.
         jobs: number of worker processes.
-        learned: hashes of buildings that may not be held out.
+        learned: hashes of buildings that may not be held out, since the weights to start from were
+            trained in them.
 
     Raises:
-        UsageError: if the folder holds samples that were made in another way, or `config.world`
-            names no building that can be used, or one that would be held out although it was
-            learned.
+        UsageError: if the folder holds samples that were made with other settings, or if
+            `config.world` names no usable building, or a building in `learned` that would be held
+            out.
     """
     from tqdm import tqdm
 
@@ -309,10 +335,10 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
 
 
 def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> None:
-    """Check that own buildings can be used as the settings say, and warn of those left out.
+    """Check that the user's own buildings fit the settings, and warn of buildings without drives.
 
     Raises:
-        UsageError: if they cannot.
+        UsageError: if they do not fit.
     """
     if config.share == 0:
         raise UsageError("--share is 0: no drive would be in the buildings of --world")
@@ -341,7 +367,11 @@ def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> 
 
 
 def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
-    """Make the folders, and refuse a folder with samples made with other settings."""
+    """Make the folders of the splits; refuse a folder with samples made with other settings.
+
+    Raises:
+        UsageError: if the folder holds frames, or samples made with other settings.
+    """
     if (config.out / MANIFEST).exists():
         raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
     for split in SPLITS:
