@@ -1,4 +1,4 @@
-"""Arcs that leave the observed space: how far along them could a car rely on a prediction?"""
+"""Scores of a prediction along arcs that leave the observed space, for `benchmarks.sweeps`."""
 
 from __future__ import annotations
 
@@ -21,24 +21,29 @@ from predictor.prediction import Predictor, asked, context_side
 from predictor.registry import load_predictor
 
 EVERY = 8
-"""Ticks between two moments at which arcs are swept."""
+"""Number of ticks from one moment at which arcs are swept to the next."""
 CURVATURES = (0.0, 0.2, -0.2, 0.5, -0.5, 1.0, -1.0)
 """Curvatures of the arcs [1/m]."""
 LENGTH, STEP = 4.6, 0.1
 """Length of an arc, and distance between its poses [m]."""
 WIDTH = 5
-"""Side of a neighbourhood [cells]."""
+"""Side of the neighbourhood of the score "least trust around a cell" [cells]."""
 SHARES = (0.001, 0.002, 0.005, 0.01, 0.02)
-"""Shares of the arcs that may be wrong."""
+"""Accepted shares of wrong arcs, on which the car would hit something."""
 THRESHOLDS = 200
 """Number of thresholds that are tried for each score."""
 SCORES = ("least trust of a cell", "least trust around a cell", "independent steps", "union bound")
-"""Trust is confidence · p_free. The last two are probabilities that the whole sweep is free: the
-product of the least trusts of its steps, and 1 minus the sum of the doubts of its cells."""
+"""Names of the scores. Trust is confidence · p_free. The last two are probabilities that the whole
+swept area is free: the product of the least trusts of all steps, and 1 minus the sum of
+(1 - trust) over all cells."""
 
 
 def distances_of(run: Run) -> dict[str, Any]:
-    """Return, for each score and share of wrong arcs, how far the car may rely on predictions.
+    """Return the mean distance beyond the observed space for each score and share of wrong arcs.
+
+    Returns:
+        `arcs` and `drives`, their numbers; `scores`: score → for each share in `SHARES` the mean
+        distance [m] at the best threshold, with its interval.
 
     Raises:
         RunError: if the run is damaged.
@@ -69,7 +74,7 @@ def distances_of(run: Run) -> dict[str, Any]:
 
 
 def _arcs_of(run: Run, index: int, predictor: Predictor, side: float) -> list[NDArray[np.float64]]:
-    """Return the arcs of a drive that leave the observed space, each as in `_swept`."""
+    """Return the arcs of a drive that leave the observed space, each as `_swept` returns it."""
     truth, trace, found = run.truth(index), run.trace(index, "known"), []
     first_seen = trace["first_seen"]
     for tick in range(0, len(trace.states) - 1, EVERY):
@@ -94,18 +99,19 @@ def _swept(
     pose: NDArray[np.float64],
     curvature: float,
 ) -> NDArray[np.float64]:
-    """Sweep the body along an arc, until it meets a cell that was observed occupied.
+    """Sweep the body along an arc, until it overlaps a cell that was observed occupied.
 
     Args:
-        known: what was observed.
-        trusts: of the unobserved cells, and the least around each of them, both (rows, columns).
-        free: in the true map, (rows, columns).
-        pose: x, y, yaw at which the arc begins, (3,).
-        curvature: of the arc [1/m].
+        known: observed map.
+        trusts: trust of each cell, and the least trust in its neighbourhood, (rows, columns) each.
+        free: cells that are free in the true map, (rows, columns).
+        pose: x, y, yaw at the beginning of the arc, (3,) [m, m, rad].
+        curvature: curvature of the arc [1/m].
 
     Returns:
-        From the first pose on whose body is not within the observed space: distance since then [m],
-        whether something is in the way, and the scores, (n, 2 + len(SCORES)).
+        For each pose from the first one on at which the body is not within the observed space:
+        distance since then [m], whether the body has hit something by then, and the scores,
+        (n, 2 + len(SCORES)).
     """
     trust = trusts[0]
     fresh = np.ones(known.frame.shape, dtype=np.bool_)
@@ -142,13 +148,18 @@ def _swept(
 
 
 def _entries(arcs: list[NDArray[np.float64]], column: int) -> NDArray[np.float64]:
-    """Return what each arc adds to the sums of `_farthest`, (2 * THRESHOLDS + 1, arcs)."""
+    """Return the entry of each arc in the sums of `_farthest`, (2 * THRESHOLDS + 1, arcs).
+
+    Args:
+        arcs: arcs as `_swept` returns them.
+        column: column of the score.
+    """
     thresholds = np.unique(np.concatenate([arc[:, column] for arc in arcs]))
     thresholds = np.quantile(thresholds, np.linspace(0.0, 1.0, THRESHOLDS))
     found = np.zeros((2 * THRESHOLDS + 1, len(arcs)))
     found[-1] = 1.0
     for number, arc in enumerate(arcs):
-        # The scores fall along an arc.
+        # Scores fall along an arc, so that the poses above a threshold can be found by bisection.
         count = np.searchsorted(-arc[:, column], -thresholds, side="right")
         reached = np.vstack([np.zeros(2), arc[:, :2]])[count]
         found[:-1, number] = reached.T.ravel()
@@ -156,12 +167,12 @@ def _entries(arcs: list[NDArray[np.float64]], column: int) -> NDArray[np.float64
 
 
 def _farthest(sums: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """Return the largest mean distance [m] at which no more than a share of the arcs is wrong.
+    """Return the largest mean distance [m] at which at most a given share of the arcs is wrong.
 
     Args:
-        sums: over arcs of distance and wrong ones at each threshold, and their number,
-            (2 * THRESHOLDS + 1, rounds).
-        share: of wrong arcs.
+        sums: distance at each threshold, number of wrong arcs at each threshold, and number of
+            arcs, summed over arcs, (2 * THRESHOLDS + 1, rounds).
+        share: accepted share of wrong arcs.
     """
     far, wrong = (sums[:-1] / sums[-1]).reshape(2, THRESHOLDS, -1)
     farthest: NDArray[np.float64] = np.where(wrong <= share, far, 0.0).max(axis=0)

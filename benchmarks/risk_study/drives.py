@@ -1,4 +1,4 @@
-"""The drives of the study: all cells in turn, until their numbers or the time are reached."""
+"""The drives of the study: all cells grow in turn, until all are complete or the time is over."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from predictor.registry import load_predictor
 Drives = Mapping[str, Sequence[dict[str, Any]]]
 """The drives of each cell, by its name."""
 KIND = "risk drives"
-"""Kind of the files of drives."""
+"""Kind, in the sense of `results_file`, of the files with the drives of a cell."""
 NO_TASK = "no task"
-"""Outcome in a building without a way that the car can drive."""
+"""Outcome in a building without a route that the car can drive."""
 
 
 def drive_all(
@@ -39,17 +39,17 @@ def drive_all(
     """Drive until each cell has its number of drives, or the time is over.
 
     Args:
-        cells: to drive, the most important first.
-        out: folder of their files, which are taken up again.
-        hours: that it may take [h].
-        jobs: worker processes.
+        cells: cells, the most important first.
+        out: folder of the files of drives; drives that they contain are not repeated.
+        hours: time after which no further drives are started [h].
+        jobs: number of worker processes.
 
     Returns:
-        The drives of each cell, by its name, those in buildings without a task too; and how many
-        are still to be made.
+        Name of each cell → its drives, including those in buildings without a task; and the number
+        of drives that are still missing.
 
     Raises:
-        UsageError: if the folder holds other drives, or cannot be written.
+        UsageError: if the folder holds drives with other settings, or cannot be written.
     """
     files = {cell.name: _file(cell, out) for cell in cells}
     end = time.monotonic() + 3600.0 * hours
@@ -74,8 +74,10 @@ def drive_all(
 
 
 def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
-    """Return the drives up to the first that is missing: of those after it, the short ones are
-    there first, and collisions are short."""
+    """Return the drives up to the first missing one.
+
+    Drives after it would be a biased sample: short drives end first, and collisions are short.
+    """
     return [file.drives[i] for i in takewhile(lambda i: i in file.drives, range(most))]
 
 
@@ -86,7 +88,7 @@ def _file(cell: Cell, out: Path) -> DriveFile:
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:
-    """Drive once; return its result, and whether an independent test says that it touched."""
+    """Drive once; return the result, and whether the car touched something, `touched`."""
     (arm,) = settings.arms
     driven = attempt(settings, weights, (index, arm))
     if isinstance(driven, str):

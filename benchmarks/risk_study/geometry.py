@@ -1,4 +1,4 @@
-"""A test of a drive against the true map, other than those of the planner and the simulator."""
+"""A test of drives for contacts on the true map, independent of planner and simulator."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from predictor.mapping.body import Body
 from predictor.mapping.grid import GridFrame
 
 SPACING = 0.02
-"""Distance of the points of the body that are tested, and between two of its places [m]."""
+"""Distance between two tested points of the body, and between two poses of the body [m]."""
 TOLERANCE = 0.01
-"""The body is tested this much smaller on each side, since its places between two recorded states
-are interpolated on a straight line [m]. A corner of a cell can lie between points of the body, so
-that a contact may be missed that is up to 0.025 m deep."""
+"""Distance by which the tested body is smaller on each side [m], since poses between two recorded
+states are interpolated on a straight line. A corner of a cell may lie between two tested points of
+the body, so that a contact up to 0.025 m deep may be missed."""
 
 
 def touches(
     states: NDArray[np.float64], solid: NDArray[np.bool_], frame: GridFrame, body: Body
 ) -> bool:
-    """Return whether the body has touched something solid, or left the map, on a drive.
+    """Return whether the body has touched a solid cell, or left the map, on a drive.
 
     Args:
-        states: x, y, yaw, v at the ends of the ticks, (T+1, 4).
+        states: x, y, yaw, v at the start and at the end of each tick, (T+1, 4).
         solid: cells that are not free in the true map, (rows, columns).
-        frame: of the map.
-        body: of the car.
+        frame: frame of the map.
+        body: body of the car.
     """
     length, width = body.half_length - TOLERANCE, body.half_width - TOLERANCE
     along = np.linspace(-length, length, int(np.ceil(2 * length / SPACING)) + 1)
@@ -46,7 +46,7 @@ def touches(
 
 
 def _between(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return x, y, yaw of places at most `SPACING` apart along the states, (n, 3)."""
+    """Return poses x, y, yaw at most `SPACING` apart along the states, (n, 3)."""
     places = np.column_stack([states[:, :2], np.unwrap(states[:, 2])])
     gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))])
     at = np.append(np.arange(0.0, gone[-1], SPACING), gone[-1])

@@ -1,4 +1,4 @@
-"""Drives that runs of `benchmarks.corridor` have saved, under the independent test."""
+"""Drives of saved runs of `benchmarks.corridor`, with the independent test for contacts."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from predictor.mapping.grid import FREE
 
 
 def saved_drives(folders: Sequence[Path]) -> tuple[list[Cell], dict[str, list[dict[str, Any]]]]:
-    """Return a cell for each arm of each run, and its drives, by the cell's name.
+    """Return a cell for each arm of each run; and name of the cell → its drives.
 
     Args:
-        folders: of runs at a risk of 0.
+        folders: folders of runs at a risk of 0.
 
     Raises:
         RunError: if a folder holds no run, or a damaged one.
@@ -52,7 +52,7 @@ def _cell(run: Run, arm: str) -> Cell:
     told |= {"world": tuple(run.settings["world"]), "arms": (arm,)}
     reliance = ARMS[arm].reliance
     reliance = run.settings["reliance"] if reliance is None else reliance
-    # Whoever takes unobserved space for free promises nothing, nor does anyone with a noisy LIDAR.
+    # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.
     risk = None if reliance == 1.0 or run.setting("noise", 0.0) > 0.0 else 0.0
     return Cell("run", run.label, Settings(**told), risk)
 

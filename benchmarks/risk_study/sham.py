@@ -1,4 +1,4 @@
-"""A sham predictor: its beliefs about free cells are those of another building."""
+"""A sham predictor, as a control: its probabilities of free cells are those of another building."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from sim.lidar import Lidar
 from sim.task import sample_task
 
 PLACES = 20
-"""Number of questions of another building."""
+"""Number of places in the other building whose predictions are used."""
 FAMILY, SEED = "corridor", 5_900_000
-"""The other building."""
+"""Family and seed of the other building."""
 
 
 class Sham:
-    """Predicts with the shipped network, but trusts each cell as one of another building.
+    """Predicts with the shipped network, but with p_free and confidence from another building.
 
-    A calibration made for the network must break with it: if it did not, it would be no test.
+    A calibration that was made for the network must not hold for it; if it did, the study could not
+    show anything.
     """
 
     def __init__(self) -> None:
@@ -36,9 +37,9 @@ class Sham:
     def predict(
         self, known: Grid, pose: NDArray[np.float64], around: Grid | None = None
     ) -> Prediction:
-        """Return a prediction with the p_free and confidence of another question.
+        """Return a prediction with the p_free and the confidence at a place in another building.
 
-        That is turned by quarters, so that both look the same way.
+        These are rotated by quarter turns, so that the car faces the same way in both.
         """
         mine = self._compact.predict(known, pose, around)
         other, place = _questions()[zlib.crc32(known.cells.tobytes()) % PLACES]
@@ -60,7 +61,7 @@ class Sham:
 
 @lru_cache
 def _questions() -> list[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """Return what a LIDAR shows at places along a way through the other building, and the poses."""
+    """Return the map that one scan gives, and the pose, at places along a route in the building."""
     task = sample_task(generate(FAMILY, SEED), SEED)
     lidar, rng = Lidar(), np.random.default_rng(SEED)
     ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
