@@ -1,1 +1,1 @@
-"""Robustness: hostile predictors, and commands that are interrupted."""
+"""Tests of robustness: drives with hostile predictors, and interruptions of commands."""

@@ -23,7 +23,8 @@ SPEEDS = (2.0, 4.0, 6.0)
 def scenario(index: int, seed: int) -> tuple[str, Settings]:
     """Return the hostile predictor and the settings of a drive."""
     rng = np.random.default_rng([seed, index])
-    # Each kind in each family before any comes again; all else is drawn.
+    # Kinds and families take turns, so that each pair comes once before any is repeated; all other
+    # settings are drawn at random.
     kind = list(KINDS)[index % len(KINDS)]
     family = FAMILIES[(index // len(KINDS) + index) % len(FAMILIES)]
     settings = Settings(
@@ -41,13 +42,13 @@ def scenario(index: int, seed: int) -> tuple[str, Settings]:
 
 
 def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
-    """Drive once with a hostile predictor, and return what goes into the results.
+    """Drive once with a hostile predictor, and return the entry of the drive in the results.
 
-    An exception that reaches this function is its `error`.
+    An exception that reaches this function is recorded as `error`.
 
     Args:
-        seed: of the first building.
-        seconds: most that the drive lasts in simulated time [s].
+        seed: seed of the first building.
+        seconds: longest duration of the drive in simulated time [s].
         index: number of the drive.
     """
     kind, settings = scenario(index, seed)
@@ -69,7 +70,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
     try:
         episode = run_episode(task, driver, car, lidar, config, rng)
     except Exception as error:
-        # That nothing gets here is what is measured.
+        # The program must survive every hostile predictor: an exception here is a failure.
         return found | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
     return found | {
         "outcome": str(episode.outcome),
@@ -84,7 +85,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """Return the drives of each hostile predictor, their collisions and faults, as Markdown."""
+    """Return a Markdown table of drives, collisions and faults for each hostile predictor."""
     rows = []
     drives = [d for d in found["drives"] if d["outcome"] != "no task"]
     for name in (*KINDS, "all"):
@@ -108,5 +109,5 @@ def table(found: dict[str, Any]) -> str:
 
 
 def _faults(drive: dict[str, Any]) -> int:
-    """Return how many faults of the predictor a drive counted."""
+    """Return the number of faults of the predictor in a drive."""
     return sum(n for fault, n in drive["faults"].items() if fault.startswith("predictor"))

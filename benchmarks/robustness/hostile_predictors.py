@@ -1,6 +1,6 @@
-"""Hostile predictors: they lie, write into their arguments, answer late, or raise.
+"""Hostile predictors: they predict falsely, write into their arguments, answer late, or raise.
 
-None of them may make a car collide at a risk below 1, nor end a drive.
+None of them may make a car collide at a reliance below 1 and a level of 0, or crash the program.
 """
 
 from __future__ import annotations
@@ -18,27 +18,34 @@ from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 
 DEADLINE = 0.05
-"""The deadline that the late ones miss [s]."""
+"""Deadline of predictions in these drives, which late predictors miss [s]."""
 
 Answer = Callable[[Grid, NDArray[np.float64], int], Any]
-"""Known map, pose and number of the call, to an answer."""
+"""Function from observed map, pose and number of the call to an answer."""
 
 
 @dataclasses.dataclass
 class Hostile:
-    """A predictor that answers as a function says; it counts how often it was asked."""
+    """A predictor that answers by a function, which also gets the number of the call."""
 
     answer: Answer
     calls: int = 0
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Any:
-        """Whatever the function returns or raises."""
+        """Return or raise whatever the function does."""
         self.calls += 1
         return self.answer(known, pose, self.calls)
 
 
 def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float32) -> Prediction:
-    """Return a prediction that cells are free with a probability, and else occupied."""
+    """Return a prediction for all cells: free with a probability, and else occupied.
+
+    Args:
+        known: observed map.
+        free: probability of free, one for all cells or one for each.
+        confidence: confidence of all cells.
+        dtype: type of the arrays.
+    """
     p_free = np.broadcast_to(np.asarray(free, dtype), known.frame.shape).copy()
     return Prediction(
         known.frame,
@@ -49,24 +56,24 @@ def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float
 
 
 def claiming(free: Any, confidence: float = 1.0, dtype: Any = np.float32) -> Answer:
-    """Answer always with the same claim."""
+    """Return a function that always answers with the same `claim`."""
     return lambda known, pose, call: claim(known, free, confidence, dtype)
 
 
 def noise(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Anything, anew at each call."""
+    """Claim random probabilities, other ones at each call."""
     return claim(known, np.random.default_rng(call).random(known.frame.shape))
 
 
 def ahead(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Free ahead of the car and occupied behind it, so that it hurries on."""
+    """Claim that all is free ahead of the car and occupied behind it, so that it drives fast."""
     x, y = known.frame.centres()
     before = np.cos(pose[2]) * (x - pose[0]) + np.sin(pose[2]) * (y[:, None] - pose[1]) > 0
     return claim(known, before)
 
 
 def overwriting(cell: int) -> Answer:
-    """Write one value into all of the known map, and claim little."""
+    """Return a function that overwrites all cells of the given map, and claims confidence 0.5."""
 
     def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
         known.cells.setflags(write=True)
@@ -77,13 +84,13 @@ def overwriting(cell: int) -> Answer:
 
 
 def moves_the_car(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Write into the pose."""
+    """Change the pose that is given."""
     pose += 3.0
     return claim(known, 1.0)
 
 
 def moves_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Write into the frame, although it is frozen."""
+    """Change the frame of the given map, although it is frozen."""
     answer = dataclasses.replace(claim(known, 1.0), frame=dataclasses.replace(known.frame))
     object.__setattr__(known.frame, "origin", (0.0, 0.0))
     object.__setattr__(known.frame, "resolution", 1.0)
@@ -91,7 +98,7 @@ def moves_the_map(known: Grid, pose: NDArray[np.float64], call: int) -> Predicti
 
 
 def writes_later(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Claim little, and turn it to certainty from a thread after the answer was checked."""
+    """Claim a confidence of 0, and raise it from a thread after the answer was checked."""
     answer = claim(known, 1.0, 0.0)
     known.cells.setflags(write=True)
 
@@ -108,21 +115,21 @@ def writes_later(known: Grid, pose: NDArray[np.float64], call: int) -> Predictio
 
 
 def late(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """Every third answer after the deadline."""
+    """Give every third answer after the deadline."""
     if call % 3 == 0:
         time.sleep(3 * DEADLINE)
     return claim(known, 1.0)
 
 
 def never(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
-    """No third answer at all."""
+    """Never return from the third call on."""
     if call > 2:
         threading.Event().wait()
     return claim(known, 1.0)
 
 
 def raising(error: type[BaseException]) -> Answer:
-    """Raise after three good answers."""
+    """Return a function that raises an error after three valid answers."""
 
     def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
         if call > 3:
@@ -145,7 +152,7 @@ class _Lazy(Prediction):
 
 
 class _Array(np.ndarray):
-    """An array that says that all is well."""
+    """An array whose comparisons and extrema pretend that all values are valid."""
 
     def __array_ufunc__(self, *args: Any, **kwargs: Any) -> Any:
         return np.True_
@@ -157,7 +164,11 @@ class _Array(np.ndarray):
 
 
 def broken(**fields: Any) -> Answer:
-    """Replace some fields of a good prediction; functions are given the good field."""
+    """Return a function that replaces some fields of a valid prediction.
+
+    Args:
+        fields: new value of each field, or a function from the valid value to the new one.
+    """
 
     def answer(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
         good = claim(known, 1.0)
@@ -186,7 +197,7 @@ LIARS: dict[str, Answer] = {
         confidence=lambda c: (c * np.float32(0.99)).view(_Array)
     ),
 }
-"""Predictors that keep to the contract, and lie."""
+"""Predictors that keep to the contract, but predict falsely."""
 WRITERS: dict[str, Answer] = {
     "clears the map": overwriting(0),
     "fills the map": overwriting(100),
@@ -231,6 +242,6 @@ FAULTY: dict[str, Answer] = {
     ),
     "no frame": broken(frame=None),
 }
-"""Predictors that break the contract: each answer must be counted as a fault."""
+"""Predictors that break the contract: each invalid answer must be counted as a fault."""
 KINDS = LIARS | WRITERS | FAULTY
-"""All of them by name."""
+"""Name of each hostile predictor → its answers."""

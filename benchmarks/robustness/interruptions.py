@@ -1,4 +1,4 @@
-"""Trials in which a command is interrupted at a random moment and continued."""
+"""Trials in which a command is interrupted at a random moment, and given again to continue."""
 
 from __future__ import annotations
 
@@ -35,22 +35,23 @@ CASES = {
     "predictor.study": "--data {frames} --archs unet_ff mlp --expansions 1.1 --preset short "
     "--width 0.0625 --side 64 --epochs 1",
 }
-"""The commands with arguments that keep them short. {drives} and {frames} are data made before."""
+"""Command → arguments that keep it short. {drives} and {frames} stand for data that are made by the
+commands in `INPUTS` before."""
 INPUTS = {"drives": "predictor.drives", "frames": "predictor.dataset"}
 VOLATILE = {"machine", "commit", "commits", "seconds", "ms", "times"}
 VOLATILE |= {"cycle_ms", "cycle_ms_p50", "cycle_ms_p99"}
-"""Times and origins, which no two runs have in common."""
+"""Names of results that differ between any two runs: times, machine and commits."""
 GONE = 15.0
-"""Seconds within which all processes of an interrupted command must have ended."""
+"""Time within which all processes of an interrupted command must have ended [s]."""
 
 
 def contents(folder: Path) -> dict[str, Any]:
-    """Return the results in a folder without times: JSON values, arrays and weights, by name."""
+    """Return name → JSON value, array or weights of the results in a folder, without `VOLATILE`."""
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*")):
         name, inside = str(path.relative_to(folder)), path.relative_to(folder).parts
         if "parts" in inside:
-            # Intermediate results, which a command removes or ignores when it has finished.
+            # Intermediate results are not compared; a command removes or ignores them at its end.
             continue
         if path.suffix in (".json", ".jsonl"):
             text = path.read_text()
@@ -67,12 +68,12 @@ def contents(folder: Path) -> dict[str, Any]:
 
 
 def _lasting(found: dict[str, Any]) -> dict[str, Any]:
-    """Return a JSON object without what differs between two runs."""
+    """Return a JSON object without the names in `VOLATILE`."""
     return {k: v for k, v in found.items() if k not in VOLATILE}
 
 
 def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> list[str]:
-    """Return the names of the results that differ or that only one of two folders has."""
+    """Return the names of results that differ between two folders, or are missing in one."""
     return sorted(k for k in ours.keys() | theirs.keys() if ours.get(k) != theirs.get(k))
 
 
@@ -82,11 +83,14 @@ def interrupted(
     """Interrupt a command once, run it again to its end, and compare its results.
 
     Args:
-        work: folder of the data and of the uninterrupted runs.
+        work: folder of the input data and of the uninterrupted runs.
         disk: folder on a small file system of its own; needed for "disk full".
-        seconds: time of each uninterrupted command [s].
-        trial: its number, the command, the kind of interruption, and its moment as a share of that
-            time.
+        seconds: time of an uninterrupted run of each command [s].
+        trial: number of the trial, command, kind of interruption, and moment of the interruption as
+            a share of the time of an uninterrupted run.
+
+    Returns:
+        The entry of the trial in the results.
     """
     index, command, kind, share = trial
     ours = work / f"trial-{index}"
@@ -96,7 +100,7 @@ def interrupted(
         words = _words(command, work, ours, folder / "out")
         moment = share * seconds[command]
         with (ours / "first.txt").open("w") as file:
-            # Ctrl-C counts in the child, even if a shell began this command in the background.
+            # The child must react to Ctrl-C, even if this command was started in the background.
             heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
             process = subprocess.Popen(
                 words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
@@ -138,7 +142,7 @@ def interrupted(
 
 
 def table(results: dict[str, Any]) -> str:
-    """Return the trials of each command and kind of interruption as Markdown."""
+    """Return a Markdown table of the trials, one line for each command and kind of interruption."""
     rows = []
     for command, kind in itertools.product(CASES, KINDS):
         mine = [t for t in results["drives"] if (t["command"], t["kind"]) == (command, kind)]
@@ -159,15 +163,23 @@ def table(results: dict[str, Any]) -> str:
 
 
 def good(trial: dict[str, Any]) -> bool:
-    """Return whether a trial ended as it should."""
+    """Return whether a trial left no traceback, no process, and no difference in the results."""
     bad = ("traceback", "processes left", "status again", "differences")
     return not any(trial[name] for name in bad)
 
 
 def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
-    """Run each command uninterrupted, the makers of data first; return their times [s].
+    """Run each command without an interruption, and return command → time [s].
 
-    Each is run twice and timed the second time, since the first may compile kernels.
+    Commands that make input data come first. Each command is run twice, and the second run is
+    timed, since the first one may compile kernels.
+
+    Args:
+        work: folder of the input data and of the uninterrupted runs.
+        chosen: commands.
+
+    Raises:
+        UsageError: if a command fails.
     """
     seconds = {}
     commands = dict.fromkeys([*INPUTS.values(), *chosen])
@@ -191,7 +203,14 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
 
 
 def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
-    """Return the command line; data that it reads are copied, as it may write there."""
+    """Return the words of a command line; its input data are copied, since it may write there.
+
+    Args:
+        command: command.
+        work: folder of the original input data.
+        ours: folder for the copies.
+        out: folder of the results.
+    """
     words = [sys.executable, "-m", command]
     for word in CASES[command].split():
         name = word.strip("{}")
@@ -204,7 +223,7 @@ def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
 
 @contextmanager
 def _exclusive(disk: Path) -> Iterator[Path]:
-    """Give the small file system to one trial at a time, in a folder that is gone afterwards."""
+    """Lock the small file system for one trial, and give it a folder that is removed at the end."""
     folder = disk / "trial"
     handle = os.open(disk, os.O_RDONLY)
     try:
@@ -219,7 +238,7 @@ def _exclusive(disk: Path) -> Iterator[Path]:
 
 @contextmanager
 def _full(disk: Path) -> Iterator[None]:
-    """Leave no room on a file system until the block ends."""
+    """Fill a file system until the end of this context."""
     filler = disk / "filler"
     with filler.open("wb", buffering=0) as file:
         for size in (1 << 20, 1 << 12, 1):
@@ -236,7 +255,7 @@ def _full(disk: Path) -> Iterator[None]:
 
 
 def _left_behind(session: int) -> int:
-    """Wait until a session's processes have ended; kill and count those that do not."""
+    """Wait for the end of all processes of a session; kill and count those that do not end."""
     end = time.monotonic() + GONE
     while (left := _members(session)) and time.monotonic() < end:
         time.sleep(0.2)
@@ -251,7 +270,7 @@ def _members(session: int) -> list[int]:
         try:
             fields = path.read_text().rpartition(")")[2].split()
         except OSError:
-            # It has ended just now.
+            # The process has just ended.
             continue
         if int(fields[3]) == session and fields[0] != "Z":
             found.append(int(path.parent.name))
