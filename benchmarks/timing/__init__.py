@@ -1,1 +1,5 @@
-"""Timing: how long stages and other programs take, and how much gets done."""
+"""The measurements of `benchmarks.stages`: times of stages and of other libraries, and throughput.
+
+`timing` times stages in drives, `growth` varies sizes, `rates` and `throughput` measure rates, and
+`peers…` and `hall…` compare with other libraries.
+"""

@@ -1,4 +1,4 @@
-"""How the stages of the control cycle grow with sensor, map, window and horizon."""
+"""The growth of the stages' times with the sizes of sensor, map, window and horizon."""
 
 from __future__ import annotations
 
@@ -31,18 +31,22 @@ HORIZONS = (20, 30, 40, 60)
 WINDOW_AXIS = "window [m]\n(the predicted square is 13.7 m at most)"
 AXES = ("beams", "map side [cells]", WINDOW_AXIS, "expansion", "horizon N")
 REPEATS = 200
-"""Of each call."""
+"""Number of timed calls of each stage."""
 
 Times = dict[str, dict[str, float]]
+"""Stage → its times, as `timing.spread` returns them."""
 
 
 def grown(axis: str, seed: int, report: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Time stages along an axis, and return each value with its stages.
+    """Time the stages that depend on an axis, at each value of the axis.
 
     Args:
-        axis: of `AXES`.
-        seed: of the buildings.
-        report: told what is being measured.
+        axis: one of `AXES`.
+        seed: seed of the buildings.
+        report: function that shows what is being measured.
+
+    Returns:
+        For each value: `value`, and stage → times.
     """
     task = task_in("corridor", seed, CarLimits())
     measures: dict[str, tuple[tuple[float, ...], Callable[[Any], Times]]] = {
@@ -77,18 +81,18 @@ def _casting(world: World) -> Times:
 
 
 def _planning(stages: int, seed: int) -> Times:
-    # The horizon is as long as a full stop takes, and half a second more.
+    # The top speed whose full stop, plus half a second, takes as long as the horizon.
     times = closed_loop("known", 1, seed, v_max=(stages - 5.5) * 0.1 * 1.5)
     return {"mpc": spread(times["mpc"])}
 
 
 def believing(task: Task, window: float, expansion: float) -> Times:
-    """Time the steps from the known map to the risk map, along a task's route.
+    """Time the steps from the observed map to the risk map, along a task's route.
 
     Args:
-        task: where.
-        window: that the LIDAR writes into [m].
-        expansion: predicted square over it.
+        task: building and route.
+        window: side of the square in which the LIDAR is used [m].
+        expansion: width of the predicted square divided by that of the window.
     """
     config = NavigatorConfig(window=window, expansion=expansion, reliance=0.05)
     poses = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
@@ -111,7 +115,7 @@ def believing(task: Task, window: float, expansion: float) -> Times:
 
 
 def draw(measured: dict[str, list[dict[str, Any]]]) -> Figure:
-    """Draw a panel for each axis: medians as lines, up to the 99th percentile shaded."""
+    """Draw a panel for each axis: medians as lines, shaded up to the 99th percentile."""
     figure = new_figure(13.0, 3.2)
     axes = figure.subplots(1, len(measured))
     for ax, (axis, entries) in zip(axes, measured.items(), strict=True):

@@ -1,4 +1,4 @@
-"""The hall that solvers of the MPC's problem are driven through, each in its own closed loop."""
+"""The hall with posts in which solvers of the MPC's problem drive, each in its own closed loop."""
 
 from __future__ import annotations
 
@@ -19,28 +19,29 @@ from planner.safety.collision import CollisionChecker
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 
 SIDE, RESOLUTION = 200, 0.05
-"""Of the risk map that a tick reads [cells], and of a cell [m]."""
+"""Side of the risk map of a tick [cells], and side of a cell [m]."""
 LENGTH, WIDTH = 40.0, 8.0
-"""Of the hall [m]."""
+"""Length and width of the hall [m]."""
 POSTS = 14
-"""In it."""
+"""Number of posts in the hall."""
 BEHIND = 2.0
-"""How far behind the car's start the path begins [m]."""
+"""Distance from the beginning of the path to the car's start [m]."""
 
 Solve = Callable[[], NDArray[np.float64] | None]
-"""What is timed: controls (N, 2), or None where the solver says that it failed."""
+"""Function that is timed; it returns controls (N, 2), or None if the solver reports a failure."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tick:
-    """What a solver is given.
+    """The input of a solver in one tick.
 
     Attributes:
-        state: x, y, yaw, v, (4,).
-        risk: the map around the car.
+        state: x, y [m], yaw [rad], v [m/s], (4,).
+        risk: risk map around the car.
         guess: first guess of the controls, (N, 2).
-        last: curvature of the tick before [1/m].
-        is_first: whether a drive begins, and nothing of the last one may be used.
+        last: curvature in the previous tick [1/m].
+        is_first: whether this is the first tick of a drive, so that the solver must not reuse
+            anything of its last solution.
     """
 
     state: NDArray[np.float64]
@@ -51,11 +52,11 @@ class Tick:
 
 
 Solver = Callable[[Tick], Solve]
-"""Prepares a solve, with all its input in place."""
+"""Function that prepares the input of a solver, and returns the function to be timed."""
 
 
 def hall(seed: int | None) -> Grid:
-    """Return a hall along x with round posts in it, or without for None, all observed."""
+    """Return the map of a hall along x with random round posts; without any if the seed is None."""
     rng = np.random.default_rng(seed)
     shape = (round(WIDTH / RESOLUTION), round((LENGTH + 10) / RESOLUTION))
     frame = GridFrame(RESOLUTION, (-5.0, -WIDTH / 2), shape)
@@ -69,17 +70,21 @@ def hall(seed: int | None) -> Grid:
 
 
 def straight(aside: float = 0.0) -> Path:
-    """Return the path along the hall's middle, or beside it [m]."""
+    """Return the straight path along the middle of the hall, or parallel to it.
+
+    Args:
+        aside: distance from the middle [m].
+    """
     return Path.through(np.array([[-BEHIND, aside], [LENGTH + 60.0, aside]]), "given")
 
 
 def segment_at(x: float) -> int:
-    """Return the segment of `straight` near which a car is."""
+    """Return the number of the segment of `straight` near which a car at `x` [m] is."""
     return max(0, int((x + BEHIND) / SPACING) - 2)
 
 
 def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return controls (N, 2) of a car that pursues a path and ignores the posts."""
+    """Return controls (N, 2) of a car that follows a path by pure pursuit and ignores the posts."""
     car = mpc.limits
     return np.asarray(
         pursue(
@@ -99,7 +104,7 @@ def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
-    """Return the risk map of a tick, placed as in driving."""
+    """Return the risk map around a car, at the same place as in normal driving."""
     centre = state[:2] + AHEAD * np.array([np.cos(state[2]), np.sin(state[2])])
     frame = grid.frame.square(float(centre[0]), float(centre[1]), SIDE * grid.frame.resolution)
     return RiskMap.from_prediction(grid.crop(frame), None, 0.0)
@@ -107,12 +112,13 @@ def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
 
 @dataclass(frozen=True)
 class Drive:
-    """A solver's closed loop through a hall.
+    """The closed loop of a solver through a hall.
 
     Attributes:
-        cost: of what was driven.
-        times: of each solve but the first [ms].
-        failures: ticks in which the solver said that it failed; the car went on by its guess.
+        cost: cost of the drive according to the MPC.
+        times: time of each solve except for the first one [ms].
+        failures: number of ticks in which the solver reported a failure, so that the car used the
+            guess.
         hit: whether the car hit a post.
     """
 
@@ -123,7 +129,14 @@ class Drive:
 
 
 def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> Drive:
-    """Drive through a hall by a solver."""
+    """Drive through a hall with a solver in closed loop.
+
+    Args:
+        mpc: MPC whose problem is solved.
+        prepare: the solver.
+        seed: seed of the posts; None: no posts.
+        ticks: number of ticks.
+    """
     grid, path = hall(seed), straight()
     state, last = np.array([0.0, 0.0, 0.0, 0.0]), 0.0
     guess = pursuit(mpc, path, state)
@@ -143,7 +156,7 @@ def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> Drive:
     whole = RiskMap.from_prediction(grid, None, 0.0)
     checker = CollisionChecker(mpc.limits, mpc.config.dt)
     hit = checker.contact(driven, grid.occupied, whole.frame) is not None
-    # A drive, unlike a plan, need not end stopped.
+    # The penalty for not being stopped at the end is removed: it applies to plans, not to drives.
     moving = 10.0 * mpc.config.violation * float(driven.states[-1, 3])
     cost = mpc.evaluate(driven, path, whole, segment_at(0.0), 0.0) - moving
     return Drive(cost, times[1:], failures, hit)

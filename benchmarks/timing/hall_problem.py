@@ -1,9 +1,8 @@
-"""The MPC's problem in a hall as functions of casadi's, for solvers that derive it themselves.
+"""The MPC's problem in a hall as casadi functions, for solvers that compute derivatives themselves.
 
-The same dynamics, costs and limits as in `planner.mpc.mpc`, along the path through the
-hall's middle.
-Each piece is a function of scalar symbols (SX), which casadi evaluates and derives some times as
-fast as matrix symbols (MX): those only call the pieces, and look the map up.
+Dynamics, costs and limits are those of `planner.mpc.mpc`, along the path through the middle of the
+hall. Each part is a function of scalar symbols (SX), which casadi evaluates and differentiates
+several times as fast as matrix symbols (MX). The latter only call the parts and read the map.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from benchmarks.timing.hall import BEHIND, RESOLUTION, SIDE
 from planner.mpc.mpc import MPC
 
 X, U = ca.SX.sym("x", 4), ca.SX.sym("u", 2)
-"""State and control of a stage."""
+"""Symbols of the state (4,) and the control (2,) of a stage."""
 
 
 @dataclass(frozen=True)
@@ -26,24 +25,24 @@ class Problem:
     """One stage of the problem: functions of its state (4,) and control (2,).
 
     Attributes:
-        mpc: whose settings and limits count.
+        mpc: MPC whose settings and limits are used.
     """
 
     mpc: MPC
 
     @property
     def keeps_inside(self) -> bool:
-        """Whether the body must keep off, or is kept off by cost alone."""
+        """Whether a clearance is a constraint; otherwise only a cost keeps the body off posts."""
         return self.mpc.required > 0.0
 
     @property
     def lateral(self) -> float:
-        """Most lateral acceleration of a plan [m/s²]."""
+        """Largest lateral acceleration of a plan [m/s²]."""
         return self.mpc.limits.planned_cornering
 
     @cached_property
     def successor(self) -> ca.Function:
-        """State, control → the state (4,) after one step."""
+        """Function from state and control to the state after one step, (4,)."""
         dt = self.mpc.config.dt
         s = X[3] * dt + U[0] * dt**2 / 2
         half = U[1] * s / 2
@@ -58,24 +57,24 @@ class Problem:
 
     @cached_property
     def laterals(self) -> ca.Function:
-        """State, control → lateral acceleration at both ends of a step (2,) [m/s²]."""
+        """Function from state and control to the lateral accelerations at a step's ends, (2,)."""
         after = X[3] + U[0] * self.mpc.config.dt
         return ca.Function("laterals", [X, U], [ca.vertcat(X[3] ** 2 * U[1], after**2 * U[1])])
 
     @cached_property
     def effort(self) -> ca.Function:
-        """Control → what it costs, but for its change."""
+        """Function from a control to its cost, except for the cost of its change."""
         weights = self.mpc.config.effort
         return ca.Function("effort", [U], [weights[0] * U[0] ** 2 + weights[1] * U[1] ** 2])
 
     @cached_property
     def standing(self) -> ca.Function:
-        """State → what it costs to be in it: the way still to go, and off the path."""
+        """Function from a state to its cost: distance from the path, less progress along it."""
         return ca.Function("standing", [X], [self._way(self.mpc.config.contour)])
 
     @cached_property
     def ending(self) -> ca.Function:
-        """State → what it costs to end in it."""
+        """Function from the last state to its cost."""
         offset, heading = self.mpc.config.final
         return ca.Function("ending", [X], [self._way(offset) + heading * (1 - ca.cos(X[2]))])
 
@@ -84,25 +83,28 @@ class Problem:
 
     @cached_property
     def closeness(self) -> ca.Function:
-        """Clearances (2,) → what it costs to be close to posts."""
+        """Function from clearances (2,) to the cost of being close to posts."""
         c, clearances = self.mpc.config, ca.SX.sym("clearances", 2)
         lacking = ca.fmax(0, self.mpc.required + c.comfort - clearances)
         return ca.Function("closeness", [clearances], [0.5 * c.closeness * ca.sumsqr(lacking)])
 
     def clearances(self, x: Any, origin: Any, field: Any) -> Any:
-        """Clearance of the body's two circles (2,) [m], as in `planner.mpc.condense.clearances`.
+        """Return the clearances of the body's two circles, (2,) [m].
+
+        They are computed as in `planner.mpc.condense.clearances`.
 
         Args:
-            x: the state.
-            origin: of the map (2,) [m].
-            field: the map's clearances, row by row, (SIDE²,) [m].
+            x: state, (4,).
+            origin: lower-left corner of the map, (2,) [m].
+            field: clearance of each cell of the map, row by row, (SIDE²,) [m].
         """
         cells, fractions = self._place(x, origin)
         return self._cubic(field[cells], fractions)
 
     @cached_property
     def _place(self) -> ca.Function:
-        """The cells around each circle (32,), and where among them its centre lies (4,)."""
+        """Function from state and origin to the cells around both circles' centres (32,), and the
+        positions of the centres among them (4,)."""
         origin, offset = ca.SX.sym("origin", 2), self.mpc.limits.body.length / 4
         cells: list[Any] = []
         fractions: list[Any] = []
@@ -123,7 +125,7 @@ class Problem:
 
     @cached_property
     def _cubic(self) -> ca.Function:
-        """The field among those cells by cubic convolution, (2,)."""
+        """Function that interpolates the clearances at these cells by cubic convolution, (2,)."""
         patch, t = ca.SX.sym("patch", 32), ca.SX.sym("t", 4)
         read = [
             ca.mtimes([_keys(t[2 * i]).T, ca.reshape(cells, 4, 4), _keys(t[2 * i + 1])])

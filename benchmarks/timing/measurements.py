@@ -1,4 +1,4 @@
-"""Measurements that are kept on disk, so that an interrupted command continues."""
+"""Measurements that are stored in a folder, so that an interrupted command can continue."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from predictor.infra.resumable import ResumableFolder
 
 PACKAGES = ("benchmarks", "planner", "predictor", "sim")
 RUNTIME = "openvino"
-"""Runs networks where it is installed."""
+"""Package that runs networks if it is installed."""
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Something to measure.
+    """One measurement.
 
     Attributes:
-        name: group/name, unique in a run.
-        settings: all that decides what is measured, but for code and machine.
-        measure: does it; what it returns must be fit for JSON.
+        name: name, group/name, unique in a run.
+        settings: all that decides the measurement, except for code, machine and packages.
+        measure: function that measures and returns plain data for JSON.
     """
 
     name: str
@@ -36,25 +36,25 @@ class Measurement:
 
 
 class KeptMeasurements:
-    """A folder of measurements.
+    """A folder of finished measurements.
 
-    What was measured by other code, on another machine, with other packages or with other settings
+    A measurement by other code, on another machine, with other packages or with other settings
     counts as missing.
 
     Args:
-        folder: where; made if need be.
+        folder: folder; made if it is missing.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = ResumableFolder(folder)
 
     def find(self, one: Measurement) -> Any:
-        """Return what was measured, or None."""
+        """Return the stored result of a measurement; None if there is none."""
         kept = self._folder.read(_file(one))
         return kept[0]["measured"] if kept is not None and kept[0].get("of") == _of(one) else None
 
     def measure(self, one: Measurement) -> Any:
-        """Measure, and keep the result."""
+        """Measure, store the result, and return it."""
         measured = one.measure()
         self._folder.write(_file(one), {"of": _of(one), "measured": measured}, {})
         return measured
@@ -65,7 +65,7 @@ def _file(one: Measurement) -> str:
 
 
 def _of(one: Measurement) -> dict[str, Any]:
-    """Return what a measurement is of, as JSON gives it back."""
+    """Return all that identifies a measurement, converted to JSON and back for comparisons."""
     of = {
         "name": one.name,
         "code": code(),
@@ -78,7 +78,7 @@ def _of(one: Measurement) -> dict[str, Any]:
 
 
 def installed(packages: Iterable[str]) -> dict[str, str]:
-    """Versions of those packages that are installed, by name."""
+    """Return package → version for those of some packages that are installed."""
     found = {}
     for package in packages:
         with contextlib.suppress(PackageNotFoundError):

@@ -1,8 +1,8 @@
-"""The programs that a user would pick instead, each at its best, beside ours in one run.
+"""Comparison of stages with other libraries ("peers") for the same task, each at its best settings.
 
-Each stage gives its own callable and those of the peers; a few calls of one follow a few of
-another, so that whatever else the machine does meets all alike, and each has the caches to itself.
-Those of the MPC are in `benchmarks.timing.peers_mpc`. All come with the extra `peers`.
+For each stage, the calls of this project and of the peers take turns, a few calls each: other load
+of the machine then affects all equally, and each has the caches to itself for a while. The MPC is
+compared in `benchmarks.timing.peers_mpc`. The extra `peers` installs all these libraries.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ from sim.task import Task
 from sim.world import World
 
 Call = Callable[[int], Any]
+"""Function of the number of a call."""
 TOGETHER = 10
-"""Calls of one program that follow one another."""
+"""Number of consecutive calls of one library."""
 
 
 def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]:
-    """Time some callables, a few calls of one after a few of another.
+    """Time some functions, which take turns of a few calls each.
 
-    Before those that count, one does not: it fetches back what the others pushed out of the caches.
+    Each turn starts with a call that is not timed, which brings data back into the caches.
 
     Args:
-        calls: by name; `OURS` among them.
-        repeats: calls of each that count, with 0, 1, …
+        calls: name → function; `OURS` must be among the names.
+        repeats: number of timed calls of each, with arguments 0, 1, …
 
     Returns:
-        As `beside_ours`.
+        Times as in `beside_ours`.
     """
     taken: dict[str, list[float]] = {name: [] for name in calls}
     for first in range(0, repeats, TOGETHER):
@@ -56,11 +57,11 @@ def compare(calls: dict[str, Call], repeats: int) -> dict[str, dict[str, float]]
 
 STAGES = ("rays", "mapping", "distance transform", "prediction")
 REPEATS = 200
-"""Calls of each that count."""
+"""Number of timed calls of each function."""
 
 
 def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
-    """Time one of `STAGES` and its peers in a building of corridors; see `compare`."""
+    """Time one of `STAGES` and its peers in a building of the family `corridor`; see `compare`."""
     task = task_in("corridor", seed, CarLimits())
     poses = along(task, REPEATS)
     if stage == "rays":
@@ -74,11 +75,14 @@ def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
 
 
 def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
-    """Cast one scan of 1081 beams, 270°, 20 m; octomap and raycast2D find the cell hit."""
+    """Return functions that cast a scan of 1081 beams, 270° and 20 m.
+
+    octomap and raycast2D return the cell that is hit, not the exact range.
+    """
     import octomap
     from raycast2D import Lidar2D
 
-    # At the robot's own centre, where the peers have it.
+    # The LIDAR is at the robot's centre, as for the peers.
     lidar, frame = Lidar(LidarConfig(mount=(0.0, 0.0, 0.0))), world.grid.frame
     angles = lidar.config.angle_min + lidar.config.angle_increment * np.arange(lidar.config.beams)
     image = np.where(world.grid.occupied, 0, 255).astype(np.uint8)
@@ -104,7 +108,7 @@ def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
         return ends
 
     def by_raycast2d(i: int) -> NDArray[Any]:
-        # A heading of 0 is along its -y.
+        # raycast2D's heading of 0 is along its -y.
         heading = float(poses[i, 2]) + np.pi / 2
         return np.asarray(other.scan((*pixels[i], heading), only_true_collisions=False))
 
@@ -126,7 +130,7 @@ def _irsim(
     wide, high = frame.size
     with tempfile.TemporaryDirectory() as folder:
         image = Path(folder) / "map.png"
-        # Image rows run down, and dark is occupied.
+        # Rows of images run downwards, and dark pixels are occupied.
         Image.fromarray(np.where(world.grid.occupied[::-1], 0, 255).astype(np.uint8)).save(image)
         settings = Path(folder) / "world.yaml"
         settings.write_text(
@@ -150,7 +154,10 @@ def _irsim(
 
 
 def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
-    """Integrate one scan into a map of 0.05 m, each cell once, with all 20 m of its rays."""
+    """Return functions that integrate a scan into a map of 0.05 m, with rays of up to 20 m.
+
+    Each cell is updated once per scan.
+    """
     import octomap
     import pyoctomap
 
@@ -179,7 +186,7 @@ def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
 
 
 def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
-    """Compute the exact distance transform of a window of 200 × 200 cells."""
+    """Return functions that compute the exact distance transform of masks of 200 × 200 cells."""
     import cv2
     from scipy.ndimage import distance_transform_edt
 
@@ -195,7 +202,7 @@ def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
 
 
 def predictions(crops: list[Any], poses: NDArray[np.float64]) -> dict[str, Call]:
-    """Predict a 10 m square: the same network, by the two runtimes."""
+    """Return functions that predict a 10 m square with the same network in two runtimes."""
     ours, torch = Compact(), Compact(runtime="torch")
     return {
         OURS: lambda i: ours.predict(crops[i], poses[i]),

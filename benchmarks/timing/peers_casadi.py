@@ -1,4 +1,4 @@
-"""General solvers of casadi's on the MPC's whole sparse problem."""
+"""Peers of the MPC: general solvers in casadi (IPOPT, fatrop), on the whole sparse problem."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ IPOPT = {
     "ipopt.mu_init": 1e-3,
     "ipopt.warm_start_init_point": "yes",
 }
-"""The settings that IPOPT is quickest with here."""
+"""Settings with which IPOPT is fastest here."""
 COMPILED = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2"]}}
-"""casadi writes the problem's functions as C, and has gcc compile them."""
+"""Settings with which casadi writes the problem's functions as C and compiles them with gcc."""
 
 
 def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
-    """Return a solver that starts from its own last solution, multipliers too.
+    """Return a solver that starts from its own last solution, including the multipliers.
 
     Args:
-        mpc: whose settings and limits count.
+        mpc: MPC whose problem is solved.
         plugin: "ipopt" or "fatrop".
         compiled: whether the problem's functions are compiled to machine code.
     """
     n, car, problem = mpc.stages, mpc.limits, Problem(mpc)
-    # κ of the step before is part of the state, so that no cost couples more than a stage.
+    # The previous curvature κ is part of the state, so that no cost depends on two stages.
     xs = [ca.MX.sym(f"x{k}", 5) for k in range(n + 1)]
     us = [ca.MX.sym(f"u{k}", 2) for k in range(n)]
     start, field = ca.MX.sym("start", 7), ca.MX.sym("field", SIDE * SIDE)
@@ -52,7 +52,7 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
     softest = [-car.braking, -car.max_curvature]
     hardest = [car.acceleration, car.max_curvature]
     for k in range(n + 1):
-        # Without κ.
+        # The state without κ.
         x = xs[k][:4]
         if k < n:
             u = us[k]
@@ -96,7 +96,7 @@ def general(mpc: MPC, plugin: str, compiled: bool) -> Solver:
     solver = ca.nlpsol("solver", plugin, nlp, options)
     duals: dict[str, Any] = {}
     lower, upper = ca.DM(low), ca.DM(high)
-    # The multipliers of a stage start from those that the next one had a tick ago.
+    # The multipliers of a stage start from those of the following stage in the previous tick.
     rows = {name: row for row, name in enumerate(names)}
     later = [
         rows.get((k + 1, name, i), row) if k + 1 < n else row

@@ -1,4 +1,4 @@
-"""do-mpc on the MPC's problem."""
+"""Peer of the MPC: do-mpc, on the same problem."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from planner.mpc.mpc import MPC
 
 
 def do_mpc(mpc: MPC, compiled: bool) -> Solver:
-    """do-mpc's controller on a discrete model, started from the last solution, one tick on.
+    """Return do-mpc's controller on a discrete model, started from its shifted last solution.
 
-    What reads the map is added between `prepare_nlp` and `create_nlp`, as do-mpc offers, and the
-    map behind do-mpc's own parameters: those go through all its stage functions and their
-    derivatives, and with the map among them a solve takes twice as long. Only `solve` is timed,
-    not `make_step`, which keeps a history beside it.
+    The terms that read the map are added between `prepare_nlp` and `create_nlp`, which do-mpc
+    allows, and the map is appended to do-mpc's own parameters. As one of these, it would be passed
+    through all stage functions and their derivatives, and a solve would take twice as long. Only
+    `solve` is timed, not `make_step`, which also records a history.
 
     Args:
-        mpc: whose settings and limits count.
-        compiled: whether the problem's functions are compiled to machine code; by casadi, for
-            do-mpc's own `compile_nlp` fails in 5.1.2, on a name that it has not imported.
+        mpc: MPC whose problem is solved.
+        compiled: whether casadi compiles the problem's functions to machine code. do-mpc's own
+            `compile_nlp` fails in version 5.1.2, since it uses a name that it has not imported.
     """
     with warnings.catch_warnings():
-        # Its import and its set-up warn of features that are not needed, and of casadi's future.
+        # do-mpc warns of optional features that are missing, and of future changes in casadi.
         warnings.simplefilter("ignore")
         controller, numbers = _controller(mpc, compiled)
 
     def prepare(tick: Tick) -> Solve:
         if tick.is_first:
-            # Without this the multipliers of the drive before would be its start.
+            # Otherwise the solver would start from the multipliers of the previous drive.
             controller.flags["initial_run"] = False
         plan = mpc.roll(tick.state, tick.guess)
         clearance = np.asarray(tick.risk.clearance, dtype=np.float64).ravel()
@@ -59,9 +59,10 @@ def do_mpc(mpc: MPC, compiled: bool) -> Solver:
 
 
 def _controller(mpc: MPC, compiled: bool) -> tuple[Any, Any]:
-    """do-mpc's controller of the whole problem, and its own parameters' numbers.
+    """Return do-mpc's controller of the whole problem, and the values of its own parameters.
 
-    After those its problem has the map's origin (2,) and clearances (SIDE²,).
+    In the parameters of the problem, these are followed by the map's origin (2,) and its clearances
+    (SIDE²,).
     """
     import do_mpc as library
 
@@ -73,7 +74,7 @@ def _controller(mpc: MPC, compiled: bool) -> tuple[Any, Any]:
     for name, value in zip(names, ca.vertsplit(problem.successor(x, u)), strict=True):
         model.set_rhs(name, value)
     model.setup()
-    # Setting it up has given it other symbols.
+    # `setup` has replaced the symbols of the model.
     x = ca.vertcat(*(model.x[name] for name in names))
     u = ca.vertcat(*(model.u[name] for name in controls))
     controller = library.controller.MPC(model)

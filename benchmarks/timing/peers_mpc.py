@@ -1,8 +1,9 @@
-"""The MPC beside other solvers: the same problem, and each solver's own closed loop.
+"""Comparison of the MPC with other solvers of the same problem, each in its own closed loop.
 
 The problem is that of `planner.mpc.mpc` along a straight path through a hall with posts: once with
-its body kept off by cost alone, once with the clearance required that driving requires. Paired
-are the halls: from the second tick on each solver's calls are of the states that it came to itself.
+a cost of small clearances only, and once also with the clearance as a constraint, as in normal
+driving. All solvers drive through the same halls. From the second tick on, each solver solves from
+the states that it has led to itself.
 """
 
 from __future__ import annotations
@@ -26,15 +27,16 @@ from planner.mpc.mpc import MPC, MPCConfig
 from planner.navigator import AFRESH
 
 CONSTRAINED = MPCConfig()
-"""As in driving."""
+"""Settings as in normal driving, with the clearance as a constraint."""
 COST_ONLY = MPCConfig(margin=-5.0, comfort=5.0 + CONSTRAINED.margin + CONSTRAINED.comfort)
-"""Nothing is required of the clearance, and it costs up to where it does in driving."""
+"""Settings without a constraint on the clearance, with the same cost of small clearances."""
 ASIDE = (0.0, 1.2, -1.2)
-"""How far beside the hall's middle the ways run that further starts pursue, in turn [m]."""
+"""Distances from the hall's middle of the paths that are pursued, in turn, for further first
+guesses [m]."""
 
 
 def ours(mpc: MPC) -> Solver:
-    """`planner.mpc.mpc`, from one guess."""
+    """Return the solver of `planner.mpc.mpc`, from one first guess."""
     path = straight()
 
     def prepare(tick: Tick) -> Solve:
@@ -50,13 +52,14 @@ def ours(mpc: MPC) -> Solver:
 
 
 def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
-    """Return a solver that also tries another start every fifth tick.
+    """Return a solver that also tries another first guess every `AFRESH` ticks.
 
     Args:
-        mpc: whose costs count.
-        solver: goes on from the last plan.
-        afresh: another instance of it, so that what one keeps from tick to tick does not spoil
-            the other's. Its starts are pursuits of each of some ways, in turn.
+        mpc: MPC whose costs decide which solution is used.
+        solver: solver that continues from the last plan.
+        afresh: another instance of the same solver for the other first guesses, so that neither
+            disturbs what the other one keeps from tick to tick. The guesses pursue the paths of
+            `ASIDE`, in turn.
     """
     path, ways = straight(), [straight(aside) for aside in ASIDE]
     ticks = 0
@@ -87,30 +90,30 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
 def compare(
     config: MPCConfig, worlds: int, ticks: int, report: Callable[[str], None]
 ) -> dict[str, dict[str, float]]:
-    """Drive each solver's closed loop through the same halls, one after the other.
+    """Drive with each solver in closed loop through the same halls.
 
     Args:
-        config: of the problem.
-        worlds: halls.
-        ticks: of each drive.
-        report: told what is being done.
+        config: settings of the problem.
+        worlds: number of halls.
+        ticks: number of ticks of each drive.
+        report: function that shows what is being done.
 
     Returns:
-        Name → `beside_ours` of its solves, and cost: of its drives, summed; excess: cost above
-        that of the same drive without posts, the mean over halls; dearer_percent: cost above
-        that of ours, the mean over halls, and dearer_low, dearer_high: its 95 % interval, halls
-        resampled; hits: drives that hit a post; failures: ticks in which no solve succeeded, by
-        the solver's own word.
+        Solver → its times as in `beside_ours`; and `cost`, the sum of the costs of its drives;
+        `excess`, the mean over halls of the cost above that of a drive without posts;
+        `dearer_percent`, the mean over halls of the cost above that of our MPC [%], and
+        `dearer_low`, `dearer_high`, its 95 % interval over halls; `hits`, the number of drives that
+        hit a post; `failures`, the number of ticks in which the solver reported a failure.
     """
     mpc = MPC(config=config)
-    # casadi leaves what it compiles in the working directory, and needs it there.
+    # casadi writes compiled code into the working directory, and needs it there.
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         drives = _drives(mpc, worlds, ticks, report)
-        # do-mpc's objects know each other, and must be gone before their files are.
+        # do-mpc's objects form reference cycles, and must be deleted before their files are.
         gc.collect()
     compared = beside_ours({name: [t for d in ds for t in d.times] for name, ds in drives.items()})
     reference = np.array([d.cost for d in drives[OURS]])
-    # The cost's zero is arbitrary; what the posts add to it is not.
+    # The zero of the cost is arbitrary, so the cost without posts is subtracted.
     unhindered = drive(mpc, ours(mpc), None, ticks).cost
     for name, ds in drives.items():
         costs = np.array([d.cost for d in ds])
@@ -130,7 +133,7 @@ def compare(
 
 
 def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
-    """Return what makes each solver; those that are compiled take minutes."""
+    """Return name → function that makes the solver; compiled solvers take minutes to make."""
 
     def fatrop() -> Solver:
         return general(mpc, "fatrop", compiled=True)
@@ -151,7 +154,7 @@ def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
 def _drives(
     mpc: MPC, worlds: int, ticks: int, report: Callable[[str], None]
 ) -> dict[str, list[Drive]]:
-    """Solver → its drives, hall by hall."""
+    """Make all solvers, and return name → drives in the order of the halls."""
     solvers = {}
     for name, make in makers(mpc).items():
         report(f"making {name}" + (", which takes minutes" if "compiled" in name else ""))

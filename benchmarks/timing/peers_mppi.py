@@ -1,4 +1,4 @@
-"""pytorch_mppi on the MPC's problem."""
+"""Peer of the MPC: model-predictive path integral control by pytorch_mppi, on the same problem."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from planner.mpc.mpc import MPC
 class MPPIConfig:
     """Settings of model-predictive path integral control.
 
-    The defaults were the best of those tried in halls 1000 to 1004, none of which is measured:
-    temperatures 10 to 0.01, spreads (0.5, 0.15) to (2, 0.6), 256 to 4096 samples, 1 to 4 rounds,
-    with and without clipping the samples before the dynamics do. Costs above those of ours from
-    the last plan and three ways at every tick, summed over 60 ticks in the five halls: 1024
-    samples at temperature 1 and spread (1, 0.3) 262; at 0.1, 27, and in 4 rounds 16; at 0.03, 20;
-    with 2048 samples 13, with 4096 17; 2048 samples at 0.03 and (0.7, 0.2) 11.
+    The defaults were the best of the settings tried in halls 1000 to 1004, which are not used for
+    measurements: temperatures 10 to 0.01, spreads (0.5, 0.15) to (2, 0.6), 256 to 4096 samples, 1
+    to 4 rounds, with and without clipping the samples before the dynamics do. The costs above those
+    of our MPC (with guesses from the last plan and from three paths at every tick), summed over 60
+    ticks in the five halls, were: 262 for 1024 samples at temperature 1 and spread (1, 0.3); at
+    temperature 0.1, 27, and 16 in 4 rounds; at 0.03, 20; at 0.03 with 2048 samples 13, with 4096
+    samples 17; with 2048 samples at 0.03 and spread (0.7, 0.2) 11.
 
     Attributes:
-        samples: rollouts a round.
-        rounds: times that the controls are improved in a tick.
-        temperature: λ, in units of the cost.
-        spread: standard deviation of a [m/s²] and of κ [1/m] among the samples.
+        samples: number of rollouts in a round.
+        rounds: number of improvements of the controls in a tick.
+        temperature: temperature λ of the method, in units of the cost.
+        spread: standard deviation of acceleration [m/s²] and curvature [1/m] among the samples.
     """
 
     samples: int = 2048
@@ -37,15 +38,15 @@ class MPPIConfig:
 
 
 def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
-    """pytorch_mppi, started from the last controls, one tick on.
+    """Return pytorch_mppi as a solver, started from its shifted last controls.
 
-    Its samples cannot break a limit of the car: the dynamics clip them, and keep each below the
-    speed from which it still stops within the horizon. What it costs is summed for all samples and
-    stages at once, and the map read bilinearly: both are quicker. Single precision.
+    Samples cannot violate a limit of the car: the dynamics clip them, and keep the speed low enough
+    to stop within the horizon. For speed, the cost is computed for all samples and stages at once,
+    the map is interpolated bilinearly, and numbers have single precision.
 
     Args:
-        mpc: whose settings and limits count.
-        config: settings of the method.
+        mpc: MPC whose problem is solved.
+        config: settings of the method; None: the defaults.
     """
     import torch
     from pytorch_mppi import MPPI

@@ -1,4 +1,4 @@
-"""How much the kernels of sensing and mapping do, and how exactly; times have a 99th percentile."""
+"""Rates and times of single kernels: ray casting, mapping, distance transform, risk map."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from sim.lidar import cast_rays
 from sim.world import World
 
 SCANS = 1000
-"""Of a round in which rays are counted."""
+"""Number of scans in a round of ray casting."""
 THREADS = (1, 2)
-"""Numbers of threads that rays are cast on."""
+"""Numbers of threads on which rays are cast."""
 ROUNDS = 25
-"""Of which the median counts."""
+"""Number of rounds, whose median time is used."""
 CHECKED_POSES, CHECKED_BEAMS = 20, 54
-"""Scans, and beams of each, that are compared with the exact answer."""
+"""Number of scans that are compared with exact ranges, and number of beams of each."""
 REPEATS = 500
-"""Of what is timed call by call."""
+"""Number of calls of a kernel that is timed call by call."""
 
 
 def maps(seed: int) -> dict[str, World]:
-    """Return the two maps that rays and scans are measured on."""
+    """Return name → map for the two maps on which rays and scans are measured."""
     task = task_in("corridor", seed, CarLimits())
     return {
         "corridor 1000²": places.corridors(task, 1000),
@@ -45,12 +45,12 @@ def maps(seed: int) -> dict[str, World]:
 
 
 def rays(seed: int) -> dict[str, Measure]:
-    """Measure rays a second of the caster, on one and two threads, and the error of scans.
+    """Measure the rays per second of the ray caster on one and two threads, and the error of scans.
 
-    A scan has 1081 beams. On ways each is cast 0.25 m from the one before, as a driving car does,
-    up to 20 of them before another way begins: what lies around is then mostly in the processor's
-    caches. From fresh places each is cast from a place drawn anew in the whole map. Each thread
-    begins at other scans; the same are cast in each round.
+    A scan has 1081 beams. In the case "on ways", each scan is 0.25 m from the one before, as for a
+    driving car, with up to 20 scans on a straight line, so that the map around is mostly in the
+    processor's caches. In the case "fresh places", each scan is at another random place of the map.
+    The threads cast the same scans in different orders, and all rounds are the same.
     """
     lidar, found = Lidar(), {}
     for name, world in maps(seed).items():
@@ -64,7 +64,7 @@ def rays(seed: int) -> dict[str, Measure]:
 
 
 def _rates(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> dict[int, Measure]:
-    """Measure rays a second on each number of `THREADS`."""
+    """Measure the rays per second on each number of `THREADS`."""
     config, frame = lidar.config, world.grid.frame
     angles = config.angle_min + config.angle_increment * np.arange(config.beams)
     beams = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -76,7 +76,7 @@ def _rates(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> dict[int, 
 
     taken: dict[int, list[float]] = {count: [] for count in THREADS}
     with ThreadPoolExecutor(max(THREADS)) as pool:
-        # In turn, so that a machine that slows down slows them all; the first round does not count.
+        # The numbers take turns, so that other load affects all; the first round is not timed.
         for turn in range(ROUNDS + 1):
             for count, times in taken.items():
                 own = [np.roll(starts, i * len(starts) // count, axis=0) for i in range(count)]
@@ -95,15 +95,15 @@ def _rates(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> dict[int, 
 
 @njit(cache=True, nogil=True)
 def _casts(skips, cells, starts, beams, longest):  # type: ignore[no-untyped-def]
-    # In one call, so that what is counted is rays, and not how threads take turns in Python.
+    # All scans are cast in one call, so that switching between threads in Python takes no time.
     for i in range(starts.shape[0]):
         cast_rays(skips, cells, starts[i, 0], starts[i, 1], starts[i, 2], beams, longest)
 
 
 def error(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> tuple[float, int]:
-    """Return the largest error of a scan [m], and how many beams were compared.
+    """Return the largest error of a range [m], and the number of beams that were compared.
 
-    A beam that should return and does not, or the other way about, is off by infinity.
+    The error is infinite if a beam returns although it should not, or the other way round.
     """
     worst, compared = 0.0, 0
     frame = world.grid.frame
@@ -128,10 +128,20 @@ def error(lidar: Lidar, world: World, poses: NDArray[np.float64]) -> tuple[float
 def exact_ranges(
     cells: NDArray[np.int8], x: float, y: float, angles: NDArray[np.float64], longest: float
 ) -> list[float | None]:
-    """Compute the exact range along each beam [cells], from every cell's own slabs.
+    """Compute the exact range of each beam [cells] by brute force.
 
-    Brute force: each cell within range that a beam may be stopped by, a solid one beside a free
-    one, is cut with each beam. None where a corner decides, to within 1e-9 cells.
+    Each beam is intersected with each solid cell that has a free neighbour within range.
+
+    Args:
+        cells: cells of the map, (rows, columns).
+        x: position of the sensor along the columns [cells].
+        y: position of the sensor along the rows [cells].
+        angles: directions of the beams, (n,) [rad].
+        longest: range of the sensor [cells].
+
+    Returns:
+        Range of each beam; infinity if nothing is in range; NaN if the beam ends in unknown space;
+        None if the beam passes a corner of a cell within 1e-9 cells, so that rounding decides.
     """
     reach = math.ceil(longest) + 2
     top, left = max(0, math.floor(y) - reach), max(0, math.floor(x) - reach)
@@ -153,7 +163,7 @@ def exact_ranges(
         met = (enter < leave) & (leave > 0)
         first = np.flatnonzero(met)[np.argmin(enter[met])]
         at = float(enter[first])
-        # Corners count up to where the beam ends; those behind the wall it met do not.
+        # Only corners before the end of the beam count, not those behind the wall.
         corner = (np.abs(leave - enter) < 1e-9) & (leave > 0) & (enter <= at + 1e-9)
         if corner.any():
             found.append(None)
@@ -165,7 +175,7 @@ def exact_ranges(
 
 
 def mapping(seed: int) -> dict[str, Measure]:
-    """Measure scans integrated a second, 1081 beams of up to 20 m, on one thread."""
+    """Measure the scans (1081 beams of up to 20 m) that are integrated per second on one thread."""
     lidar, found = Lidar(), {}
     window = 2 * (lidar.config.range_max + 0.5)
     for name, world in maps(seed).items():
@@ -173,7 +183,7 @@ def mapping(seed: int) -> dict[str, Measure]:
         scans = [lidar.scan(world, pose) for pose in poses]
         known = OccupancyGrid(world.grid.frame, window)
         for pose in poses:
-            # So that the map need not grow while it is measured.
+            # The map grows here, so that it does not grow while integration is timed.
             known.cover(known.frame.square(float(pose[0]), float(pose[1]), window))
 
         def integrate(
@@ -187,14 +197,14 @@ def mapping(seed: int) -> dict[str, Measure]:
 
 
 def distance(seed: int) -> dict[str, Measure]:
-    """Time the distance transform of windows of 200 × 200 cells, as a drive sees them."""
+    """Time the distance transform of maps of 200 × 200 cells, observed in a drive."""
     task = task_in("corridor", seed, CarLimits())
     masks = [~crop.free for crop in places.crops_along(task, REPEATS)]
     return {"distance transform 200²": _time(timed(lambda i: distance_field(masks[i]), len(masks)))}
 
 
 def risk(seed: int) -> dict[str, Measure]:
-    """Time the risk map, from the prediction to what the MPC reads."""
+    """Time the computation of the risk map from the observed map and the prediction."""
     task = task_in("corridor", seed, CarLimits())
     return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
 

@@ -1,4 +1,4 @@
-"""Where stages are measured: maps of a stated size, and poses in them."""
+"""Maps of given sizes for timing, and poses in them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from sim.task import Task
 from sim.world import World
 
 STEP = 0.25
-"""From one pose of `on_ways` to the next [m]: of a tick at 2.5 m/s."""
+"""Distance from one pose of `on_ways` to the next [m]: one tick at 2.5 m/s."""
 TICKS = 20
-"""Poses on a way, at most."""
+"""Largest number of poses on one straight line of `on_ways`."""
 CLEAR = 0.3
-"""Kept from what is solid on a way [m]; more than `STEP`, so that no wall is passed."""
+"""Smallest clearance of a pose of `on_ways` [m]; above `STEP`, so that lines do not cross walls."""
 
 
 def along(task: Task, count: int) -> NDArray[np.float64]:
@@ -28,14 +28,14 @@ def along(task: Task, count: int) -> NDArray[np.float64]:
 
 
 def crops_along(task: Task, count: int) -> list[Grid]:
-    """Return what a drive along a task's route knows at each pose, a square of 10 m around it."""
+    """Return the observed map of the 10 m square around each pose of a drive along a route."""
     states = np.column_stack([along(task, count), np.zeros(count)])
     seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
     return [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
 
 
 def anywhere(world: World, count: int) -> NDArray[np.float64]:
-    """Return poses in free cells of a map, drawn evenly, (count, 3)."""
+    """Return random poses in free cells of a map, uniformly distributed, (count, 3)."""
     rng, frame = np.random.default_rng(0), world.grid.frame
     free = np.argwhere(world.grid.free)
     rows, cols = free[rng.integers(len(free), size=count)].T
@@ -44,9 +44,9 @@ def anywhere(world: World, count: int) -> NDArray[np.float64]:
 
 
 def on_ways(world: World, count: int) -> NDArray[np.float64]:
-    """Return poses `STEP` apart on straight ways, as a driving car's ticks, (≤ count, 3).
+    """Return poses `STEP` apart on straight lines, as of a driving car, (at most `count`, 3).
 
-    The ways begin at places drawn evenly, and end where something solid is near.
+    The lines begin at random places, and end near walls.
     """
     poses: list[tuple[float, float, float]] = []
     for x, y, yaw in anywhere(world, count):
@@ -59,7 +59,12 @@ def on_ways(world: World, count: int) -> NDArray[np.float64]:
 
 
 def corridors(task: Task, side: int) -> World:
-    """Return the square of a side [cells] around the middle of a task's route."""
+    """Return a square part of a building, around the middle of a task's route.
+
+    Args:
+        task: building and route.
+        side: side of the square [cells].
+    """
     grid = task.world.grid
     middle = 0.5 * (task.waypoints.min(axis=0) + task.waypoints.max(axis=0))
     frame = grid.frame.square(float(middle[0]), float(middle[1]), side * grid.frame.resolution)
@@ -67,7 +72,12 @@ def corridors(task: Task, side: int) -> World:
 
 
 def cluttered(side: int, seed: int) -> World:
-    """Return a hall of a side [cells] of 0.05 m, with a box on every 6 m² of floor."""
+    """Return a square hall with one box per 6 m² of floor.
+
+    Args:
+        side: side of the hall, in cells of 0.05 m.
+        seed: seed of the boxes.
+    """
     rng = np.random.default_rng(seed)
     cells = np.full((side, side), FREE, dtype=np.int8)
     for _ in range(round((0.05 * side) ** 2 / 6)):

@@ -1,4 +1,4 @@
-"""The tables of `benchmarks.stages`, in Markdown."""
+"""The tables of `benchmarks.stages` as Markdown."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ PEERS_COLUMNS = {
     "hits": ("hits", ".0f"),
     "failures": ("failures", ".0f"),
 }
-"""Measure → its column's head and format."""
+"""Measure → head and number format of its column."""
 
 
 def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
-    """Return the times of each arm's stages."""
+    """Return the table of the times of each arm's stages."""
     rows = [["arm", "stage", "median [ms]", "p95 [ms]", "p99 [ms]", "threads", "samples"]]
     for arm, of_arm in stages.items():
         for name, s in of_arm.items():
@@ -30,7 +30,7 @@ def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
 
 
 def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
-    """Return the times of other programs beside each stage; "" if none was measured."""
+    """Return the table of the comparison with other libraries; "" if none was measured."""
     if not found:
         return ""
     heads, forms = zip(*PEERS_COLUMNS.values(), strict=True)
@@ -48,7 +48,7 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
 
 
 def measures_table(found: dict[str, dict[str, Any]]) -> str:
-    """Return the throughput of kernels and of whole drives; "" if none was measured."""
+    """Return the table of the rates of kernels and of whole drives; "" if none was measured."""
     if not found:
         return ""
     rows = [["measure", "value", "p99", "unit", "samples"]]
@@ -62,7 +62,7 @@ def measures_table(found: dict[str, dict[str, Any]]) -> str:
 
 
 def tables(results: dict[str, Any]) -> str:
-    """Return all tables of a results.json."""
+    """Return all tables of a results.json of `benchmarks.stages`."""
     each = [
         table(results["arms"]),
         f"Peak memory {results['peak_memory_mib']:.0f} MiB.",

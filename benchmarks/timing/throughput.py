@@ -1,4 +1,4 @@
-"""What a study costs: simulated seconds a second, and memory, of processes that only drive."""
+"""Throughput (simulated seconds per second) and memory of processes that only drive."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from predictor.infra.workers import WorkersError, follow_parent
 from sim.task import NoTaskError
 
 Item = tuple[int, str]
+"""Number of an episode, and name of an arm."""
 
 
 @dataclass(frozen=True)
 class Driven:
-    """One drive, as its process saw it.
+    """Time and memory of one drive.
 
     Attributes:
-        simulated: how long it was [s].
-        wall: how long it took [s].
-        memory: of the process after it [MiB].
-        peak: the most memory that the process ever had [MiB].
+        simulated: duration of the drive in simulated time [s].
+        wall: time that its computation took [s].
+        memory: memory of the process after the drive [MiB].
+        peak: largest memory of the process so far [MiB].
     """
 
     simulated: float
@@ -43,13 +44,13 @@ class Driven:
 def throughput(
     episodes: int, seed: int, jobs: int, report: Callable[[str], None]
 ) -> dict[str, Measure]:
-    """Measure simulated seconds a second a core, and what 1,000 episodes take.
+    """Measure the simulated seconds per second and core, and the time of 1,000 episodes.
 
     Args:
-        episodes: paired over the arms.
-        seed: of the first.
-        jobs: processes that drive at a time, none of which has anything else to do.
-        report: told how far it is.
+        episodes: number of episodes, each driven by all arms.
+        seed: seed of the first episode.
+        jobs: number of processes that drive in parallel.
+        report: function that shows the progress.
     """
     settings = Settings(seed=seed)
     items = [(index, arm) for index in range(episodes) for arm in settings.arms]
@@ -66,15 +67,15 @@ def throughput(
 
 
 def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, Measure]:
-    """Measure the memory of one process over many drives, each in a new building.
+    """Measure the memory of one process over many drives, each in another building.
 
-    The growth is a straight line's through the second half of the drives, with the 95 % interval
-    of its slope: the first half fills caches.
+    The growth is the slope of a straight line fitted to the second half of the drives, with its
+    95 % interval; the first half only fills caches.
 
     Args:
-        drives: at least 6.
-        seed: of the first building.
-        report: told how far it is.
+        drives: number of drives, at least 6.
+        seed: seed of the first building.
+        report: function that shows the progress.
     """
     from scipy.stats import linregress, t
 
@@ -96,16 +97,16 @@ def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, M
 def driven(
     settings: Settings, items: list[Item], jobs: int, report: Callable[[str], None]
 ) -> list[Driven]:
-    """Drive in fresh processes, each after a drive of each arm that does not count.
+    """Drive in new processes, each of which first makes one drive of each arm that is not counted.
 
     Args:
-        settings: of the drives.
-        items: episodes and arms; one whose building has no drive is left out.
-        jobs: processes.
-        report: told how far it is.
+        settings: settings of the drives.
+        items: episodes and arms; those in buildings without a task are left out.
+        jobs: number of processes.
+        report: function that shows the progress.
 
     Returns:
-        The drives in the order of their ends.
+        The drives in the order in which they ended.
 
     Raises:
         WorkersError: if a process dies.
@@ -144,7 +145,7 @@ def _one(settings: Settings, item: Item) -> Driven | None:
 
 
 def resident() -> float:
-    """Return the memory of this process [MiB]; its peak where the system tells no more."""
+    """Return the memory of this process [MiB]; on systems without /proc, its peak."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:
@@ -153,7 +154,7 @@ def resident() -> float:
 
 
 def _peak() -> float:
-    # Not getrusage where it can be helped: Linux counts what the process had that started this one.
+    # getrusage only as a fallback, since on Linux it includes the peak of the parent process.
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024

@@ -1,4 +1,4 @@
-"""How long things take: called again and again, or tick by tick in a drive."""
+"""Timing of repeated calls, and of the stages of each tick in drives."""
 
 from __future__ import annotations
 
@@ -13,23 +13,30 @@ from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
 
 OURS = "ours"
-"""The name of this project's program among others."""
+"""Name of this project in comparisons with other libraries."""
 WARM_UP = 10
-"""Ticks at the start of a drive that do not count: caches fill, the predictor is loaded."""
+"""Number of ticks at the start of a drive that are not counted: caches fill, and the predictor is
+loaded."""
 
 
 Measure = dict[str, Any]
-"""A value with its unit and the number of its samples, and what tells how far it is to be
-trusted: p99, or low and high."""
+"""A result: `value`, `unit`, number of `samples`, and its spread, `p99`, or `low` and `high`."""
 
 
 def measure(value: float, unit: str, samples: int, **bounds: float) -> Measure:
-    """Return a measure, as it is written into the results."""
+    """Return a measure as it is written into the results.
+
+    Args:
+        value: value.
+        unit: unit of the value.
+        samples: number of samples.
+        bounds: `p99`, or `low` and `high`.
+    """
     return {"value": value, **bounds, "unit": unit, "samples": samples}
 
 
 def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
-    """Median, tails and number of some times [ms]."""
+    """Return the median and the upper percentiles of some times [ms], and their number."""
     p50, p95, p99 = np.percentile(times, [50, 95, 99])
     return {
         "median_ms": float(p50),
@@ -40,10 +47,10 @@ def spread(times: list[float] | NDArray[np.float64]) -> dict[str, float]:
 
 
 def beside_ours(times: dict[str, list[float]]) -> dict[str, dict[str, float]]:
-    """Return what is told of each program's times [ms].
+    """Return statistics of the times [ms] of each library.
 
     Returns:
-        Name → median_ms, mean_ms, p99_ms and ratio: its median over that of `OURS`.
+        Name → `median_ms`, `mean_ms`, `p99_ms`, and `ratio`, its median divided by that of `OURS`.
     """
     ours = float(np.median(times[OURS]))
     return {
@@ -58,7 +65,7 @@ def beside_ours(times: dict[str, list[float]]) -> dict[str, dict[str, float]]:
 
 
 def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:
-    """Return the spread of the times of `call(0)`, `call(1)`, …, after an uncounted one."""
+    """Time `call(0)`, `call(1)`, … after one call that is not timed; return their `spread`."""
     call(0)
     taken = []
     for i in range(repeats):
@@ -69,13 +76,16 @@ def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:
 
 
 def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[str, list[float]]:
-    """Time each stage [ms], tick by tick, over drives through corridors.
+    """Time each stage in each tick of drives through corridors.
 
     Args:
-        arm: what the car may know, of `benchmarks.runs.settings`.
-        drives: how many count; one before them does not.
-        seed: of the first.
+        arm: arm, a key of `benchmarks.runs.settings.ARMS`.
+        drives: number of drives that are counted; one before them is not.
+        seed: seed of the first drive.
         v_max: top speed [m/s].
+
+    Returns:
+        Stage → its times [ms].
     """
     settings = Settings(arms=(arm,), seed=seed, v_max=v_max)
     times: dict[str, list[float]] = {}
@@ -86,6 +96,6 @@ def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[st
             continue
         for column, name in enumerate(trace[prefix + "time_names"].tolist()):
             taken = trace[prefix + "times"][WARM_UP:, column]
-            # A path is not planned in every tick.
+            # 0 means that the stage did not run: a path is not planned in every tick.
             times.setdefault(name, []).extend(taken[taken > 0.0].tolist())
     return times
