@@ -26,7 +26,7 @@ from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
-"""The drives of each cell, by its name."""
+"""Name of each cell → its drives."""
 KIND = "risk drives"
 """Kind, in the sense of `results_file`, of the files with the drives of a cell."""
 NO_TASK = "no task"

@@ -1,4 +1,4 @@
-"""Repeated calibrations: in disjoint blocks of the study's drives, each judged in the others."""
+"""Repeated calibrations: each on one block of drives of the study, tested on all other blocks."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from benchmarks.runs import statistics
 from benchmarks.runs.betting import capital
 
 BLOCK = 75
-"""Buildings in a block. Without a collision, 70 drives certify a risk of 0.05."""
+"""Number of buildings in a block. Without a collision, 70 drives certify a risk of 0.05."""
 RISKS = (0.05, 0.1, 0.2)
-"""Risks δ that each block calibrates for."""
+"""Risks δ for which each block is calibrated."""
 
 
 def recalibrations(
     cells: Sequence[Cell], drives: Drives, predictor: str, confidence: float
 ) -> list[dict[str, Any]]:
-    """Calibrate in each block as `benchmarks.calibrate` tests and count collisions elsewhere.
+    """Calibrate on each block as `benchmarks.calibrate` does, and count collisions in all others.
 
-    The levels are tried from safe to bold, up to the boldest at which all blocks have drives. The
-    collisions are counted in the drives of the other blocks at the level that was certified. The
-    families take turns in a block, whereas `benchmarks.calibrate` draws them at random.
+    The levels are tested from safe to bold, up to the boldest one at which all blocks have drives.
+    Collisions are counted in the drives of the other blocks at the certified level. The families
+    take turns in a block, whereas `benchmarks.calibrate` draws them at random.
 
     Args:
-        cells: of the study.
-        drives: of each cell, by its name.
+        cells: cells of the study.
+        drives: name of each cell → its drives.
         predictor: name of the predictor that is calibrated.
-        confidence: with which a block certifies a level.
+        confidence: probability with which each certificate holds.
 
     Returns:
-        A row for each block and risk. Where the first level was not certified, the level is 0 and
+        A row for each block and risk. If the first level was not certified, the level is 0, and
         nothing is counted.
     """
     by_level = dict(
@@ -68,7 +68,7 @@ def recalibrations(
 
 
 def _is_calibrated(cell: Cell, predictor: str) -> bool:
-    """Return whether a cell has drives at a level above 0, in the mixture of the calibration."""
+    """Return whether a cell's drives are in the calibrated mixture, at a level above 0."""
     return (
         (cell.group, cell.tasks, cell.arm) == ("promise", "mixture", "predicted")
         and cell.settings.predictor == predictor
