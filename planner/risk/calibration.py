@@ -61,7 +61,7 @@ class Calibration:
             raise CalibrationError(f"{path} is no calibration: {one_line(error)}") from None
 
     def has_used(self, seed: int, count: int) -> bool:
-        """Return whether the calibration has used one of `count` buildings with seeds from `seed`."""
+        """Return whether the calibration used any of `count` buildings with seeds from `seed`."""
         return self.seed < seed + count and seed < self.seed + self.drives
 
     def level_for(self, risk: float, conditions: Mapping[str, Any]) -> float:
