@@ -1,6 +1,6 @@
 """Measure how the realised risk of a collision compares with the requested one, and with speed.
 
-The groups of drives ("cells") are listed in `benchmarks.risk_study.cells`.
+The groups of drives are listed in `benchmarks.risk_study.series`.
 
 python -m benchmarks.risk --calibration results/calibration/calibration.json --hours 2
 """
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from predictor.infra.command_line import OneLineParser, between, run_command
 
 if TYPE_CHECKING:
-    from benchmarks.risk_study.cells import Cell
+    from benchmarks.risk_study.series import Series
     from planner.risk.calibration import Calibration
 
 COMMAND = "benchmarks.risk"
@@ -80,20 +80,20 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from benchmarks.risk_study.cells import cells_of
+    from benchmarks.risk_study.series import series_of
     from benchmarks.runs.drive import check_maps
     from planner.risk.calibration import Calibration
     from predictor.infra.resumable import ResumableFolder
 
     calibration = Calibration.load(args.calibration)
     check_maps(tuple(args.maps))
-    cells = cells_of(calibration, args.predictor, args.maps, args.quick)
+    all_series = series_of(calibration, args.predictor, args.maps, args.quick)
     told = calibration.conditions | {"quick": args.quick}
     with ResumableFolder(args.out, told, exclusive=True):
-        return _study(args, calibration, cells)
+        return _study(args, calibration, all_series)
 
 
-def _study(args: argparse.Namespace, calibration: Calibration, cells: list[Cell]) -> int:
+def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[Series]) -> int:
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
     from benchmarks.risk_study.recalibration import recalibrations
@@ -103,9 +103,9 @@ def _study(args: argparse.Namespace, calibration: Calibration, cells: list[Cell]
     from predictor.infra.environment import commit, machine
     from predictor.infra.results_file import write_results
 
-    saved_cells, saved = saved_drives(args.runs)
-    drives, missing = drive_all(cells, args.out / "drives", args.hours, args.jobs)
-    promise = promises([*cells, *saved_cells], drives | saved, calibration.levels)
+    saved_series, saved = saved_drives(args.runs)
+    drives, missing = drive_all(all_series, args.out / "drives", args.hours, args.jobs)
+    promise = promises([*all_series, *saved_series], drives | saved, calibration.levels)
     found = {
         "calibration": {
             "conditions": calibration.conditions,
@@ -116,8 +116,10 @@ def _study(args: argparse.Namespace, calibration: Calibration, cells: list[Cell]
         "commit": commit(),
         "missing": missing,
         "promise": promise,
-        "pareto": comparisons(cells, drives),
-        "recalibrations": recalibrations(cells, drives, args.predictor, calibration.confidence),
+        "pareto": comparisons(all_series, drives),
+        "recalibrations": recalibrations(
+            all_series, drives, args.predictor, calibration.confidence
+        ),
     }
     write_results(args.out / "results.json", "risk", found)
     print("", tables(found), "", sep="\n")
@@ -126,12 +128,12 @@ def _study(args: argparse.Namespace, calibration: Calibration, cells: list[Cell]
     for row in promise:
         if row["learned"]:
             print(
-                f"warning: {row['cell']}: the predictor was trained in buildings of "
+                f"warning: {row['series']}: the predictor was trained in buildings of "
                 f"{row['learned']} drives"
             )
     broken = [row for row in promise if is_broken(row)]
     for row in broken:
-        print(f"the promise was broken: {row['group']}, {row['cell']}")
+        print(f"the promise was broken: {row['group']}, {row['series']}")
     return 1 if broken else 0
 
 

@@ -26,11 +26,9 @@ from predictor.training.image_arguments import add_arguments, configured
 FIRST = (1.1, 1.3, 2.0)
 """Most important expansions, which are trained first."""
 OTHERS = tuple(x for x in EXPANSIONS if x not in FIRST)
-ORDER = (
-    *product(("unet_ff", "resnet_ff", "gan"), FIRST),
-    *product(("unet_ff", "resnet_ff", "gan"), OTHERS),
-    *product(("mlp",), EXPANSIONS),
-)
+LEADING = tuple(arch for arch in ARCHITECTURES if arch != "mlp")
+"""Architectures that are trained before the baseline."""
+ORDER = (*product(LEADING, FIRST), *product(LEADING, OTHERS), *product(("mlp",), EXPANSIONS))
 """All trainings, the most important first."""
 
 

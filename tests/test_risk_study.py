@@ -1,4 +1,4 @@
-"""The study of the risk dial: its cells, its independent test, and what it says."""
+"""The study of the risk dial: its series, its independent test, and what it says."""
 
 import json
 from dataclasses import replace
@@ -10,13 +10,13 @@ from drive_results import a_result
 from test_calibration import written
 
 from benchmarks import corridor, risk, tables
-from benchmarks.risk_study import cells as study
-from benchmarks.risk_study.cells import Cell, cells_of
+from benchmarks.risk_study import series as study
 from benchmarks.risk_study.figures import draw
 from benchmarks.risk_study.geometry import touches
 from benchmarks.risk_study.recalibration import BLOCK, recalibrations
 from benchmarks.risk_study.report import _barn, _by_family, _times_by_family, is_broken
 from benchmarks.risk_study.saved_drives import saved_drives
+from benchmarks.risk_study.series import Series, series_of
 from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.risk_study.tables import tables as tables_of
 from benchmarks.runs.certified import conditions_of
@@ -58,60 +58,66 @@ def test_to_leave_the_map_is_to_touch():
         assert touches(states, solid, FRAME, Body())
 
 
-def test_the_cells_have_names_of_their_own_and_the_levels_of_the_calibration():
-    cells = cells_of(CALIBRATION, "none", ["maps/a.yaml"], quick=False)
-    names = [cell.name for cell in cells]
+def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
+    all_series = series_of(CALIBRATION, "none", ["maps/a.yaml"], quick=False)
+    names = [series.name for series in all_series]
     assert len(set(names)) == len(names)
-    asked = {cell.risk: cell.settings.level for cell in cells if cell.group == "promise"}
+    asked = {
+        series.risk: series.settings.level for series in all_series if series.group == "promise"
+    }
     assert asked == {None: 0.3, 0.0: 0.0, 0.01: 0.003, 0.02: 0.001, 0.05: 0.01}
-    assert all(cell.settings.fixed_level == ("not adapted" in cell.group) for cell in cells)
-    assert {cell.settings.level for cell in cells if "sham" in cell.group} == {0.01}
-    assert any(cell.settings.world == ("maps/a.yaml",) for cell in cells)
-    quick = cells_of(CALIBRATION, "none", [], quick=True)
-    assert {cell.settings.episodes for cell in quick} == {4}
+    assert all(
+        series.settings.fixed_level == ("not adapted" in series.group) for series in all_series
+    )
+    assert {series.settings.level for series in all_series if "sham" in series.group} == {0.01}
+    assert any(series.settings.world == ("maps/a.yaml",) for series in all_series)
+    quick = series_of(CALIBRATION, "none", [], quick=True)
+    assert {series.settings.episodes for series in quick} == {4}
 
 
-def test_cells_are_compared_with_those_that_drive_the_same_tasks():
-    cells = cells_of(CALIBRATION, "none", [], quick=False)
+def test_series_are_compared_with_those_that_drive_the_same_tasks():
+    all_series = series_of(CALIBRATION, "none", [], quick=False)
     same = {}
-    for cell in cells:
-        same.setdefault((cell.group, cell.tasks), []).append(cell)
-    arms = {kind: sorted(cell.arm for cell in of) for kind, of in same.items()}
+    for series in all_series:
+        same.setdefault((series.group, series.tasks), []).append(series)
+    arms = {kind: sorted(series.arm for series in of) for kind, of in same.items()}
     # `predicted` at 0, at three risks and at two bolder levels, and with `extend`.
     assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 7]
     assert arms["maze", "2"] == ["full", "known", "predicted", "predicted"]
     assert arms["speed", "4-3-5"] == ["known", "optimistic", "predicted", "predicted"]
     for of in same.values():
         other = {"arms": ("known",), "level": 0.0, "predictor": "none", "episodes": 1}
-        assert len({replace(cell.settings, **other) for cell in of}) == 1
+        assert len({replace(series.settings, **other) for series in of}) == 1
 
 
 def test_a_calibration_for_another_predictor_is_refused():
     with pytest.raises(CalibrationError, match="is for predictor none, not extend"):
-        cells_of(CALIBRATION, "extend", [], quick=False)
+        series_of(CALIBRATION, "extend", [], quick=False)
 
 
 def test_a_calibration_of_another_planner_is_refused_even_if_it_certifies_nothing():
     conditions = CALIBRATION.conditions | {"planner": "other"}
     with pytest.raises(CalibrationError, match="is for planner other"):
-        cells_of(replace(CALIBRATION, conditions=conditions, levels={}), "none", [], quick=False)
+        series_of(replace(CALIBRATION, conditions=conditions, levels={}), "none", [], quick=False)
 
 
 def test_a_calibration_in_buildings_of_the_study_is_refused():
     with pytest.raises(CalibrationError, match="made in buildings of this study"):
-        cells_of(replace(CALIBRATION, seed=study.SEED), "none", [], quick=False)
+        series_of(replace(CALIBRATION, seed=study.SEED), "none", [], quick=False)
 
 
 def test_a_damaged_calibration_is_refused_in_one_line():
     conditions = {k: v for k, v in CALIBRATION.conditions.items() if k != "v_max"}
     with pytest.raises(CalibrationError, match=r"c.json is no calibration: .*v_max"):
-        cells_of(replace(CALIBRATION, conditions=conditions), "none", [], quick=False)
+        series_of(replace(CALIBRATION, conditions=conditions), "none", [], quick=False)
 
 
 def test_a_level_that_is_certified_is_not_measured_once_more():
     levels = {0.05: 0.003}
-    cells = cells_of(replace(CALIBRATION, levels=levels), "none", [], quick=False)
-    assert [cell.risk for cell in cells if cell.settings.level == 0.003 and cell.turns == 2] == [
+    all_series = series_of(replace(CALIBRATION, levels=levels), "none", [], quick=False)
+    assert [
+        series.risk for series in all_series if series.settings.level == 0.003 and series.turns == 2
+    ] == [
         0.05,
         None,
     ]
@@ -119,12 +125,12 @@ def test_a_level_that_is_certified_is_not_measured_once_more():
 
 def test_maps_of_the_same_name_are_refused():
     with pytest.raises(UsageError, match="a name of its own"):
-        cells_of(CALIBRATION, "none", ["a/map.yaml", "b/map.yaml"], quick=False)
+        series_of(CALIBRATION, "none", ["a/map.yaml", "b/map.yaml"], quick=False)
 
 
 def test_a_fixed_level_is_studied_as_it_was_calibrated():
     fixed = replace(CALIBRATION, conditions=conditions_of(replace(SETTINGS, fixed_level=True)))
-    assert all(cell.settings.fixed_level for cell in cells_of(fixed, "none", [], quick=False))
+    assert all(series.settings.fixed_level for series in series_of(fixed, "none", [], quick=False))
 
 
 @pytest.mark.parametrize(
@@ -149,7 +155,7 @@ def test_a_broken_promise_is_noticed(change, broken):
 
 
 def test_buildings_of_the_study_are_not_those_of_the_calibration():
-    seeds = {cell.settings.seed for cell in cells_of(CALIBRATION, "none", [], quick=False)}
+    seeds = {series.settings.seed for series in series_of(CALIBRATION, "none", [], quick=False)}
     assert seeds == {study.SEED, study.OTHER_SEED}
     assert min(seeds) > 5_000_000 + 100_000
 
@@ -170,25 +176,25 @@ def test_the_sham_believes_what_is_true_elsewhere():
 
 
 @pytest.fixture
-def few_cells(short_map, monkeypatch):
+def few_series(short_map, monkeypatch):
     """A study of few drives on a short map."""
     base = Settings(world=(str(short_map),), predictor="none", episodes=2, route="fixed")
 
-    def cells(calibration, predictor, maps, quick):
+    def few(calibration, predictor, maps, quick):
         found = [
-            Cell("promise", f"mixture-{arm}", replace(base, arms=(arm,)), 0.0)
+            Series("promise", f"mixture-{arm}", replace(base, arms=(arm,)), 0.0)
             for arm in ("known", "oracle")
         ]
         for wanted, level in ((0.0, 0.0), (0.05, 0.01)):
             settings = replace(base, arms=("predicted",), level=level)
-            found.append(Cell("promise", f"mixture-{wanted:g}", settings, wanted))
+            found.append(Series("promise", f"mixture-{wanted:g}", settings, wanted))
         return found
 
-    monkeypatch.setattr(study, "cells_of", cells)
+    monkeypatch.setattr(study, "series_of", few)
 
 
 @pytest.mark.slow
-def test_the_study_drives_says_what_is_missing_and_goes_on(few_cells, tmp_path, capsys):
+def test_the_study_drives_says_what_is_missing_and_goes_on(few_series, tmp_path, capsys):
     out = tmp_path / "run"
     command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1", "--out", str(out)]
     assert risk.main([*command, "--hours", "0"]) == 0
@@ -209,7 +215,7 @@ def test_the_study_drives_says_what_is_missing_and_goes_on(few_cells, tmp_path, 
     assert "| mixture-0.05 " in shown
 
 
-def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):
+def test_saved_runs_are_tested_too(few_series, short_map, tmp_path, capsys):
     saved = tmp_path / "saved"
     words = ["--world", str(short_map), "--route", "fixed", "--predictor", "none", "--jobs", "1"]
     words += ["--arms", "known,optimistic", "--episodes", "2"]
@@ -227,8 +233,8 @@ def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):
     told = json.loads(results.read_text())
     told["settings"]["noise"] = 0.02
     results.write_text(json.dumps(told))
-    cells, _ = saved_drives([saved])
-    assert [cell.risk for cell in cells] == [None, None]
+    all_series, _ = saved_drives([saved])
+    assert [series.risk for series in all_series] == [None, None]
     told["settings"]["level"] = 0.1
     results.write_text(json.dumps(told))
     assert risk.main(command) == 2
@@ -237,21 +243,21 @@ def test_saved_runs_are_tested_too(few_cells, short_map, tmp_path, capsys):
 
 @pytest.fixture
 def levels():
-    """Cells of the mixture at three levels."""
+    """Series of the mixture at three levels."""
     told = {0.003: 0.01, 0.01: 0.02, 0.03: 0.05}
     return [
-        Cell("promise", f"mixture-{risk:g}", replace(SETTINGS, arms=("predicted",), level=level))
+        Series("promise", f"mixture-{risk:g}", replace(SETTINGS, arms=("predicted",), level=level))
         for level, risk in told.items()
     ]
 
 
-def drives_with(cells, *collided, count=2 * BLOCK):
-    """Drives of each cell: those with the given indices collide."""
+def drives_with(all_series, *collided, count=2 * BLOCK):
+    """Drives of each series: those with the given indices collide."""
     return {
-        cell.name: [
+        series.name: [
             {"index": i, "outcome": "collided" if i in those else "reached"} for i in range(count)
         ]
-        for cell, those in zip(cells, collided, strict=True)
+        for series, those in zip(all_series, collided, strict=True)
     }
 
 
@@ -287,26 +293,28 @@ def test_repeated_calibrations_are_shown(levels, tmp_path):
 
 
 def test_times_are_compared_in_each_family():
-    cell = Cell("promise", "mixture-0.05", replace(SETTINGS, route="fixed", arms=("predicted",)))
+    series = Series(
+        "promise", "mixture-0.05", replace(SETTINGS, route="fixed", arms=("predicted",))
+    )
     speeds = {"known": 1.0, "predicted": 1.25, "oracle": 2.0}
     arms = {
         arm: [a_result(index=i, arm=arm, world=str(i), time=20.0 / speed) for i in range(12)]
         for arm, speed in speeds.items()
     }
-    times = _times_by_family(cell, arms)
+    times = _times_by_family(series, arms)
     assert set(times) == {"corridor", "narrow"}
     for of in times.values():
         assert of["time_ratio"]["value"] == pytest.approx(0.8)
         assert of["share_of_gap"]["value"] == pytest.approx(0.4)
-    assert _times_by_family(replace(cell, settings=SETTINGS), arms) == {}
+    assert _times_by_family(replace(series, settings=SETTINGS), arms) == {}
 
 
 def test_collisions_are_counted_in_each_family():
-    cell = Cell("promise", "mixture-0.05", replace(SETTINGS, arms=("predicted",)), 0.05)
+    series = Series("promise", "mixture-0.05", replace(SETTINGS, arms=("predicted",)), 0.05)
     outcomes = ["reached", "collided", "collided", "collided", "reached"]
     drives = [{"index": i, "outcome": one} for i, one in enumerate(outcomes)]
-    assert _by_family(cell, drives) == {"corridor": [1, 3], "narrow": [2, 2]}
-    on_maps = replace(cell, settings=replace(cell.settings, world=("maps/a.yaml",)))
+    assert _by_family(series, drives) == {"corridor": [1, 3], "narrow": [2, 2]}
+    on_maps = replace(series, settings=replace(series.settings, world=("maps/a.yaml",)))
     assert _by_family(on_maps, drives) == {}
 
 
@@ -319,7 +327,7 @@ def test_the_score_of_barn(outcome, time, score):
     assert _barn(drive, v_max=4.0) == pytest.approx(score)
 
 
-def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_cells, tmp_path, monkeypatch):
+def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_series, tmp_path, monkeypatch):
     from benchmarks.risk_study import drives
 
     monkeypatch.setattr(drives, "touches", lambda *_: True)

@@ -1,4 +1,4 @@
-"""The drives of the study: all cells grow in turn, until all are complete or the time is over."""
+"""The drives of the study: all series grow in turn, until all are complete or the time is over."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.risk_study.cells import Cell
 from benchmarks.risk_study.geometry import touches
+from benchmarks.risk_study.series import Series
 from benchmarks.runs.drive import attempt
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.saved_run import frame_of
@@ -26,50 +26,53 @@ from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
-"""Name of each cell → its drives."""
+"""Name of each series → its drives."""
 KIND = "risk drives"
-"""Kind, in the sense of `results_file`, of the files with the drives of a cell."""
+"""Kind, in the sense of `results_file`, of the files with the drives of a series."""
 NO_TASK = "no task"
 """Outcome in a building without a route that the car can drive."""
 
 
 def drive_all(
-    cells: Sequence[Cell], out: Path, hours: float, jobs: int
+    all_series: Sequence[Series], out: Path, hours: float, jobs: int
 ) -> tuple[dict[str, list[dict[str, Any]]], int]:
-    """Drive until each cell has its number of drives, or the time is over.
+    """Drive until each series has its number of drives, or the time is over.
 
     Args:
-        cells: cells, the most important first.
+        all_series: series, the most important first.
         out: folder of the files of drives; drives that they contain are not repeated.
         hours: time after which no further drives are started [h].
         jobs: number of worker processes.
 
     Returns:
-        Name of each cell → its drives, including those in buildings without a task; and the number
-        of drives that are still missing.
+        Name of each series → its drives, including those in buildings without a task; and the
+        number of drives that are still missing.
 
     Raises:
         UsageError: if the folder holds drives with other settings, or cannot be written.
     """
-    files = {cell.name: _file(cell, out) for cell in cells}
+    files = {series.name: _file(series, out) for series in all_series}
     end = time.monotonic() + 3600.0 * hours
-    for turn in range(1, max(cell.turns for cell in cells) + 1):
-        for cell in cells:
-            due = math.ceil(cell.settings.episodes * min(1.0, turn / cell.turns))
-            if time.monotonic() > end or len(files[cell.name].first(due)) == due:
+    for turn in range(1, max(series.turns for series in all_series) + 1):
+        for series in all_series:
+            due = math.ceil(series.settings.episodes * min(1.0, turn / series.turns))
+            if time.monotonic() > end or len(files[series.name].first(due)) == due:
                 continue
-            print(f"{cell.name}, {due} of {cell.settings.episodes}")
-            weights = fingerprint_of(load_predictor(cell.settings.predictor))
-            work = partial(_driven, cell.settings, weights)
-            files[cell.name].fill(
+            print(f"{series.name}, {due} of {series.settings.episodes}")
+            weights = fingerprint_of(load_predictor(series.settings.predictor))
+            work = partial(_driven, series.settings, weights)
+            files[series.name].fill(
                 work,
                 range(due),
                 jobs,
                 lambda drive: str(drive["outcome"]),
                 lambda: time.monotonic() > end,
             )
-    found = {cell.name: _in_order(files[cell.name], cell.settings.episodes) for cell in cells}
-    missing = sum(cell.settings.episodes - len(found[cell.name]) for cell in cells)
+    found = {
+        series.name: _in_order(files[series.name], series.settings.episodes)
+        for series in all_series
+    }
+    missing = sum(series.settings.episodes - len(found[series.name]) for series in all_series)
     return found, missing
 
 
@@ -81,10 +84,10 @@ def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
     return [file.drives[i] for i in takewhile(lambda i: i in file.drives, range(most))]
 
 
-def _file(cell: Cell, out: Path) -> DriveFile:
-    told = json.loads(json.dumps(asdict(cell.settings)))
-    weights = fingerprint_of(load_predictor(cell.settings.predictor))
-    return DriveFile(out / f"{cell.name}.json", KIND, told | {"weights": weights}, "episodes")
+def _file(series: Series, out: Path) -> DriveFile:
+    told = json.loads(json.dumps(asdict(series.settings)))
+    weights = fingerprint_of(load_predictor(series.settings.predictor))
+    return DriveFile(out / f"{series.name}.json", KIND, told | {"weights": weights}, "episodes")
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:

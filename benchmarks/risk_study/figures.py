@@ -77,7 +77,7 @@ def _kind(row: dict[str, Any]) -> tuple[str, str]:
 
 def _pareto(found: dict[str, Any]) -> Figure | None:
     """Draw SCT over the rate of collisions of all arms, for each kind of tasks."""
-    rates = {(r["group"], r["cell"]): r for r in found["promise"]}
+    rates = {(r["group"], r["series"]): r for r in found["promise"]}
     compared = [r for r in found["pareto"] if r["group"] in SPEEDS and r["sct"] is not None]
     kinds = list(dict.fromkeys(_kind(r) for r in compared))
     if not kinds:
@@ -90,7 +90,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
         here = [r for r in compared if _kind(r) == kind]
         for arm in dict.fromkeys(map(_arm, here)):
             mine = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
-            risks = [rates[r["group"], r["cell"]] for r in mine]
+            risks = [rates[r["group"], r["series"]] for r in mine]
             axes.plot(
                 [100 * r["rate"] for r in risks],
                 [r["sct"]["value"] for r in mine],
@@ -100,7 +100,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
                 linewidth=0.8,
                 label=arm,
             )
-        first = rates[here[0]["group"], here[0]["cell"]]
+        first = rates[here[0]["group"], here[0]["series"]]
         car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**first)
         place = " ".join(first["world"]) if len(first["world"]) == 1 else "mixture"
         axes.set_title(f"{place}\n{car}", fontsize=9)

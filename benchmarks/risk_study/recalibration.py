@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any
 
-from benchmarks.risk_study.cells import Cell
 from benchmarks.risk_study.drives import NO_TASK, Drives
+from benchmarks.risk_study.series import Series
 from benchmarks.runs import statistics
 from benchmarks.runs.betting import capital
 
@@ -18,7 +18,7 @@ RISKS = (0.05, 0.1, 0.2)
 
 
 def recalibrations(
-    cells: Sequence[Cell], drives: Drives, predictor: str, confidence: float
+    all_series: Sequence[Series], drives: Drives, predictor: str, confidence: float
 ) -> list[dict[str, Any]]:
     """Calibrate on each block as `benchmarks.calibrate` does, and count collisions in all others.
 
@@ -27,8 +27,8 @@ def recalibrations(
     take turns in a block, whereas `benchmarks.calibrate` draws them at random.
 
     Args:
-        cells: cells of the study.
-        drives: name of each cell → its drives.
+        all_series: series of the study.
+        drives: name of each series → its drives.
         predictor: name of the predictor that is calibrated.
         confidence: probability with which each certificate holds.
 
@@ -38,9 +38,9 @@ def recalibrations(
     """
     by_level = dict(
         sorted(
-            (cell.settings.level, [_collided(drive) for drive in drives[cell.name]])
-            for cell in cells
-            if _is_calibrated(cell, predictor)
+            (series.settings.level, [_collided(drive) for drive in drives[series.name]])
+            for series in all_series
+            if _is_calibrated(series, predictor)
         )
     )
     blocks = max(map(len, by_level.values()), default=0) // BLOCK
@@ -67,12 +67,12 @@ def recalibrations(
     return rows
 
 
-def _is_calibrated(cell: Cell, predictor: str) -> bool:
-    """Return whether a cell's drives are in the calibrated mixture, at a level above 0."""
+def _is_calibrated(series: Series, predictor: str) -> bool:
+    """Return whether a series's drives are in the calibrated mixture, at a level above 0."""
     return (
-        (cell.group, cell.tasks, cell.arm) == ("promise", "mixture", "predicted")
-        and cell.settings.predictor == predictor
-        and cell.settings.level > 0.0
+        (series.group, series.tasks, series.arm) == ("promise", "mixture", "predicted")
+        and series.settings.predictor == predictor
+        and series.settings.level > 0.0
     )
 
 

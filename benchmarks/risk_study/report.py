@@ -8,8 +8,8 @@ from typing import Any
 
 from scipy.stats import chi2
 
-from benchmarks.risk_study.cells import Cell
 from benchmarks.risk_study.drives import NO_TASK, Drives
+from benchmarks.risk_study.series import Series
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
@@ -19,29 +19,29 @@ BASELINES = ("known", "oracle", "full")
 
 
 def promises(
-    cells: Sequence[Cell], drives: Drives, certified: Container[float]
+    all_series: Sequence[Series], drives: Drives, certified: Container[float]
 ) -> list[dict[str, Any]]:
-    """Return the requested and the realised risk of each cell that has a drive.
+    """Return the requested and the realised risk of each series that has a drive.
 
     Args:
-        cells: of the study.
-        drives: of each cell, by its name.
+        all_series: of the study.
+        drives: of each series, by its name.
         certified: risks that the calibration has certified.
     """
     rows = []
-    for cell in cells:
-        mine = _with_task(drives[cell.name])
+    for series in all_series:
+        mine = _with_task(drives[series.name])
         if not mine:
             continue
         outcomes = Counter(d["outcome"] for d in mine)
         collided, km = outcomes["collided"], sum(d["path_length"] for d in mine) / 1e3
         rows.append(
-            _about(cell)
+            _about(series)
             | {
-                "requested": cell.risk,
-                "certified": cell.risk in certified,
+                "requested": series.risk,
+                "certified": series.risk in certified,
                 "drives": len(mine),
-                "no_task": len(drives[cell.name]) - len(mine),
+                "no_task": len(drives[series.name]) - len(mine),
                 "collided": collided,
                 "rate": collided / len(mine),
                 "interval": list(statistics.wilson(collided, len(mine))),
@@ -50,9 +50,9 @@ def promises(
                 "km": km,
                 "per_km_interval": _poisson(collided, km),
                 "outcomes": dict(outcomes),
-                "by_family": _by_family(cell, mine),
+                "by_family": _by_family(series, mine),
                 "sct": _mean([d["sct"] for d in mine]),
-                "barn": _mean([_barn(d, cell.settings.v_max) for d in mine]),
+                "barn": _mean([_barn(d, series.settings.v_max) for d in mine]),
                 "speed": 1e3 * km / sum(d["time"] for d in mine),
                 "impact_speed": _mean([d["impact_speed"] for d in mine]),
                 "commits": sorted({str(d["commit"]) for d in mine}),
@@ -72,26 +72,26 @@ def is_broken(row: dict[str, Any]) -> bool:
     return bool(promised and row["interval"][0] > row["requested"])
 
 
-def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
-    """Return SCT, times and share of the gap of each cell, among the cells with its tasks."""
+def comparisons(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+    """Return SCT, times and share of the gap of each series, among the series with its tasks."""
     rows = []
-    for cell in cells:
-        same = [c for c in cells if (c.group, c.tasks) == (cell.group, cell.tasks)]
+    for series in all_series:
+        same = [c for c in all_series if (c.group, c.tasks) == (series.group, series.tasks)]
         rivals = {c.arm: drives[c.name] for c in same if c.arm in BASELINES}
         if not rivals:
             continue
         # The statistics call the arm that is compared `predicted`.
-        baselines = {arm: rivals[arm] for arm in rivals if arm != cell.arm}
-        arms = _paired({"predicted": drives[cell.name], **baselines})
+        baselines = {arm: rivals[arm] for arm in rivals if arm != series.arm}
+        arms = _paired({"predicted": drives[series.name], **baselines})
         if not arms["predicted"]:
             continue
         known, full = (
             statistics.time_ratio(arms, "predicted", one) if one in baselines else None
             for one in ("known", "full")
         )
-        keys = ("sct", "time") if cell.settings.route == "fixed" else ("sct",)
+        keys = ("sct", "time") if series.settings.route == "fixed" else ("sct",)
         rows.append(
-            _about(cell)
+            _about(series)
             | {
                 "episodes": len(arms["predicted"]),
                 "collided": sum(r.outcome == "collided" for r in arms["predicted"]),
@@ -99,23 +99,23 @@ def comparisons(cells: Sequence[Cell], drives: Drives) -> list[dict[str, Any]]:
                 "time_ratio": known,
                 "time_over_full": full,
                 "share_of_gap": {key: statistics.share_of_gap(arms, key) for key in keys},
-                "time_by_family": _times_by_family(cell, arms),
+                "time_by_family": _times_by_family(series, arms),
             }
         )
     return rows
 
 
-def _about(cell: Cell) -> dict[str, Any]:
-    """Return what a row of results says about its cell."""
+def _about(series: Series) -> dict[str, Any]:
+    """Return what a row of results says about its series."""
     same = ("predictor", "route", "vehicle", "v_max", "braking", "window", "level", "seed")
     return {
-        "group": cell.group,
-        "cell": cell.label,
-        "tasks": cell.tasks,
-        "arm": cell.arm,
-        "world": list(cell.settings.world),
-        "adapted": not cell.settings.fixed_level,
-        **{name: getattr(cell.settings, name) for name in same},
+        "group": series.group,
+        "series": series.label,
+        "tasks": series.tasks,
+        "arm": series.arm,
+        "world": list(series.settings.world),
+        "adapted": not series.settings.fixed_level,
+        **{name: getattr(series.settings, name) for name in same},
     }
 
 
@@ -129,24 +129,24 @@ def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
     return {arm: [of[index] for index in both] for arm, of in found.items()}
 
 
-def _by_family(cell: Cell, mine: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
+def _by_family(series: Series, mine: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
     """Return the collisions and the drives in each family of a mixture."""
     return {
         family: [sum(d["outcome"] == "collided" for d in drives), len(drives)]
-        for family in _families(cell)
-        if (drives := [d for d in mine if _family(cell, d["index"]) == family])
+        for family in _families(series)
+        if (drives := [d for d in mine if _family(series, d["index"]) == family])
     }
 
 
-def _times_by_family(cell: Cell, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
+def _times_by_family(series: Series, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
     """Return the time ratio to `known` and the share of the gap in time, in each family."""
     found = {}
-    for family in _families(cell):
+    for family in _families(series):
         here = {
-            arm: [r for r in results if _family(cell, r.index) == family]
+            arm: [r for r in results if _family(series, r.index) == family]
             for arm, results in arms.items()
         }
-        if "known" in here and here["known"] and cell.settings.route == "fixed":
+        if "known" in here and here["known"] and series.settings.route == "fixed":
             found[family] = {
                 "time_ratio": statistics.time_ratio(here, "predicted", "known"),
                 "share_of_gap": statistics.share_of_gap(here, "time"),
@@ -154,15 +154,15 @@ def _times_by_family(cell: Cell, arms: ResultsByArm) -> dict[str, dict[str, Any]
     return found
 
 
-def _families(cell: Cell) -> tuple[str, ...]:
-    """Return the families of generated buildings that a cell drives in; none for maps."""
-    families = cell.settings.world
+def _families(series: Series) -> tuple[str, ...]:
+    """Return the families of generated buildings that a series drives in; none for maps."""
+    families = series.settings.world
     return families if set(families) <= set(FAMILIES) else ()
 
 
-def _family(cell: Cell, index: int) -> str:
+def _family(series: Series, index: int) -> str:
     """Return the family of a drive: families take turns."""
-    return cell.settings.world[index % len(cell.settings.world)]
+    return series.settings.world[index % len(series.settings.world)]
 
 
 def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

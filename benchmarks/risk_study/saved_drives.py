@@ -9,8 +9,8 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.risk_study.cells import Cell
 from benchmarks.risk_study.geometry import touches
+from benchmarks.risk_study.series import Series
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import ARMS, Settings
 from predictor.infra.command_line import UsageError
@@ -18,8 +18,8 @@ from predictor.mapping.body import Body
 from predictor.mapping.grid import FREE
 
 
-def saved_drives(folders: Sequence[Path]) -> tuple[list[Cell], dict[str, list[dict[str, Any]]]]:
-    """Return a cell for each arm of each run; and name of the cell → its drives.
+def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[dict[str, Any]]]]:
+    """Return a series for each arm of each run; and name of the series → its drives.
 
     Args:
         folders: folders of runs at a risk of 0.
@@ -28,22 +28,22 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Cell], dict[str, list[di
         RunError: if a folder holds no run, or a damaged one.
         UsageError: if a run was not at a risk of 0, or two folders have the same name.
     """
-    cells: list[Cell] = []
+    all_series: list[Series] = []
     drives: dict[str, list[dict[str, Any]]] = {}
     for folder in folders:
         run = Run.load(folder)
         if run.settings["risk"] or run.settings["level"]:
             raise UsageError(f"--runs: {folder} was not driven at a risk of 0")
         for arm in run.arms:
-            cell = _cell(run, arm)
-            if cell.name in drives:
+            series = _series(run, arm)
+            if series.name in drives:
                 raise UsageError(f"--runs: each folder must have a name of its own, as {folder}")
-            cells.append(cell)
-            drives[cell.name] = _tested(run, arm)
-    return cells, drives
+            all_series.append(series)
+            drives[series.name] = _tested(run, arm)
+    return all_series, drives
 
 
-def _cell(run: Run, arm: str) -> Cell:
+def _series(run: Run, arm: str) -> Series:
     told = {
         field.name: run.settings[field.name]
         for field in fields(Settings)
@@ -54,7 +54,7 @@ def _cell(run: Run, arm: str) -> Cell:
     reliance = run.settings["reliance"] if reliance is None else reliance
     # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.
     risk = None if reliance == 1.0 or run.setting("noise", 0.0) > 0.0 else 0.0
-    return Cell("run", run.label, Settings(**told), risk)
+    return Series("run", run.label, Settings(**told), risk)
 
 
 def _tested(run: Run, arm: str) -> list[dict[str, Any]]:

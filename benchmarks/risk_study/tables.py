@@ -28,7 +28,7 @@ def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
         [
             {
                 "group": row["group"],
-                "drives in": row["cell"],
+                "drives in": row["series"],
                 "requested δ": DASH if row["requested"] is None else f"{row['requested']:g}",
                 "level λ": f"{row['level']:.2g}",
                 "collided": f"{row['collided']} of {row['drives']}",
@@ -58,7 +58,7 @@ def _pareto_table(rows: Sequence[dict[str, Any]]) -> str:
         [
             {
                 "group": row["group"],
-                "cell": row["cell"],
+                "series": row["series"],
                 "arm": row["arm"],
                 "level λ": f"{row['level']:.2g}",
                 "episodes": row["episodes"],
@@ -80,7 +80,7 @@ def _family_table(rows: Sequence[dict[str, Any]]) -> str:
     return records(
         [
             {
-                "cell": row["cell"],
+                "series": row["series"],
                 "family": family,
                 "time ratio to `known`": _told(times["time_ratio"], ".2f"),
                 "share of the gap in time [%]": _told(times["share_of_gap"], ".0f", 100.0),
@@ -113,6 +113,6 @@ def _told(estimate: dict[str, Any] | None, form: str, scale: float = 1.0) -> str
 
 
 def table_of_drives(found: dict[str, Any]) -> str:
-    """Return the outcomes of the drives of one cell as Markdown."""
+    """Return the outcomes of the drives of one series as Markdown."""
     outcomes = Counter(drive["outcome"] for drive in found["drives"])
     return records([{"outcome": name, "drives": count} for name, count in sorted(outcomes.items())])

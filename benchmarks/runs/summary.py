@@ -32,10 +32,10 @@ def summarise(episodes: list[DriveResult], arms: tuple[str, ...]) -> dict[str, A
     by_arm = paired(episodes, arms)
     if not next(iter(by_arm.values()), []):
         return {}
-    return {arm: _figures(by_arm, arm) for arm in arms}
+    return {arm: _measures(by_arm, arm) for arm in arms}
 
 
-def _figures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
+def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
     """Compute the measures of an arm over the paired episodes; None for one that is not known."""
     results = by_arm[arm]
     reached = [r for r in results if r.outcome == "reached"]

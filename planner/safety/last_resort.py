@@ -12,7 +12,7 @@ from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CONTACT_SPACING, CollisionChecker
 
-LEVELS = 16
+ACCELERATIONS = 16
 """Number of accelerations, from the plan's own to hard braking, tried for the first step."""
 SLOW = 0.2
 """Below this speed a last resort need not lead on: the car is about to stop anyway, and must not
@@ -55,17 +55,17 @@ class LastResort:
             self.controls = shifted(plan.controls, braking)
             return plan, True
         ways, curvature = self.ways(plan), plan.controls[0, 1]
-        levels = np.linspace(plan.controls[0, 0], -braking, LEVELS)
+        accelerations = np.linspace(plan.controls[0, 0], -braking, ACCELERATIONS)
         found = None
         if state[3] > SLOW:
-            found = self._fastest(state, levels, curvature, ways, risk, onward=True)
+            found = self._fastest(state, accelerations, curvature, ways, risk, onward=True)
         if found is None:
-            found = self._fastest(state, levels, curvature, ways, risk, onward=False)
+            found = self._fastest(state, accelerations, curvature, ways, risk, onward=False)
         if found is None:
             braked = self.brake(state, plan, risk)
             return braked, checker.contact(braked, ~risk.certain, risk.frame) is None
         fastest, way = found
-        controls = np.vstack([[[levels[fastest], curvature]], ways[way, 1:]])
+        controls = np.vstack([[[accelerations[fastest], curvature]], ways[way, 1:]])
         # Not clipped: the car goes on braking after its planned stop, in case it arrives faster.
         self.controls = shifted(controls, braking)
         return (plan if fastest == 0 else mpc.roll(state, controls)), True
@@ -73,7 +73,7 @@ class LastResort:
     def _fastest(
         self,
         state: NDArray[np.float64],
-        levels: NDArray[np.float64],
+        accelerations: NDArray[np.float64],
         curvature: float,
         ways: NDArray[np.float64],
         risk: RiskMap,
@@ -88,14 +88,14 @@ class LastResort:
         arcs = self.checker.arcs_in(risk)
 
         def way_after(level: int) -> int:
-            first, driving = np.array([levels[level], curvature]), self.mpc.driving
+            first, driving = np.array([accelerations[level], curvature]), self.mpc.driving
             way = first_free(state, first, ways, driving, CONTACT_SPACING, place, onward, arcs)
             return int(way)
 
         way = way_after(0)
         if way >= 0:
             return 0, way
-        too_fast, fastest = 0, LEVELS - 1
+        too_fast, fastest = 0, ACCELERATIONS - 1
         way = way_after(fastest)
         while way < 0 and not onward and too_fast < fastest - 1:
             # A gentler beginning may leave a way where harder braking leaves none.

@@ -27,13 +27,7 @@ class ImageNet(nn.Module):
     def __init__(self, config: ImageConfig) -> None:
         super().__init__()
         self.config = config
-        # For "gan", this is the generator.
-        if config.arch == "mlp":
-            self.net: nn.Module = MLP(config.side, config.width)
-        elif config.arch == "resnet_ff":
-            self.net = ResNet(config.width, config.over)
-        else:
-            self.net = UNet(config.side, config.width, config.over)
+        self.net = _network(config)
         self.chances: Tensor
         """p_free and p_occupied at each level of grey, (2, LEVELS), see `grey_map`; `literal` until
         they are fitted."""
@@ -48,3 +42,14 @@ class ImageNet(nn.Module):
         """Return images (B, 1, side, side) in [-1, 1] for images of the same shape."""
         out: Tensor = self.net(images)
         return out
+
+
+def _network(config: ImageConfig) -> nn.Module:
+    """Return the network of an architecture with random weights; of a GAN, its generator."""
+    if config.arch in ("unet_ff", "gan"):
+        return UNet(config.side, config.width, config.over)
+    if config.arch == "resnet_ff":
+        return ResNet(config.width, config.over)
+    if config.arch == "mlp":
+        return MLP(config.side, config.width)
+    raise ValueError(f"no network is written for the architecture {config.arch!r}")

@@ -1,4 +1,4 @@
-"""The cells of the study: what is driven, and how often."""
+"""The series of drives of the study: what is driven, and how often."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
 
 SEED = 6_000_000
-"""Of the first building of each cell: none that a network, or a calibration, has learned from."""
+"""Seed of the first building of each series; no network or calibration used such seeds."""
 OTHER_SEED = 6_500_000
-"""Of the first one of cells for other cars or windows than those of the calibration."""
+"""Seed of the first building of series with other cars or windows than those of the calibration."""
 SHAM = "benchmarks.risk_study.sham:Sham"
 HELD_OUT = ("trap", "maze", "obstacle_field")
 """Families that no network, and no calibration, has learned from."""
@@ -35,15 +35,15 @@ compared, besides those of the calibration."""
 
 
 @dataclass(frozen=True)
-class Cell:
-    """Drives of one arm with one set of settings.
+class Series:
+    """A series of drives of one arm with the same settings.
 
     Attributes:
-        group: the question that it belongs to.
-        label: what sets it apart in its group: its tasks, a hyphen, and who drives them.
-        settings: of the drives; `episodes` is their number.
-        risk: δ that was requested, if one was; 0 wherever the level is 0.
-        turns: number of turns in which it is driven; the fewer, the sooner it is complete.
+        group: name of the question that it answers.
+        label: name in its group: its tasks, a hyphen, and the arm or what else is special about it.
+        settings: settings of the drives; `episodes` is their number.
+        risk: requested risk δ; 0 where the level is 0; None if no risk was requested.
+        turns: number of turns in which it is driven; with fewer turns it is complete sooner.
     """
 
     group: str
@@ -59,7 +59,7 @@ class Cell:
 
     @property
     def tasks(self) -> str:
-        """Name of what is driven; cells of a group with the same can be compared."""
+        """Name of its tasks; the series of a group with the same tasks can be compared."""
         return self.label.rpartition("-")[0]
 
     @property
@@ -69,10 +69,10 @@ class Cell:
         return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
 
 
-def cells_of(
+def series_of(
     calibration: Calibration, predictor: str, maps: Sequence[str], quick: bool
-) -> list[Cell]:
-    """Return the cells of the study, those first whose answers matter most.
+) -> list[Series]:
+    """Return the series of the study, those first whose answers matter most.
 
     Args:
         calibration: gives the level for each risk, and the mixture that it was made for.
@@ -94,9 +94,11 @@ def cells_of(
         *_speeds(calibration, mixture),
         *_field(calibration, mixture),
     ]
-    if len({cell.name for cell in found}) < len(found):
+    if len({series.name for series in found}) < len(found):
         raise UsageError("--maps: each map or folder must have a name of its own")
-    if any(calibration.has_used(cell.settings.seed, cell.settings.episodes) for cell in found):
+    if any(
+        calibration.has_used(series.settings.seed, series.settings.episodes) for series in found
+    ):
         raise CalibrationError(
             f"{calibration.path} was made in buildings of this study: calibrate with another --seed"
         )
@@ -120,47 +122,47 @@ def _boldest(calibration: Calibration) -> float:
     return max(calibration.levels.values(), default=0.0)
 
 
-def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Cell]:
+def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Series]:
     """Requested against realised risk: the mixture, held-out families, and real maps."""
     certified = calibration.levels
     measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
     for risk, level in sorted({0.0: 0.0, **measured, **certified}.items()):
         settings = replace(mixture, level=level, episodes=300 if risk else 60)
-        yield Cell("promise", f"mixture-{risk:g}", settings, risk, turns=2)
+        yield Series("promise", f"mixture-{risk:g}", settings, risk, turns=2)
     # What the speed and the collisions at each risk are compared with.
     same = replace(mixture, episodes=60)
     for arm in ("known", "oracle"):
-        yield Cell("promise", f"mixture-{arm}", replace(same, arms=(arm,)), 0.0, turns=2)
+        yield Series("promise", f"mixture-{arm}", replace(same, arms=(arm,)), 0.0, turns=2)
     optimistic = replace(same, arms=("optimistic",), episodes=100)
-    yield Cell("promise", "mixture-optimistic", optimistic, turns=2)
+    yield Series("promise", "mixture-optimistic", optimistic, turns=2)
     extend = replace(same, predictor="extend", level=_boldest(calibration))
-    yield Cell("promise", "mixture-extend", extend, turns=2)
+    yield Series("promise", "mixture-extend", extend, turns=2)
     for level in BOLDER:
         bold = replace(mixture, level=level, episodes=150)
-        yield Cell("promise", f"mixture-level {level:g}", bold, turns=4)
+        yield Series("promise", f"mixture-level {level:g}", bold, turns=4)
     for place in (*HELD_OUT, *maps):
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
-        yield Cell("promise", f"{Path(place).stem}-known", known, 0.0)
+        yield Series("promise", f"{Path(place).stem}-known", known, 0.0)
         for risk, level in sorted(certified.items()):
             at_level = replace(there, level=level)
-            yield Cell("promise", f"{Path(place).stem}-{risk:g}", at_level, risk)
+            yield Series("promise", f"{Path(place).stem}-{risk:g}", at_level, risk)
 
 
-def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
+def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     """What must be worse: no adaptation, and a sham, with which adaptation may help."""
     if not calibration.levels:
         return
     risk, level = max(calibration.levels.items())
     same = replace(mixture, level=level, episodes=40)
     fixed = replace(same, world=("trap",), fixed_level=True)
-    yield Cell("not adapted", f"trap-{risk:g}", fixed, risk)
+    yield Series("not adapted", f"trap-{risk:g}", fixed, risk)
     sham = replace(same, predictor=SHAM)
-    yield Cell("sham", f"mixture-{risk:g}", sham, risk)
-    yield Cell("sham, not adapted", f"mixture-{risk:g}", replace(sham, fixed_level=True), risk)
+    yield Series("sham", f"mixture-{risk:g}", sham, risk)
+    yield Series("sham, not adapted", f"mixture-{risk:g}", replace(sham, fixed_level=True), risk)
 
 
-def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
+def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     """Mazes as in Elhafsi et al. 2020: their top speeds, braking and window, a given route."""
     for v_max in (1.0, 2.0, 3.0, 4.0):
         same = replace(
@@ -176,7 +178,7 @@ def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
         yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full", "known"))
 
 
-def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
+def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     """Cars and buildings with which `optimistic` may collide."""
     for v_max, braking, window in CARS:
         car = replace(mixture, v_max=v_max, braking=braking, window=window)
@@ -188,7 +190,7 @@ def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
     yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
 
 
-def _field(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
+def _field(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     """Fields of obstacles as in BARN: a goal beyond them, no route."""
     same = replace(mixture, world=("obstacle_field",), route="free", seed=OTHER_SEED, episodes=20)
     yield from _with_and_without(calibration, same, "field", "barn", ("full", "known"))
@@ -196,11 +198,11 @@ def _field(calibration: Calibration, mixture: Settings) -> Iterator[Cell]:
 
 def _with_and_without(
     calibration: Calibration, same: Settings, group: str, label: str, arms: Sequence[str]
-) -> Iterator[Cell]:
+) -> Iterator[Series]:
     """Drives of other arms, and of `predicted` at 0 and at the largest certified level."""
     for arm in arms:
         risk = None if ARMS[arm].reliance == 1.0 else 0.0
-        yield Cell(group, f"{label}-{arm}", replace(same, arms=(arm,)), risk)
-    yield Cell(group, f"{label}-0", same, 0.0)
+        yield Series(group, f"{label}-{arm}", replace(same, arms=(arm,)), risk)
+    yield Series(group, f"{label}-0", same, 0.0)
     if bold := _boldest(calibration):
-        yield Cell(group, f"{label}-bold", replace(same, level=bold))
+        yield Series(group, f"{label}-bold", replace(same, level=bold))
