@@ -185,6 +185,7 @@ def few_series(short_map, monkeypatch):
             Series("promise", f"mixture-{arm}", replace(base, arms=(arm,)), 0.0)
             for arm in ("known", "oracle")
         ]
+        found.append(Series("promise", "mixture-optimistic", replace(base, arms=("optimistic",))))
         for wanted, level in ((0.0, 0.0), (0.05, 0.01)):
             settings = replace(base, arms=("predicted",), level=level)
             found.append(Series("promise", f"mixture-{wanted:g}", settings, wanted))
@@ -198,14 +199,14 @@ def test_the_study_drives_says_what_is_missing_and_goes_on(few_series, tmp_path,
     out = tmp_path / "run"
     command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1", "--out", str(out)]
     assert risk.main([*command, "--hours", "0"]) == 0
-    assert "8 drives are still to be made" in capsys.readouterr().out
+    assert "10 drives are still to be made" in capsys.readouterr().out
     assert risk.main(command) == 0
     told = capsys.readouterr().out
     assert "still to be made" not in told
     assert (out / "promise.png").stat().st_size > 5000
     assert (out / "pareto.png").stat().st_size > 5000
     before = {path: path.read_bytes() for path in (out / "drives").iterdir()}
-    assert len(before) == 4
+    assert len(before) == 5
     assert risk.main(command) == 0
     assert {path: path.read_bytes() for path in (out / "drives").iterdir()} == before
     capsys.readouterr()

@@ -12,8 +12,6 @@ from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
 
 GROUPS = ("promise", "not adapted", "sham", "sham, not adapted")
 """Groups with a requested risk, from top to bottom."""
-SPEEDS = ("promise", "speed", "corner", "field")
-"""Groups whose speed is drawn over the collisions."""
 
 
 def draw(found: dict[str, Any], out: Path) -> list[Path]:
@@ -65,7 +63,8 @@ def _promise(found: dict[str, Any]) -> Figure | None:
         axes.set_title(f"requested: {100 * risk:g} %", fontsize=9)
         axes.set_xlabel("collisions [% of drives]")
         axes.margins(x=0.2)
-        axes.set_xlim(-1, None)
+    # After the last panel, since the panels share their limits.
+    panels[0].set_xlim(left=-1)
     names = [place if group == "promise" else f"{place}, {group}" for group, place in kinds]
     panels[0].set_yticks(range(len(kinds)), reversed(names), fontsize=8)
     return figure
@@ -76,10 +75,10 @@ def _kind(row: dict[str, Any]) -> tuple[str, str]:
 
 
 def _pareto(found: dict[str, Any]) -> Figure | None:
-    """Draw SCT over the rate of collisions of all arms, for each kind of tasks."""
+    """Draw SCT over the rate of collisions, for each kind of tasks that `optimistic` drives."""
     rates = {(r["group"], r["series"]): r for r in found["promise"]}
-    compared = [r for r in found["pareto"] if r["group"] in SPEEDS and r["sct"] is not None]
-    kinds = list(dict.fromkeys(_kind(r) for r in compared))
+    compared = [r for r in found["pareto"] if r["sct"] is not None]
+    kinds = list(dict.fromkeys(_kind(r) for r in compared if r["arm"] == "optimistic"))
     if not kinds:
         return None
     columns = min(4, len(kinds))
@@ -102,7 +101,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
             )
         first = rates[here[0]["group"], here[0]["series"]]
         car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**first)
-        place = " ".join(first["world"]) if len(first["world"]) == 1 else "mixture"
+        place = first["world"][0] if len(first["world"]) == 1 else "mixture"
         axes.set_title(f"{place}\n{car}", fontsize=9)
         axes.set(xlabel="collisions [% of drives]")
         axes.legend(fontsize=7, loc="upper right")

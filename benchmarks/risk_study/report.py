@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from scipy.stats import chi2
@@ -113,7 +114,7 @@ def _about(series: Series) -> dict[str, Any]:
         "series": series.label,
         "tasks": series.tasks,
         "arm": series.arm,
-        "world": list(series.settings.world),
+        "world": [Path(place).stem for place in series.settings.world],
         "adapted": not series.settings.fixed_level,
         **{name: getattr(series.settings, name) for name in same},
     }
