@@ -1,4 +1,4 @@
-"""Where a body on its way first meets something, and ways on which it meets nothing."""
+"""Contact tests: where the body meets a blocked cell on a plan, and manoeuvres without contact."""
 
 from __future__ import annotations
 
@@ -15,11 +15,23 @@ from predictor.mapping.kernels import njit
 def first_meeting(  # type: ignore[no-untyped-def]
     states, controls, dt, spacing, blocked, resolution, origin, half_length, half_width
 ):
-    """Return the distance along a plan [m] and the speed [m/s] at which the body first meets a
-    blocked cell.
+    """Find where and how fast the body first meets a blocked cell on a plan.
 
-    Both are -1 if it meets none. The body is tested at poses at most `spacing` [m] apart, as
-    `planner.motion.dynamics.swept` spaces them, the first state's among them.
+    The body is tested at the poses that `planner.motion.dynamics.swept` returns.
+
+    Args:
+        states: x, y, yaw, v of the plan, (N+1, 4).
+        controls: a, κ of the plan, (N, 2).
+        dt: step of the plan [s].
+        spacing: largest distance between tested poses [m].
+        blocked: cells that the body must not meet, (rows, columns); outside, all are blocked.
+        resolution: side of a cell [m].
+        origin: x, y of the cells' lower-left corner [m].
+        half_length: half the body's length [m].
+        half_width: half the body's width [m].
+
+    Returns:
+        Distance along the plan [m] and speed [m/s] at the first contact; both are -1 without one.
     """
     x, y, yaw = states[0, 0], states[0, 1], states[0, 2]
     if meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):
@@ -43,14 +55,14 @@ def first_meeting(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyped-def]
-    """Return whether some arc from a pose (x, y, yaw) meets nothing.
+    """Return whether the body meets no blocked cell on at least one of several arcs from a pose.
 
     Args:
-        pose: where the arcs begin; what follows yaw is not looked at.
-        curvatures: of the arcs [1/m].
-        length: of each [m].
-        spacing: between tested poses [m].
-        place: blocked cells, resolution, origin and the body's halves, as `first_meeting` has them.
+        pose: x, y, yaw at which the arcs begin; further entries are ignored.
+        curvatures: curvatures of the arcs, (n,) [1/m].
+        length: length of each arc [m].
+        spacing: largest distance between tested poses [m].
+        place: last five arguments of `first_meeting`: the blocked cells and the body.
     """
     count = math.ceil(length / spacing)
     for i in range(curvatures.shape[0]):
@@ -67,23 +79,23 @@ def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def first_free(state, first, ways, driving, spacing, place, onward, arcs):  # type: ignore[no-untyped-def]
-    """Return the number of the first way that ends at rest and meets nothing blocked, or -1.
+    """Return the index of the first manoeuvre that stops the car without a contact, or -1.
 
     Args:
-        state: x, y, yaw, v now, (4,).
-        first: a, κ of the first step, in place of each way's own, (2,).
-        ways: controls, (n, N, 2).
-        driving: what `rollout` is told of the car: its step [s], and its limits.
-        spacing: between tested poses [m].
-        place: blocked cells, resolution, origin and the body's halves, as `first_meeting` has them.
-        onward: whether a way must lead on from its end.
-        arcs: what `leads_on` is told besides the pose.
+        state: x, y, yaw, v of the car, (4,).
+        first: a, κ of the first step, which replaces that of each manoeuvre, (2,).
+        ways: controls of the manoeuvres, (n, N, 2).
+        driving: arguments of `rollout` after the controls: step [s] and limits of the car.
+        spacing: largest distance between tested poses [m].
+        place: last five arguments of `first_meeting`: the blocked cells and the body.
+        onward: whether the car must be able to go on from the end of the manoeuvre.
+        arcs: arguments of `leads_on` after the pose.
     """
     for i in range(ways.shape[0]):
         controls = ways[i].copy()
         controls[0] = first
         states, applied = rollout(state, controls, *driving)
-        # Most ways fail, and few poses tell.
+        # Most manoeuvres fail, and most of these already fail at few poses.
         if (
             states[-1, 3] > 1e-6
             or first_meeting(states, applied, driving[0], 5.0 * spacing, *place)[0] >= 0.0
@@ -97,15 +109,15 @@ def first_free(state, first, ways, driving, spacing, place, onward, arcs):  # ty
 
 
 def swerves(stages: int, braking: float, tightest: float) -> np.ndarray:
-    """Return ways to brake: along a plan, on one arc, and on one of these after another.
+    """Return manoeuvres that brake: along a plan, on one arc, or on two of these in succession.
 
     Args:
-        stages: steps of each.
-        braking: held on all of them [m/s²].
-        tightest: curvature [1/m] of which the arcs have shares.
+        stages: number of steps of each manoeuvre.
+        braking: deceleration in all steps [m/s²].
+        tightest: curvature of the tightest arc, of which the others have shares [1/m].
 
     Returns:
-        Controls (n, stages, 2); where a curvature is NaN, the plan's own is meant.
+        Controls a, κ of the manoeuvres, (n, stages, 2); a NaN stands for the plan's own curvature.
     """
     shares = (-1.0, -0.5, 0.0, 0.5, 1.0)
     made = [(share, share, 0) for share in (math.nan, *np.linspace(-1.0, 1.0, 13))]

@@ -1,13 +1,14 @@
-"""The Dubins car with bounded acceleration, as the MPC sees it.
+"""The planner's model of the car: a Dubins car with bounded acceleration.
 
-State [x, y, yaw, v], control [a, κ]. With a and κ held over a step the car runs along a circular
-arc, so the step has a closed form and needs no integrator: with s = v·dt + a·dt²/2,
+The state is [x, y, yaw, v] [m, m, rad, m/s], the control [a, κ] [m/s², 1/m]: acceleration and
+curvature. With a and κ held over a step the car drives along a circular arc, so the step has a
+closed form and needs no integrator: with s = v·dt + a·dt²/2,
 
     p' = p + s · sinc(κs/2) · (cos(yaw + κs/2), sin(yaw + κs/2))
     yaw' = yaw + κs
     v' = v + a·dt.
 
-casadi derives the first and second derivatives of a stage; numba rolls plans out.
+casadi provides the derivatives of a step for the MPC; kernels compiled by numba simulate plans.
 """
 
 from __future__ import annotations
@@ -21,26 +22,28 @@ from numpy.typing import NDArray
 from predictor.mapping.kernels import njit
 
 NX, NU = 4, 2
-"""Sizes of state and control."""
+"""Number of entries of a state, and of a control."""
 REFERENCE = 9
-"""Size of a stage's reference: point r (2), gradient g (2), symmetric M (xx, xy, yy), heading and
-its weight."""
+"""Number of entries of a stage's reference: point r (x, y), gradient g (x, y), symmetric matrix M
+(xx, xy, yy), heading h and its weight w_h."""
 
 
 def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.Function:
-    """Return the first and second derivatives of all stages of the optimal-control problem.
+    """Return a function that computes the derivatives of all stages of the optimal-control problem.
 
-    Stage cost: g·(p - r) + (p - r)ᵀM(p - r)/2 + w_h·(1 - cos(yaw - h)) + w_a·a² + w_κ·κ².
+    The stage cost, with the entries of `REFERENCE`, is
+    g·(p - r) + (p - r)ᵀM(p - r)/2 + w_h·(1 - cos(yaw - h)) + w_a·a² + w_κ·κ².
 
     Args:
-        dt: step [s].
-        stages: N + 1; the last has no control that matters.
-        weights: w_a, w_κ, (2,).
+        dt: length of a step [s].
+        stages: number of stages, N + 1; the control of the last one has no effect.
+        weights: weights w_a, w_κ of the squared controls, (2,).
 
     Returns:
-        A function of state and control (6, stages), multipliers of the dynamics (4, stages) and
-        references (9, stages), to the Jacobian of the dynamics (4, 6·stages), the gradient of
-        the stage cost (6, stages), and the Hessian of the stage's Lagrangian (6, 6·stages).
+        Function with the inputs state and control (6, stages), multipliers of the dynamics
+        (4, stages) and references (9, stages), and the outputs Jacobian of the dynamics
+        (4, 6·stages), gradient of the stage cost (6, stages) and Hessian of the stage's Lagrangian
+        (6, 6·stages).
     """
     z = ca.SX.sym("z", NX + NU)
     multiplier = ca.SX.sym("multiplier", NX)
@@ -49,7 +52,7 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
 
     s = v * dt + a * dt**2 / 2
     half = kappa * s / 2
-    # sinc as its series: |κs/2| < 0.4 for every car here, so the rest is below 1e-8.
+    # The series of sinc: |κs/2| < 0.4 for every car here, so the remainder is below 1e-8.
     chord = s * (1 - half**2 / 6 + half**4 / 120 - half**6 / 5040)
     successor = ca.vertcat(
         x + chord * ca.cos(yaw + half), y + chord * ca.sin(yaw + half), yaw + kappa * s, v + a * dt
@@ -76,7 +79,21 @@ def stage_functions(dt: float, stages: int, weights: NDArray[np.float64]) -> ca.
 
 @njit(cache=True, nogil=True)
 def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):  # type: ignore[no-untyped-def]
-    """Return the states (N+1, 4) that controls (N, 2) lead to, and these clipped to the limits."""
+    """Simulate the car under given controls, clipped to its limits.
+
+    Args:
+        state: x, y, yaw, v at the start, (4,).
+        controls: a, κ of each step, (N, 2).
+        dt: length of a step [s].
+        v_max: top speed [m/s].
+        accel: maximum acceleration [m/s²].
+        braking: maximum deceleration [m/s²].
+        lateral: maximum lateral acceleration [m/s²].
+        max_curvature: maximum curvature [1/m].
+
+    Returns:
+        States (N+1, 4) and clipped controls (N, 2).
+    """
     stages = controls.shape[0]
     states = np.empty((stages + 1, 4))
     applied = np.empty((stages, 2))
@@ -97,7 +114,7 @@ def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):
 
 @njit(cache=True, nogil=True, inline="always")
 def pose_along(x, y, yaw, kappa, part):  # type: ignore[no-untyped-def]
-    """Return the pose x, y, yaw after a part [m] of an arc of curvature κ."""
+    """Return x, y, yaw after a length `part` [m] of the arc from a pose with curvature κ [1/m]."""
     half = 0.5 * kappa * part
     chord = part * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
     return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), yaw + 2 * half
@@ -105,9 +122,9 @@ def pose_along(x, y, yaw, kappa, part):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def swept(states, controls, dt, spacing):  # type: ignore[no-untyped-def]
-    """Return poses (n, 3) along a plan, at most `spacing` [m] apart, its first state included.
+    """Return poses x, y, yaw (n, 3) along a plan, at most `spacing` [m] apart, from its start on.
 
-    Turning adds to what a corner travels; `spacing` is along the centre's path.
+    `spacing` is measured along the path of the body's centre; in a turn, the corners move farther.
     """
     stages = controls.shape[0]
     counts = np.empty(stages, dtype=np.int64)

@@ -1,17 +1,19 @@
 """Distances to the goal at which the planner treats it as reached.
 
-A drive ends within `GOAL_RADIUS` of the goal. Each distance differs from it for its own reason.
+A drive ends within `predictor.mapping.conventions.GOAL_RADIUS` of the goal. Each distance differs
+from it for a reason of its own.
 """
 
 PATH_REACHES = 0.3
-"""A path that passes within this distance leads to the goal [m]. It is the strictest: the car
-tracks a path with some error, and the path's cells are 0.1 to 0.2 m wide."""
+"""Distance from the goal within which a path must pass to lead to it [m]. It is the smallest one:
+the car tracks a path with some error, and the search uses cells of 0.1 to 0.2 m."""
 PLAN_REACHES = 0.4
-"""A plan, or a line, that comes this near reaches the goal [m]. It lies 0.1 m within the goal's
-radius, so that a plan that is improved at the next tick still ends the drive."""
+"""Distance from the goal within which a plan or a smooth line must come to reach it [m]. It is
+0.1 m less than the goal's radius, so that a plan that is improved in the next tick still ends the
+drive."""
 STOPS_FOR_GOAL = 0.7
-"""A plan that ends this near stops because of the goal, not because of an obstacle [m]. Plans may
-come to rest a little before the goal's radius."""
+"""Distance from the goal within which a plan's end counts as a stop for the goal, and not for an
+obstacle [m]. Plans may come to rest a little before the goal's radius."""
 GOES_ON = 0.8
-"""A plan that ends this near need not leave the car a way to go on [m]. The drive ends within the
-next ticks, before the car would have to."""
+"""Distance from the goal within which the car need not be able to go on from a plan's end [m]. The
+drive ends in the next ticks, before the car would have to go on."""

@@ -1,4 +1,4 @@
-"""The path as the MPC follows it: points at even spacing, and projection onto them."""
+"""Paths that the MPC follows: evenly spaced points, projections, and references for its cost."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from predictor.mapping.kernels import njit
 SPACING = 0.1
 """Distance between the points of a path [m]."""
 NEAR_END = 3.0
-"""Distance before its end from which a path is followed more closely [m]."""
+"""Length of the last part of a path, which the MPC follows more closely [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A path to follow.
+    """A path that the car is to follow.
 
     Attributes:
-        points: (n, 2) [m], `SPACING` apart.
-        source: its origin. "route": a line along Dijkstra's route; "hybrid": arcs; "ompl":
-            OMPL; "dijkstra": the route itself, which the car may not be able to drive; "given": the
-            prescribed route.
-        drivable: number of points, from the first, on curves that the car can drive.
+        points: points of the path, (n, 2) [m], `SPACING` apart.
+        source: method that found the path. "route": a smooth line along Dijkstra's route; "hybrid":
+            hybrid A*; "ompl": OMPL; "dijkstra": the route itself, which the car may not be able to
+            drive; "given": the prescribed route.
+        drivable: number of points, from the first on, that lie on curves that the car can drive.
     """
 
     points: NDArray[np.float64]
@@ -34,7 +34,7 @@ class Path:
 
     @classmethod
     def through(cls, vertices: NDArray[np.float64], source: str) -> Path:
-        """Return a path along a polyline (n, 2), resampled."""
+        """Return the path along a polyline (n, 2) [m], resampled at `SPACING`."""
         vertices = np.asarray(vertices, dtype=np.float64)
         steps = np.hypot(*np.diff(vertices, axis=0).T) if len(vertices) > 1 else np.zeros(0)
         keep = np.concatenate([[True], steps > 1e-9])
@@ -49,10 +49,10 @@ class Path:
 
 @njit(cache=True, nogil=True)
 def project(points, x, y, first, last):  # type: ignore[no-untyped-def]
-    """Find the point of the segments first … last that is closest to x, y.
+    """Find the point of a polyline that is closest to x, y, on its segments `first` to `last`.
 
     Returns:
-        Segment, fraction along it in [0, 1], squared distance [m²].
+        Index of the segment, fraction along it in [0, 1], and squared distance from it [m²].
     """
     best, where, share = np.inf, first, 0.0
     for i in range(max(first, 0), min(last, points.shape[0] - 2) + 1):
@@ -71,24 +71,24 @@ def project(points, x, y, first, last):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def references(points, start, states, reach, progress, contour, final, heading):  # type: ignore[no-untyped-def]
-    """Compute each state's reference on the path, for the stage cost of `dynamics.stage_functions`.
+    """Compute the reference of each state on the path, for `dynamics.stage_functions`.
 
     Progress is the arc length of the projection; its gradient is the path's tangent. Beyond the
-    path's end the pull is towards its last point. The projection only looks near that of the
-    state before, so a path that crosses itself is followed in order.
+    path's end, states are pulled towards its last point. Each state is projected near the
+    projection of the state before, so that a path that crosses itself is followed in order.
 
     Args:
-        points: (n, 2), evenly spaced [m].
-        start: segment where the first state is looked for.
-        states: (m, 4).
-        reach: segments that one step may advance.
-        progress: cost gained by a metre.
-        contour: cost of a squared metre off the path.
-        final: the same at the last state.
+        points: points of the path, evenly spaced, (n, 2) [m].
+        start: index of the segment near which the first state is projected.
+        states: x, y, yaw, v of the states, (m, 4).
+        reach: number of segments that one step may advance.
+        progress: reward for a metre of progress.
+        contour: weight w of the cost w/2 · d², with the distance d from the path [m].
+        final: the same weight at the last state, and at the end of the path.
         heading: cost of 1 - cos(heading error) at the last state.
 
     Returns:
-        References (m, 9), and the cost of each state (m,).
+        References (m, 9), and the cost of each state, (m,).
     """
     count = states.shape[0]
     out = np.zeros((count, 9))
@@ -104,7 +104,7 @@ def references(points, start, states, reach, progress, contour, final, heading):
         length = max(math.hypot(dx, dy), 1e-9)
         tx, ty = dx / length, dy / length
         out[k, 0], out[k, 1] = ax + t * dx, ay + t * dy
-        # Where the path ends precision counts: a car that passes the goal by has to come again.
+        # At the path's end precision counts: a car that misses the goal has to turn round.
         left = (last + 1 - here - t) * spacing
         weight = contour + (final - contour) * max(0.0, 1.0 - left / NEAR_END)
         if k == count - 1:
