@@ -1,4 +1,4 @@
-"""casadi functions as machine code, compiled once and kept between runs."""
+"""Compile casadi functions to machine code, once, and keep the libraries between runs."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ import casadi as ca
 from predictor.mapping.kernels import cache
 
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
-"""For the compiler: no fused operations, so that the numbers are those of the interpreter."""
+"""Options of the compiler; without fused operations, results equal those of the interpreter."""
 
 
 class InterpretedWarning(UserWarning):
-    """A function runs interpreted."""
+    """A function could not be compiled, and runs in casadi's interpreter."""
 
 
 def compiled(function: ca.Function) -> ca.Function:
     """Return the same function, compiled by the C compiler (`$CC`, or else `cc`).
 
-    The library is kept in the user's cache under the hash of its source and of the compiler, and
-    is put there whole: processes that start together may each compile it, and all load one.
+    The library is kept in the user's cache, under a hash of its source and of the compiler. It is
+    moved there when it is complete, so that several processes may compile it at the same time.
 
     Args:
-        function: without external dependencies.
+        function: casadi function without external dependencies.
 
     Returns:
-        The compiled function; the function itself, with an `InterpretedWarning`, where there is
-        no compiler, or where it fails.
+        The compiled function; with an `InterpretedWarning` the function itself, if there is no
+        compiler or the compiler fails.
     """
     generator = ca.CodeGenerator(function.name(), {"casadi_int": "long long int"})
     generator.add(function)
@@ -46,7 +46,7 @@ def compiled(function: ca.Function) -> ca.Function:
     if found is None:
         return _interpreted(function, "no C compiler was found (cc, or what $CC names)")
     compiler = [found, *options]
-    # A home folder may be shared by machines of different kinds.
+    # Machines of different kinds may share a home folder, and with it the cache.
     made_of = (source, *compiler, platform.machine(), *FLAGS)
     key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
     try:
@@ -56,7 +56,7 @@ def compiled(function: ca.Function) -> ca.Function:
         try:
             return ca.external(function.name(), str(library))
         except RuntimeError:
-            # Damaged.
+            # The library is damaged.
             _build(compiler, source, library)
             return ca.external(function.name(), str(library))
     except subprocess.CalledProcessError as error:

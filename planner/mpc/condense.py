@@ -1,8 +1,8 @@
-"""The kernels of the SQP: from stage derivatives to one dense QP in the controls.
+"""Kernels of the SQP that turn the derivatives of the stages into a dense QP in the controls.
 
 The QP's variables are a_0, κ_0, a_1, κ_1, … in this order. Sensitivities are derivatives of the
-states by the controls. The arrays are laid out as casadi writes them: stage after stage, each in
-column-major order.
+states with respect to the controls. Derivatives are laid out as casadi writes them: stage after
+stage, each in column-major order, so that Jacobians appear transposed.
 """
 
 from __future__ import annotations
@@ -21,8 +21,15 @@ def clearances(field, resolution, origin, states, offset):  # type: ignore[no-un
     The field is interpolated by cubic convolution (Keys 1981), which makes its gradient continuous
     and needs no prefilter. Outside the field the values at its border hold.
 
+    Args:
+        field: clearance at the cells' centres [m], (rows, columns).
+        resolution: side of a cell [m].
+        origin: x, y of the field's lower-left corner [m].
+        states: x, y, yaw, v of the states, (n, 4).
+        offset: distance of the circles' centres from the body's centre [m].
+
     Returns:
-        Values (n, 2) [m], and gradients by x, y, yaw (n, 2, 3).
+        Clearances (n, 2) [m], and their gradients with respect to x, y, yaw (n, 2, 3).
     """
     n = states.shape[0]
     rows, cols = field.shape
@@ -62,18 +69,19 @@ def merit(  # type: ignore[no-untyped-def]
     """Compute the merit of a plan: the cost that `MPC.solve` lowers.
 
     Args:
-        states: (N+1, 4).
-        controls: (N, 2).
-        last: curvature that was driven before the plan [1/m].
+        states: states of the plan, (N+1, 4).
+        controls: controls of the plan, (N, 2).
+        last: curvature that the car drove before the plan [1/m].
         costs: cost of each state after the first by its reference on the path, (N,).
-        value: clearance of the two circles at these states, (N, 2) [m].
+        value: clearances of the two circles at these states, (N, 2) [m].
         needed: required clearance [m].
-        comfort: clearance beyond that from which on closeness costs nothing [m].
-        effort: weights of a² and of κ².
-        smoothness: weight of a squared change of κ.
-        closeness: weight of a squared metre by which comfort is missed.
-        violation: weight of a metre by which the required clearance is missed; ten times that for
-            each m/s at the plan's end.
+        comfort: clearance beyond the required one, above which closeness costs nothing [m].
+        effort: costs of a² and of κ².
+        smoothness: cost of a squared change of κ.
+        closeness: weight w of the cost w/2 · d², with the shortfall d from the comfortable
+            clearance [m].
+        violation: cost of a shortfall of 1 m from the required clearance; a speed of 1 m/s at the
+            plan's end costs ten times as much.
     """
     total = 10.0 * violation * states[-1, 3]
     before = last
@@ -91,7 +99,7 @@ def merit(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
-    """Write the weights of four neighbours at a fraction t of a cell, and their derivatives."""
+    """Write Keys' weights of four neighbours at a fraction t of a cell, and their derivatives."""
     weight[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
     weight[1] = (1.5 * t - 2.5) * t * t + 1.0
     weight[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
@@ -104,7 +112,14 @@ def _keys(t, weight, slope):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def add_closeness(gradient, lacking, normal, weight):  # type: ignore[no-untyped-def]
-    """Add the gradient of the cost weight/2 · lacking² to gradients (n, 6), in place."""
+    """Add the gradient of the cost of closeness to the stages' gradients, in place.
+
+    Args:
+        gradient: gradients of the stages' costs, (n, 6).
+        lacking: shortfall of each circle from the comfortable clearance [m], (n, 2).
+        normal: gradients of the clearances with respect to x, y, yaw, (n, 2, 3).
+        weight: weight w of the cost w/2 · lacking².
+    """
     for k in range(lacking.shape[0]):
         for i in range(2):
             for j in range(3):
@@ -113,7 +128,7 @@ def add_closeness(gradient, lacking, normal, weight):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-def]
-    """Add the Gauss-Newton Hessian of that cost to Hessians (n, 6, 6), in place."""
+    """Add the Gauss-Newton Hessian of the cost of closeness to Hessians (n, 6, 6), in place."""
     for k in range(lacking.shape[0]):
         for i in range(2):
             if lacking[k, i] > 0.0:
@@ -124,7 +139,10 @@ def add_curvature(hessian, lacking, normal, weight):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-untyped-def]
-    """Compute the multipliers (n, 4) of the dynamics backwards; row k is of the step k to k+1."""
+    """Compute the multipliers of the dynamics by a backward pass, and write them to `out`.
+
+    Row k of `out` (n, 4) belongs to the step from stage k to stage k+1.
+    """
     last = out.shape[0] - 1
     here = np.zeros(4)
     for k in range(last, 0, -1):
@@ -147,7 +165,7 @@ def costates(jacobian, gradient, normal, multipliers, out):  # type: ignore[no-u
 def make_positive(matrices, least):  # type: ignore[no-untyped-def]
     """Raise the eigenvalues of symmetric matrices (n, m, m) to at least `least`, in place.
 
-    Cyclic Jacobi rotations (Golub & Van Loan 2013, §8.5): at this size quicker than LAPACK.
+    Cyclic Jacobi rotations (Golub & Van Loan 2013, §8.5) are faster than LAPACK at this size.
     """
     m = matrices.shape[1]
     vectors, lower = np.empty((m, m)), np.empty((m, m))
@@ -217,12 +235,12 @@ def _is_positive(a, least, lower):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def condense_gradient(jacobian, gradient):  # type: ignore[no-untyped-def]
-    """Compute the gradient by the controls alone, (2N,), by eliminating the states.
+    """Compute the gradient with respect to the controls alone, (2N,), by eliminating the states.
 
     Args:
-        jacobian: transposed Jacobians of the dynamics by state and control, (N+1, 6, 4); the last
-            is not used.
-        gradient: gradients of the stages' costs by state and control, (N+1, 6).
+        jacobian: transposed Jacobians of the dynamics with respect to state and control,
+            (N+1, 6, 4); the last one is not used.
+        gradient: gradients of the stages' costs with respect to state and control, (N+1, 6).
     """
     n = jacobian.shape[0] - 1
     g = np.empty(2 * n)
@@ -243,14 +261,15 @@ def condense_gradient(jacobian, gradient):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
-    """Eliminate the states, in O(N²) (Andersson 2013, PhD thesis, §4.3).
+    """Eliminate the states from the QP, in O(N²) (Andersson 2013, PhD thesis, §4.3).
 
     Args:
-        jacobian: as for `condense_gradient`.
+        jacobian: transposed Jacobians of the dynamics, as for `condense_gradient`.
         hessian: Hessians of the stages' Lagrangians, (N+1, 6, 6).
 
     Returns:
-        Hessian (2N, 2N), sensitivities of the states (N+1, 4, 2N).
+        Hessian with respect to the controls (2N, 2N), and sensitivities of the states
+        (N+1, 4, 2N).
     """
     n = jacobian.shape[0] - 1
     size = 2 * n
@@ -258,7 +277,7 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
     h = np.zeros((size, size))
     here, weighted, above = np.empty((4, 2)), np.empty((4, 2)), np.empty((4, 2))
     for j in range(n):
-        # Forwards, how the later states depend on the controls of stage j.
+        # Forward pass: how the later states depend on the controls of stage j.
         for i in range(4):
             s[j + 1, i, 2 * j] = jacobian[j, 4, i]
             s[j + 1, i, 2 * j + 1] = jacobian[j, 5, i]
@@ -269,7 +288,7 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
                     for m in range(4):
                         total += jacobian[k, m, i] * s[k, m, 2 * j + u]
                     s[k + 1, i, 2 * j + u] = total
-        # Backwards, how the gradient depends on them: two columns of the Hessian.
+        # Backward pass: how the gradient depends on these controls, two columns of the Hessian.
         weighted[:] = 0.0
         for k in range(n, j, -1):
             for m in range(4):
@@ -304,7 +323,10 @@ def condense(jacobian, hessian):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def add_smoothness_gradient(g, controls, last, weight):  # type: ignore[no-untyped-def]
-    """Add the gradient of weight · Σ (κ_k - κ_{k-1})², the cost of changing curvature, in place."""
+    """Add the gradient of weight · Σ (κ_k - κ_{k-1})², the cost of changes of curvature, in place.
+
+    `last` is κ_{-1}, the curvature before the plan [1/m].
+    """
     before = last
     for k in range(controls.shape[0]):
         i = 2 * k + 1
@@ -317,7 +339,7 @@ def add_smoothness_gradient(g, controls, last, weight):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def add_smoothness(h, weight):  # type: ignore[no-untyped-def]
-    """Add the Hessian of the cost of changing curvature, in place."""
+    """Add the Hessian of the cost of changes of curvature, in place."""
     for i in range(1, h.shape[0], 2):
         h[i, i] += 2 * weight
         if i > 1:

@@ -1,6 +1,6 @@
-"""The constraints of the SQP's dense QP: the car's limits, v_N = 0, and clearance.
+"""Kernels for the constraints of the SQP's dense QP: the car's limits, v_N = 0, and clearance.
 
-The order of the variables is that of `planner.mpc.condense`.
+The variables have the order of `planner.mpc.condense`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ from predictor.mapping.kernels import njit
 
 @njit(cache=True, nogil=True)
 def nearby(value, limit):  # type: ignore[no-untyped-def]
-    """Return which later states, and which circle, have less clearance than a limit [m]: (n, 2)."""
+    """Return index of state and of circle, (n, 2), for each clearance below a limit [m].
+
+    The first state is left out, since no control changes it.
+    """
     which = np.empty((value.size, 2), dtype=np.int64)
     count = 0
     for k in range(1, value.shape[0]):
@@ -25,19 +28,19 @@ def nearby(value, limit):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-untyped-def]
-    """Compute the QP's rows: limits of the car, v_N = 0, and clearance (soft).
+    """Compute the matrix of the QP's constraints: limits of the car, v_N = 0, clearance (soft).
 
     Args:
-        sensitivity: of the states to the controls, (N+1, 4, 2N).
-        states: (N+1, 4).
-        controls: (N, 2).
-        normal: gradients of the clearances, (N+1, 2, 3).
-        near: which of these have a row, as `nearby`.
-        dt: step [s].
+        sensitivity: derivatives of the states with respect to the controls, (N+1, 4, 2N).
+        states: states at which the QP is linearised, (N+1, 4).
+        controls: controls at which it is linearised, (N, 2).
+        normal: gradients of the clearances with respect to x, y, yaw, (N+1, 2, 3).
+        near: clearances that have a row, (n, 2), from `nearby`.
+        dt: length of a step [s].
 
     Returns:
-        A (2N + near, 2N) and daqp's sense (4N + near,) int32, bounds first. Row order: v_1 … v_N,
-        lateral 0 … N-1, clearance.
+        Matrix (2N + n, 2N), with the rows v_1 … v_N, lateral acceleration in the steps 0 … N-1,
+        and clearances; and daqp's `sense` (4N + n,) int32, in which the variables come first.
     """
     n = controls.shape[0]
     size = 2 * n
@@ -46,6 +49,7 @@ def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-un
     for k in range(n):
         for j in range(k + 1):
             a[k, 2 * j] = dt
+    # In daqp, 5 marks an equality, and 8 a soft constraint.
     sense[size + n - 1] = 5
     for k in range(n):
         end = _faster_end(controls, k)
@@ -66,7 +70,7 @@ def rows(sensitivity, states, controls, normal, near, dt):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True, inline="always")
 def _faster_end(controls, k):  # type: ignore[no-untyped-def]
-    """Return the state at the faster end of a step, where the lateral acceleration is larger."""
+    """Return the index of the state at a step's faster end, where lateral acceleration peaks."""
     return k + 1 if controls[k, 0] > 0 else k
 
 
@@ -74,24 +78,24 @@ def _faster_end(controls, k):  # type: ignore[no-untyped-def]
 def bounds(  # type: ignore[no-untyped-def]
     states, controls, value, near, dt, v_max, accel, braking, lateral, tightest, required, trust
 ):
-    """Compute the bounds of the QP's variables and rows: lower and upper, (4N + near,) each.
+    """Compute the lower and upper bounds of the QP's variables and constraints, (4N + n,) each.
 
-    The order is that of `rows`, after the variables'. On a second step `rows` are those of the
-    controls before, so what keeps to these bounds keeps to the limits to first order only.
+    The variables come first, and then the rows of `rows`. In a second step the matrix is still that
+    of the first, so that these bounds ensure the limits to first order only.
 
     Args:
-        states: (N+1, 4).
-        controls: (N, 2).
-        value: clearance of their circles, (N+1, 2) [m].
-        near: which of these have a row, as `nearby`.
-        dt: step [s].
+        states: current states, (N+1, 4).
+        controls: current controls, (N, 2).
+        value: clearances of the states' circles, (N+1, 2) [m].
+        near: clearances that have a row, (n, 2), from `nearby`.
+        dt: length of a step [s].
         v_max: top speed [m/s].
-        accel: most acceleration [m/s²].
-        braking: most deceleration [m/s²].
-        lateral: most lateral acceleration [m/s²].
+        accel: maximum acceleration [m/s²].
+        braking: maximum deceleration [m/s²].
+        lateral: maximum lateral acceleration [m/s²].
         tightest: maximum curvature [1/m].
-        required: clearance that is required [m].
-        trust: maximum change of a curvature [1/m].
+        required: required clearance [m].
+        trust: maximum change of each curvature [1/m].
     """
     n = controls.shape[0]
     size = 2 * n

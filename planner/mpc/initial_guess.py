@@ -1,4 +1,4 @@
-"""First guesses for the MPC: plans that are driven, not optimised."""
+"""Initial guesses of the controls for the MPC: pure pursuit, and the rest of the last plan."""
 
 from __future__ import annotations
 
@@ -13,10 +13,23 @@ from predictor.mapping.kernels import njit
 
 @njit(cache=True, nogil=True)
 def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, max_curvature, free):  # type: ignore[no-untyped-def]
-    """Return the controls (stages, 2) of a car that pursues a path and stops after `free` metres.
+    """Return the controls (stages, 2) of a car that follows a path and stops within `free` [m].
 
-    Pure pursuit (Coulter 1992) steers; the speed is the highest from which the car still stops
-    in time, within the horizon and within the lateral limit.
+    Pure pursuit (Coulter 1992) gives the curvature. The speed is the highest that keeps to the
+    car's limits and lets it stop within `free` and within the plan.
+
+    Args:
+        points: points of the path, (n, 2) [m].
+        segment: index of the path's segment near which the car is.
+        state: x, y, yaw, v of the car, (4,).
+        stages: number of steps.
+        dt: length of a step [s].
+        v_max: top speed [m/s].
+        accel: maximum acceleration [m/s²].
+        braking: maximum deceleration [m/s²].
+        lateral: maximum lateral acceleration [m/s²].
+        max_curvature: maximum curvature [1/m].
+        free: distance within which the car is to stop [m].
     """
     controls = np.zeros((stages, 2))
     x, y, yaw, v = state[0], state[1], state[2], state[3]
@@ -34,7 +47,7 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
             kappa = math.copysign(max_curvature, across)
         kappa = min(max(kappa, -max_curvature), max_curvature)
         left = max(free - travelled, 0.0)
-        # The fastest next speed w from which braking still ends within what is left:
+        # The highest speed w after this step from which the car can stop within `left`:
         # (v + w)·dt/2 + w²/(2·braking) <= left.
         b = braking * dt
         fastest = 0.5 * (-b + math.sqrt(max(b * b + 4 * (2 * braking * left - b * v), 0.0)))
@@ -51,5 +64,5 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
 
 
 def shifted(controls: np.ndarray, braking: float) -> np.ndarray:
-    """Return the controls of a plan one tick later, with braking after its end: (N, 2)."""
+    """Return the controls of a plan without its first step, and with braking at its end, (N, 2)."""
     return np.vstack([controls[1:], [[-braking, controls[-1, 1]]]])

@@ -1,15 +1,16 @@
 """Model-predictive control by direct transcription: plan how to follow a path and how to stop.
 
-    minimise    Σ progress along the path, distance from it, smoothness, closeness to the unsafe
+    minimise    Σ (- progress along the path + distance from it + effort
+                   + change of curvature + closeness to unsafe cells)
     subject to  car dynamics and limits,
                 the body inside the safe set at every stage,
                 v_N = 0: every plan ends stopped, so that it is its own emergency plan.
 
-Sequential quadratic programming: casadi derives the stages' exact Hessians, each is projected to
-positive semidefinite, the states are condensed out, and daqp solves the dense QP. If the whole
-step is taken, its matrices serve for a second one (Shamanskii 1967), which often shows that
-nothing more can be gained. Every iterate is rolled out through the dynamics, so that the plan that
-is checked is the one that is driven.
+It is solved by sequential quadratic programming: casadi computes the stages' exact Hessians, each
+is projected to a positive semidefinite one, the states are eliminated (condensing), and daqp solves
+the dense QP. If a step is taken in full, its matrices are used for a second one (Shamanskii 1967),
+which often shows that nothing more can be gained. Every iterate is simulated with the exact
+dynamics, so that the plan that is checked is the one that is driven.
 The solver does not decide whether a plan is safe: `planner.safety.collision` tests it cell by cell.
 """
 
@@ -33,11 +34,13 @@ from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import TICK
 
 NEAR = 1.0
-"""Circles with more clearance than required by this have no row in the QP [m]."""
+"""Excess over the required clearance above which a circle has no constraint in the QP [m]."""
 DOUBTED = 10.0
-"""The iteration stops if a second step gains nothing and predicts at most this many tolerances."""
+"""Largest gain that a second step may predict without achieving any, in tolerances, for the
+iteration to count as converged."""
 DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
-"""Settings of daqp: weight of soft rows; no proximal term, as the Hessian is positive definite."""
+"""Settings of daqp: softness of the soft constraints, maximum number of iterations, and no proximal
+term, since the Hessian is positive definite."""
 
 
 @dataclass(frozen=True)
@@ -45,20 +48,21 @@ class MPCConfig:
     """Settings of the MPC.
 
     Attributes:
-        dt: step [s].
-        progress: reward of a metre of progress, a stage.
-        contour: cost of a squared metre off the path, a stage.
-        final: cost of a squared metre off the path, and of 1 - cos(heading error), at the end: a
-            plan that ends on a drivable path ends where the car can go on from.
-        effort: cost of a² and of κ², a stage.
+        dt: length of a step of the plan [s].
+        progress: reward for a metre of progress, for each stage.
+        contour: weight w of the cost w/2 · d² of each stage, with its distance d from the path [m].
+        final: the same weight at the last stage, and cost of 1 - cos(heading error) there: a plan
+            that ends on a drivable path ends where the car can go on.
+        effort: costs of a² and of κ², for each stage.
         smoothness: cost of a squared change of κ from stage to stage.
-        closeness: cost of a squared metre of lacking comfort, a stage.
-        comfort: clearance beyond the required one, below which it is lacking [m].
-        violation: cost of a metre of lacking required clearance.
-        margin: clearance required of the circles that cover the body, beyond its outline [m].
-        curvature_step: maximum change of a curvature in one step [1/m].
-        iterations: maximum number of iterations, of one or two steps each.
-        tolerance: relative decrease of the merit by a step at which the iteration stops.
+        closeness: weight w of the cost w/2 · d² of each stage and circle that covers the body, with
+            the shortfall d from the comfortable clearance [m].
+        comfort: difference between the comfortable clearance and the required one [m].
+        violation: cost of a shortfall of 1 m from the required clearance.
+        margin: required distance of these circles from the edge of the safe set [m].
+        curvature_step: maximum change of a curvature by one step of the SQP [1/m].
+        iterations: maximum number of iterations of the SQP, of one or two steps each.
+        tolerance: relative decrease of the merit below which the iteration stops.
     """
 
     dt: float = TICK
@@ -77,7 +81,7 @@ class MPCConfig:
 
 
 class Status(StrEnum):
-    """How a solve ended."""
+    """How the search for a plan ended."""
 
     CONVERGED = "converged"
     ITERATION_LIMIT = "iteration_limit"
@@ -87,12 +91,12 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The result of a solve.
+    """The result of `MPC.solve`.
 
     Attributes:
         plan: the best plan found, which may be unsafe.
-        cost: value of the plan's merit; lower is better.
-        status: how the solve ended.
+        cost: merit of the plan; lower is better.
+        status: how the search ended.
     """
 
     plan: Plan
@@ -118,11 +122,11 @@ class _Problem:
 
 @dataclass(frozen=True)
 class _QP:
-    """The quadratic program at some controls, in daqp, with its matrices factorised.
+    """A quadratic program, linearised at some controls, with its matrices factorised.
 
     Attributes:
-        model: daqp's model.
-        near: state and circle of each clearance row, (n, 2).
+        model: model of daqp that holds the matrices.
+        near: index of state and of circle of each clearance that is constrained, (n, 2).
     """
 
     model: daqp.Model
@@ -135,10 +139,10 @@ class _Step:
 
     Attributes:
         controls: change of the controls, (N, 2).
-        gain: decrease of the cost that the QP predicts; infinite where the controls before it
-            break a limit or lack clearance.
+        gain: decrease of the cost that the QP predicts; infinite if the controls at which it was
+            linearised exceed a limit or lack clearance.
         limits: multipliers of the car's limits, in the QP's order, positive at an upper one, (4N,).
-        clearance: multipliers of the clearance of each state's two circles, (N+1, 2), none
+        clearance: multipliers of the clearances of each state's two circles, (N+1, 2), none
             negative.
     """
 
@@ -150,7 +154,15 @@ class _Step:
 
 @dataclass
 class MPC:
-    """The solver: build it once, and call `solve` at every tick."""
+    """The solver: build it once, and call `solve` in every tick.
+
+    Attributes:
+        limits: limits and body of the car.
+        config: settings.
+        stages: number N of steps of a plan.
+        required: clearance that the circles around the body need [m].
+        driving: arguments of `planner.motion.dynamics.rollout` after the controls.
+    """
 
     limits: CarLimits = field(default_factory=CarLimits)
     config: MPCConfig = field(default_factory=MPCConfig)
@@ -160,10 +172,10 @@ class MPC:
         self.stages = math.ceil(car.v_max / (car.braking * c.dt)) + 5
         n = self.stages + 1
         self._stage = compiled(stage_functions(c.dt, n, np.array(c.effort)))
-        # Two circles cover the body. On straights they leave no gap at up to 5 m/s.
+        # Two circles cover the body. On straights at up to 5 m/s, those of successive states leave
+        # no gap.
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
-        # Arguments of `rollout`.
         self.driving = (c.dt, *car.driving, car.max_curvature)
         # Number of a path's segments that one step may advance.
         self._reach = math.ceil(2.0 * car.v_max * c.dt / SPACING) + 2
@@ -182,7 +194,7 @@ class MPC:
             self._buffer.set_res(i, memoryview(self._io[name]))  # type: ignore[call-arg,arg-type]
 
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
-        """Return the plan that controls (N, 2) give from a state, clipped to the car's limits."""
+        """Return the plan that results from controls (N, 2), clipped to the car's limits."""
         return Plan(*rollout(state, controls, *self.driving))
 
     def solve(
@@ -197,15 +209,15 @@ class MPC:
         """Improve a guess of the controls until it converges.
 
         Args:
-            state: x, y, yaw, v now, (4,).
-            path: to make progress along.
-            risk: whose safe set the body is to stay in.
-            guess: controls to start from, (N, 2).
-            segment: of the path, near which the car is.
-            last_curvature: applied at the last tick [1/m].
+            state: current x, y, yaw, v of the car, (4,).
+            path: path along which the car is to make progress.
+            risk: risk map in whose safe set the body is to stay.
+            guess: initial guess of the controls, (N, 2).
+            segment: index of the path's segment near which the car is.
+            last_curvature: curvature of the last tick's control [1/m].
 
         Returns:
-            The best plan found. It may violate the safe set: ask a `CollisionChecker`.
+            The best plan found. It may leave the safe set: `CollisionChecker` has to test it.
 
         Raises:
             ValueError: if state or guess are not finite.
@@ -228,14 +240,15 @@ class MPC:
             if before - merit <= little:
                 status = Status.CONVERGED
                 break
-            # A QP whose own step was shortened is not used for a second one.
+            # A QP whose step was shortened is too inaccurate for a second step.
             second = self._second_step(qp, problem, states, controls) if length == 1.0 else None
             if second is None:
                 continue
             step, before = second, merit
             if step.gain > little:
                 _, states, controls, merit = self._search(problem, states, controls, merit, step)
-            # If it predicts much and gains nothing, the QP is at fault, and the plan not final.
+            # A step that gains much less than it predicts shows that the QP is inaccurate, and not
+            # that the plan is optimal.
             if before - merit <= little and step.gain <= DOUBTED * little:
                 status = Status.CONVERGED
                 break
@@ -262,7 +275,7 @@ class MPC:
     def _clearances(
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the two circles' clearance at each state (n, 2), and its gradient (n, 2, 3)."""
+        """Return the clearance of both circles at each state (n, 2), and its gradient (n, 2, 3)."""
         risk = problem.risk
         value, gradient = condense.clearances(
             risk.clearance, *risk.frame.lattice, states, self._offset
@@ -288,7 +301,12 @@ class MPC:
         merit: float,
         step: _Step,
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-        """Return the largest share of a step that lowers the merit, with what follows from it."""
+        """Find the largest of some shares of a step that lowers the merit.
+
+        Returns:
+            The share, and the states, controls and merit after it; 0 and the present ones if no
+            share lowers the merit.
+        """
         for length in (1.0, 0.5, 0.2, 0.05):
             trial = rollout(problem.state, controls + length * step.controls, *self.driving)
             value = self._merit(problem, *trial)
@@ -303,9 +321,9 @@ class MPC:
         controls: NDArray[np.float64],
         last: _Step | None,
     ) -> tuple[_QP, _Step | None]:
-        """Build and solve the QP at some controls, which `last` led to if they are no guess.
+        """Build and solve the QP at some controls; its step is None if that fails.
 
-        The step is None if that fails.
+        `last` is the step that led to these controls; None if they are the initial guess.
         """
         c, io = self.config, self._io
         g, value, normal, lacking = self._first_order(problem, states, controls)
@@ -322,7 +340,7 @@ class MPC:
         lower, upper = self._bounds(states, controls, value, near)
         qp = _QP(daqp.Model(), near)
         qp.model.settings = DAQP
-        # Warm start: assume the active set of the guess, and later that of the last QP.
+        # Warm start with the active set of the guess, and later with that of the last QP.
         start = (
             {"primal_start": np.zeros(len(g))}
             if last is None
@@ -334,7 +352,7 @@ class MPC:
     def _second_step(
         self, qp: _QP, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> _Step | None:
-        """Solve a QP at other controls, but with the same matrices; return None if that fails."""
+        """Solve a QP again at new controls, with its old matrices; return None if that fails."""
         g, value, _, _ = self._first_order(problem, states, controls)
         lower, upper = self._bounds(states, controls, value, qp.near)
         flag = qp.model.update(f=g, bupper=upper, blower=lower)
@@ -348,7 +366,15 @@ class MPC:
         upper: NDArray[np.float64],
         value: NDArray[np.float64],
     ) -> _Step | None:
-        """Solve a QP that is set up, as daqp's flag says, with bounds and at clearances."""
+        """Solve a QP, and return its step; None if it was not set up or has no solution.
+
+        Args:
+            qp: quadratic program.
+            flag: daqp's flag of the setup, negative after a failure.
+            lower: lower bounds of the variables and constraints, (4N + n,).
+            upper: upper bounds, (4N + n,).
+            value: clearances at the present controls, (N+1, 2) [m].
+        """
         if flag < 0:
             return None
         step, cost, flag, info = qp.model.solve()
@@ -365,8 +391,12 @@ class MPC:
     def _first_order(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the cost's gradient by the controls (2N,), the clearances (N+1, 2), their
-        gradients (N+1, 2, 3), and what they lack of comfort (N+1, 2)."""
+        """Evaluate the first derivatives at some controls.
+
+        Returns:
+            Gradient of the cost with respect to the controls (2N,), clearances (N+1, 2) [m], their
+            gradients (N+1, 2, 3), and shortfalls from the comfortable clearance (N+1, 2) [m].
+        """
         c, io, n = self.config, self._io, self.stages
         io["z"][:, :4] = states
         io["z"][:n, 4:] = controls
@@ -396,5 +426,5 @@ class MPC:
 
 
 def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:
-    """Brake as hard as the car can along one curvature: (stages, 2)."""
+    """Return controls (stages, 2) that brake as hard as the car can, on a curvature [1/m]."""
     return np.tile([-braking, curvature], (stages, 1))
