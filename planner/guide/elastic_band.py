@@ -1,11 +1,12 @@
-"""The line: a smooth curve along a way, found as an elastic band (Quinlan and Khatib 1993).
+"""The line: a smooth curve along a given way, an elastic band (Quinlan and Khatib 1993).
 
-A way found on a grid or by sampling has kinks. The line is the curve near it that minimises
+A way is a polyline that was found on a grid or by sampling, and has kinks. The line is the curve p
+near it that minimises
 
     ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - way|² ds,
 
-by Gauss-Newton steps on evenly spaced points. The car's pose fixes its first two points, and the
-way's end its last.
+with the curvature κ, by Gauss-Newton steps on evenly spaced points. The car's pose fixes the first
+two points of the line, and the way's end fixes the last.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from predictor.mapping.grid import GridFrame
 from predictor.mapping.kernels import njit
 
 BODY_MARGIN = 0.02
-"""Free space that paths keep around the body's outline, or around the circles that cover it [m]."""
+"""Margin that paths keep around the body's outline, or around the circles that cover it [m]."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +32,15 @@ class LineConfig:
     """Settings of the line.
 
     Attributes:
-        reach: distance ahead over which the line is smoothed [m].
-        bending: ratio of bending to tension [m²].
-        push: weight of a squared metre of lacking clearance, relative to tension [1/m²].
-        comfort: clearances below which the line's points are pushed away [m]; the second is used
-            where the car cannot drive the line of the first.
-        tether: weight of a squared metre off the way, where the way is unseen [1/m²].
-        hold: weight of a squared metre off the goal [1/m²].
-        iterations: number of Gauss-Newton steps.
+        reach: length of the part of the way that is smoothed, from the car on [m].
+        bending: weight of the squared curvature, relative to tension [m²].
+        push: weight of the squared lack of clearance, relative to tension [1/m²].
+        comfort: clearances below which the line's points are pushed away from obstacles [m], tried
+            in this order until the car can drive the line.
+        tether: weight of the squared distance from the way, in unsure cells [1/m²].
+        hold: weight of the squared distance from the goal, where the way passes it [1/m²].
+        iterations: number of Gauss-Newton steps, at most; twice as many for a line that is too
+            tight.
     """
 
     reach: float = 20.0
@@ -60,17 +62,19 @@ def lines_along(
     tightest: float,
     config: LineConfig,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the lines (n, 2) [m] along a way, one for each comfort; none if it is below 0.5 m.
+    """Yield a line (n, 2) [m] along a way for each value of `config.comfort`.
+
+    There is none along a way shorter than 0.5 m.
 
     Args:
-        way: (n, 2) [m], `SPACING` apart, from near the pose.
-        pose: x, y, yaw where the line begins, (3,).
+        way: points of the way, `SPACING` apart, the first near the pose, (n, 2) [m].
+        pose: x, y, yaw at which the line begins, (3,).
         clearance: distance to the nearest obstacle [m], (rows, columns).
-        frame: where these cells lie.
+        frame: position and resolution of the cells.
         unsure: cells in which the line is tethered to the way, (rows, columns).
-        goal: x, y [m]; a line whose way passes it does so too.
+        goal: x, y of the goal [m]; a line passes it if its way does.
         tightest: curvature that the line should not exceed [1/m].
-        config: settings.
+        config: settings of the line.
     """
     way = way[: round(config.reach / SPACING) + 1].copy()
     if len(way) < 6:
@@ -90,7 +94,7 @@ def lines_along(
 
 
 def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the way with its first points moved so that it begins at a pose."""
+    """Return the way with its first points shifted so that it begins at a pose."""
     guess = way.copy()
     fade = np.clip(1.0 - np.arange(len(way)) * SPACING / 1.5, 0.0, None)[:, None]
     guess += fade * (pose[:2] - way[0])
@@ -101,7 +105,10 @@ def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.fl
 
 @njit(cache=True, nogil=True)
 def curvatures(points):  # type: ignore[no-untyped-def]
-    """Return the signed curvature at each point of a polyline, (n,) [1/m]; ends take the next."""
+    """Return the signed curvature at each point of a polyline, (n,) [1/m].
+
+    The first and the last point have the curvature of their neighbour.
+    """
     n = points.shape[0]
     out = np.zeros(n)
     for i in range(1, n - 1):
@@ -110,7 +117,8 @@ def curvatures(points):  # type: ignore[no-untyped-def]
         cx, cy = ax + bx, ay + by
         cross = ax * by - ay * bx
         if ax * bx + ay * by < 0.0:
-            # It turns back. Three points on one straight line would pass for no curvature at all.
+            # The line turns back. Through three points on a straight line, the circle below would
+            # have no curvature.
             shorter = min(math.hypot(ax, ay), math.hypot(bx, by))
             out[i] = math.copysign(2.0 / max(shorter, 1e-9), cross)
             continue
@@ -125,20 +133,21 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 def relax(  # type: ignore[no-untyped-def]
     guess, way, tether, field, resolution, origin, bending, push, comfort, iterations, tightest
 ):
-    """Return the curve (n, 2) of least cost, with its first two points and its last held.
+    """Return the curve (n, 2) [m] of least cost, with the first two points and the last one fixed.
 
     Args:
-        guess: (n, 2) evenly spaced points [m].
-        way: points that these are tethered to, (n, 2) [m].
+        guess: initial points of the curve, evenly spaced, (n, 2) [m].
+        way: points to which those of the curve are tethered, (n, 2) [m].
         tether: weights of the tethers, (n,) [1/m²].
-        field: clearance [m], (rows, columns).
+        field: distance to the nearest obstacle [m], (rows, columns).
         resolution: side of the field's cells [m].
         origin: x, y of the field's lower-left corner [m].
-        bending: ratio of bending to tension [m²].
-        push: weight of lacking clearance over tension [1/m²].
-        comfort: clearance below which it is lacking [m].
-        iterations: of Gauss-Newton.
-        tightest: curvature above which the line is made stiffer [1/m].
+        bending: weight of the squared curvature, relative to tension [m²].
+        push: weight of the squared lack of clearance, relative to tension [1/m²].
+        comfort: clearance below which points are pushed away from obstacles [m].
+        iterations: number of Gauss-Newton steps, at most; twice as many for a curve that is too
+            tight.
+        tightest: curvature above which the curve is made stiffer [1/m].
     """
     n = guess.shape[0]
     p = guess.copy()
@@ -158,7 +167,7 @@ def relax(  # type: ignore[no-untyped-def]
         _add_tethers(band, right, p, way, tether, h)
         _add_push(band, right, p, field, resolution, origin, push * h, comfort)
         longest = _solve(band, right)
-        # Far from where the clearance was read, its slope is no longer what it was.
+        # The step is limited, since the slope of the clearance holds only near the old points.
         share = min(1.0, 0.3 / max(longest, 1e-9))
         for i in range(free):
             p[i + 2, 0] += share * right[2 * i]
@@ -176,7 +185,7 @@ def relax(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _add_differences(band, right, p, stiffer, taut, stiff):  # type: ignore[no-untyped-def]
-    """Add tension and bending: differences p_{i+1} - p_i, and p_{i-1} - 2 p_i + p_{i+1}."""
+    """Add tension and bending: squares of p_{i+1} - p_i, and of p_{i-1} - 2 p_i + p_{i+1}."""
     n = p.shape[0]
     free = n - 3
     for order in range(2):
@@ -212,7 +221,7 @@ def _add_tethers(band, right, p, way, tether, h):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _add_push(band, right, p, field, resolution, origin, w, comfort):  # type: ignore[no-untyped-def]
-    """Add the push of each free point away from what it is too close to."""
+    """Add the push of each free point away from obstacles that are closer than `comfort`."""
     rows, cols = field.shape
     for i in range(p.shape[0] - 3):
         u = min(max((p[i + 2, 0] - origin[0]) / resolution - 0.5, 0.0), cols - 1.001)
@@ -235,7 +244,7 @@ def _add_push(band, right, p, field, resolution, origin, w, comfort):  # type: i
 
 @njit(cache=True, nogil=True)
 def _solve(band, right):  # type: ignore[no-untyped-def]
-    """Solve the banded system in place; return the largest component of its solution."""
+    """Solve the banded system in place; return the largest magnitude in its solution [m]."""
     size = right.size
     # Cholesky's factor in place: L[i, i - j] is band[i, j].
     for i in range(size):
@@ -260,7 +269,7 @@ def _solve(band, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, inline="always")
 def _factor(order, k):  # type: ignore[no-untyped-def]
-    """Return the factor of the k-th point in a first or second difference."""
+    """Return the factor of the k-th point in a first (order 0) or second difference (order 1)."""
     if order == 0:
         return -1.0 if k == 0 else 1.0
     return -2.0 if k == 1 else 1.0
@@ -268,15 +277,15 @@ def _factor(order, k):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-untyped-def]
-    """Return the fastest speeds along a line, (n,) [m/s], by a backward and a forward pass.
+    """Return the highest possible speeds along a line, (n,) [m/s]: a backward and a forward pass.
 
     Args:
-        points: (n, 2) [m].
+        points: points of the line, (n, 2) [m].
         start: speed at the first point [m/s].
         v_max: top speed [m/s].
-        accel: most acceleration [m/s²].
-        braking: most deceleration [m/s²].
-        lateral: most lateral acceleration [m/s²].
+        accel: maximum acceleration [m/s²].
+        braking: maximum deceleration [m/s²].
+        lateral: maximum lateral acceleration [m/s²].
     """
     n = points.shape[0]
     kappa = curvatures(points)
@@ -286,7 +295,7 @@ def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-un
     for i in range(n - 2, -1, -1):
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
         squares[i] = min(squares[i], squares[i + 1] + 2.0 * braking * step)
-    # A car that comes too fast is no faster for it: it leaves the line.
+    # A higher speed at the start gains nothing: the car would leave the line.
     squares[0] = min(squares[0], start * start)
     for i in range(n - 1):
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])

@@ -1,4 +1,4 @@
-"""The guide: plans paths to the goal, and tracks the car on them."""
+"""The guide: plan paths to the goal, choose between them, and track the car on them."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from predictor.mapping.grid import OccupancyGrid
 from predictor.prediction import Prediction
 
 REST = 1e-6
-"""A car slower than this stands, and may change its gear [m/s]."""
+"""Speed below which a car stands, and may change its gear [m/s]."""
 PRESCRIBED_TETHER = 8.0
-"""Weight of a squared metre off a prescribed route, where it is unseen [1/m²].
+"""Weight of the squared distance from a prescribed route, in unobserved cells [1/m²].
 
-A line that cuts its corners there leads into walls beside the route, seen too late for the turn."""
+A line that cuts the route's corners there may lead towards a wall, observed too late to turn."""
 
 
 @dataclass(frozen=True)
 class GuideConfig:
-    """When paths are planned and adopted.
+    """Settings of the guide: when it plans a path, and which path it adopts.
 
     Attributes:
-        every: ticks from one request for a path to the next, in normal driving.
-        delay: ticks from a request to the adoption of its path; the search may take this long.
+        every: number of ticks from one request for a path to the next, in normal driving.
+        delay: number of ticks from a request to the adoption of its path; the search may take this
+            long.
         ahead: distances along the route that OMPL's curves reach, tried in this order [m].
-        better: a new path replaces the present one if its price is below this share of the
-            present one's.
-        join: distance ahead at which a prescribed route is joined [m].
-        beside: distance within which the car counts as driving along a prescribed route [m].
-        turning_room: a blocked path ends this far before the obstacle, until there is another [m].
-        leg_end: a leg is complete when the car rests within this distance of its end [m].
-        onward: reduction of the cost to go that ends the search over arcs [m].
-        search: settings of OMPL's search.
-        hybrid: settings of the search over arcs.
-        line: settings of the line along the path.
+        better: ratio of a new path's price to the present one's below which it replaces that path.
+        join: distance ahead along a prescribed route at which a path joins it [m].
+        beside: distance from a prescribed route within which the car counts as following it [m].
+        turning_room: distance before an obstacle at which a blocked path is cut off [m].
+        leg_end: distance from a leg's end within which a car at rest has completed the leg [m].
+        onward: reduction of the cost to go at which the hybrid A* search ends [m].
+        search: settings of the search with OMPL.
+        hybrid: settings of the hybrid A* search.
+        line: settings of the smooth line.
     """
 
     every: int = 8
@@ -69,18 +69,25 @@ class GuideConfig:
 class Guide:
     """Plans paths, adopts each a fixed number of ticks later, and tracks the car on them.
 
-    The car follows a smooth line, along the current way or along the route that Dijkstra's
-    algorithm finds, whichever is cheaper. If neither line can be driven, a hybrid A* search over
-    arcs looks for a way, and then OMPL. If the car rests, the search over arcs looks for a way out,
-    in both gears if the car has two.
-    Planning time is measured separately from the control cycle.
+    The car follows a smooth line, along its present path or along the route that Dijkstra's
+    algorithm finds, whichever is cheaper. If it can drive neither, a hybrid A* search looks for a
+    path, and then OMPL. If the car rests, hybrid A* looks for a recovery manoeuvre, in both gears
+    if the car has two. The manoeuvre consists of legs; the car changes gear between them.
 
     Args:
-        goal: x, y [m].
-        waypoints: (n, 2) a prescribed route, or None: the guide finds one.
+        goal: x, y of the goal [m].
+        waypoints: points of a prescribed route, (n, 2) [m]; None: the guide finds a route.
         car: the car's limits and body.
-        config: settings.
+        config: settings of the guide.
         seed: seed of OMPL's samples.
+
+    Attributes:
+        path: path to follow, up to an obstacle on it; None: there is none yet.
+        segment: index of the path's segment near which the car is.
+        is_new: whether the path was adopted in this tick.
+        counts: number of paths adopted, by source, and of other events.
+        plan_ms: duration of the last planning, which is no part of the control cycle [ms].
+        gear: gear to drive in, 1 or -1.
     """
 
     def __init__(
@@ -109,10 +116,10 @@ class Guide:
         self._stuck = np.empty((0, 2))
 
     def change_gear(self, state: NDArray[np.float64]) -> int:
-        """Begin the next leg of a way out, where the car stands at the last one's end.
+        """Begin the next leg of a recovery manoeuvre if the car stands at the end of the last one.
 
         Args:
-            state: x, y, yaw, v now, (4,).
+            state: current x, y, yaw, v of the car, (4,).
 
         Returns:
             The gear to drive in, 1 or -1.
@@ -122,19 +129,19 @@ class Guide:
         return self.gear
 
     def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
-        """Advance by a tick: adopt a path that is due, and end it before what blocks it.
+        """Advance by a tick: adopt a path that is due, and cut it off before an obstacle.
 
         Args:
             tick: number of this tick.
-            state: x, y, yaw, v now, (4,), of a car that looks where it drives.
-            risk: the newest map around the car.
+            state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
+            risk: newest risk map around the car.
         """
         self.is_new = False
         if self._pending is not None and tick >= self._pending[0]:
             self._adopt(self._pending[1])
             self._pending = None
         if self._whole is not None:
-            # A new path starts where the car was expected to be: near its first metres.
+            # A new path starts where the car was expected to be; it may have gone some metres on.
             reach = 40 if self.is_new else 15
             self.segment, _, _ = project(
                 self._whole.points, state[0], state[1], self.segment - 5, self.segment + reach
@@ -149,14 +156,14 @@ class Guide:
         risk: RiskMap,
         steering: Prediction | None,
     ) -> None:
-        """Plan a path if one is due; it is adopted `delay` ticks from now.
+        """Plan a path if one is due, to be adopted `delay` ticks from now.
 
         Args:
             tick: number of this tick.
-            ahead: planned states, from now on, (n, 4).
-            known: what has been seen.
-            risk: the newest map around the car.
-            steering: a prediction that may move the route, or None.
+            ahead: states of the car's plan, the current one first, (n, 4).
+            known: observed map.
+            risk: newest risk map around the car.
+            steering: prediction that may change the route, or None.
         """
         self.plan_ms = 0.0
         if self._legs or self.gear < 0 or self._is_held():
@@ -165,7 +172,7 @@ class Guide:
         overdue = tick - self._requested >= self.config.every
         if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
             self._requested = tick
-            # A car without a path stands, and need not wait for one.
+            # A car without a path stands: its path can begin at the present state.
             delay = 0 if self.path is None else self.config.delay
             at = min(delay, len(ahead) - 1)
             started = time.perf_counter()
@@ -181,13 +188,13 @@ class Guide:
         known: OccupancyGrid,
         steering: Prediction | None,
     ) -> None:
-        """Search for a way out for a car that rests, in both gears if it has two.
+        """Search for a recovery manoeuvre for a car at rest, in both gears if it has two.
 
         Args:
             tick: number of this tick.
-            state: x, y, yaw, v now, (4,), of a car that looks where it drives.
-            known: what has been seen.
-            steering: a prediction that may move the route, or None.
+            state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
+            known: observed map.
+            steering: prediction that may change the route, or None.
         """
         started = time.perf_counter()
         pose = state if self.gear > 0 else mirrored(state)
@@ -196,7 +203,7 @@ class Guide:
         )
         cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
         c = self.config
-        # Avoid what is in front, unless there is no other way.
+        # Avoid the places where the car got stuck, now and before, unless there is no other way.
         stuck = np.vstack([self._stuck, front])
         for places in (stuck, stuck[:0]):
             legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
@@ -227,14 +234,14 @@ class Guide:
             self._legs = []
 
     def _is_held(self) -> bool:
-        """Return whether the car still has to end arcs of the hybrid search before it replans."""
+        """Return whether the car must complete the arcs of a hybrid A* path before it replans."""
         path = self._whole
         if path is None or path.source != "hybrid" or self.path is not path:
             return False
         return path.drivable - self.segment > 0.5 / SPACING
 
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
-        """Return the path, or the part of it that ends with room to turn before an obstacle."""
+        """Return the path, cut off before the next obstacle on it so that there is room to turn."""
         coming = path.points[self.segment : self.segment + 100]
         inside, rows, cols = risk.frame.locate(coming)
         blocked = risk.obstacle_distance[rows, cols] < self.car.body.half_width + BODY_MARGIN
@@ -262,6 +269,7 @@ class Guide:
         risk: RiskMap,
         steering: Prediction | None,
     ) -> Path | None:
+        """Return a path from a state, or None if the car should keep the one it has."""
         position, speed = (float(state[0]), float(state[1])), float(state[3])
         cost, way = self._costs(known, steering, position)
         route = None if way is None else self._along(way, cost, position)
@@ -284,8 +292,8 @@ class Guide:
                 found = self._sampled(cost, risk, pose, route, seed)
             if found is not None:
                 return smoother.along(found.points, pose, found.source) or found
-            # The car cannot drive a polyline's corners. Until it comes to rest it rather follows
-            # its present path, whose end leaves room to turn.
+            # The car cannot drive the corners of a polyline. Until it is slow it keeps its present
+            # path, whose end leaves room to turn.
             self.counts["not_found"] += 1
             return (
                 None if self.path is not None and speed > 0.3 else Path.through(route, "dijkstra")
@@ -293,18 +301,18 @@ class Guide:
         if fresh is None or present is None:
             return fresh or present
         prices = [smoother.price(path, speed) for path in (fresh, present)]
-        # Without this preference for the present path a car may circle between two of them.
+        # This preference for the present path keeps the car from switching back and forth.
         return fresh if prices[0] < self.config.better * prices[1] else present
 
     def _present(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
-        """Return the present path, smoothed again from a pose; None if it misses the goal."""
+        """Return the present path, smoothed again from a pose; None if it can no longer be used."""
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":
             return None
         x, y = float(pose[0]), float(pose[1])
         here, _, square = project(path.points, x, y, self.segment - 5, self.segment + 30)
         left = path.points[here:]
-        # Beyond the goal it leads on, but not back.
+        # A path whose rest does not pass the goal leads on from it, and not back to it.
         missed = np.hypot(*(left - np.array(self.goal)).T).min() > PATH_REACHES
         if square > 0.4**2 or len(left) < 8 or missed:
             return None
@@ -318,7 +326,7 @@ class Guide:
         route: NDArray[np.float64],
         seed: int,
     ) -> Path | None:
-        """Return OMPL's path along a route, for the longest reach at which it finds one."""
+        """Return the first path that OMPL finds along a route, with decreasing reach, or None."""
         search = self.config.search
         # The last try uses the car's tightest turns.
         tries = [(ahead, search) for ahead in self.config.ahead]
@@ -332,13 +340,13 @@ class Guide:
     def _searched(
         self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
     ) -> Path | None:
-        """Search for a path over forward arcs; from its end it follows the route."""
+        """Return a path along forward arcs from hybrid A*, and then along the route, or None."""
         c, forward = self.config, replace(self.car, reverse=0.0)
         legs = find_legs(cost, known, pose, self.goal, c.onward, self._stuck, forward, c.hybrid)
         return self._onward(cost, legs[0]) if legs else None
 
     def _onward(self, cost: CostMap, leg: Leg) -> Path:
-        """Return a path along a leg that follows the route from its end."""
+        """Return a path along a leg, and along the route from the leg's end to the goal."""
         arcs = Path.through(leg.poses[:, :2], "hybrid")
         end = arcs.points[-1]
         rest = find_route(cost, (float(end[0]), float(end[1])), self.goal)
@@ -348,10 +356,10 @@ class Guide:
     def _still_to_go(
         self, given: NDArray[np.float64], position: tuple[float, float]
     ) -> NDArray[np.float64]:
-        """Return the rest of the prescribed route, (n, 2), and note where on it the car is."""
+        """Return the rest of the prescribed route, (n, 2), and remember where on it the car is."""
         reach = round(self.config.join / SPACING) + 10
         at, _, square = project(given, *position, self._given_at - 10, self._given_at + reach)
-        # A part farther away may lie behind a wall, and is not reached yet.
+        # A part of the route that is farther away may lie behind a wall: it is not reached yet.
         if square < self.config.beside**2:
             self._given_at = at
         return given[self._given_at :]
@@ -360,7 +368,7 @@ class Guide:
         self, way: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
     ) -> NDArray[np.float64] | None:
         """Return a route (n, 2) that joins the prescribed one some metres ahead, or None."""
-        # It is searched for: the straight line to the way may lead through a wall.
+        # By a search, since the straight line to the joining point may lead through a wall.
         last = min(round(self.config.join / SPACING), len(way) - 1)
         route = find_route(cost, position, (float(way[last, 0]), float(way[last, 1])))
         return None if route is None else np.vstack([route, way[last + 1 :]])

@@ -1,7 +1,8 @@
-"""Hybrid A*: a way over arcs, in one gear or both.
+"""Hybrid A* (Dolgov et al. 2010): search for a path of arcs, in one gear or both.
 
-Poses stay exact; the lattice only decides which of them count as the same (Dolgov et al. 2010). So
-every way found can be driven. The heuristic is the cost to go over the grid, ignoring turns.
+Poses stay exact; the lattice only decides which of them count as the same. The car can therefore
+drive every path found. The heuristic is the cost to go on the grid, which ignores the turning
+radius.
 """
 
 from __future__ import annotations
@@ -24,26 +25,27 @@ from predictor.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
 
 HEADINGS = 48
-"""Number of directions that the search distinguishes."""
+"""Number of headings that the lattice distinguishes."""
 CELL = 0.125
-"""Side of the squares of positions that it distinguishes [m]."""
+"""Side of the squares of positions that the lattice distinguishes [m]."""
 STEP, CHECKS = 0.25, 3
-"""Length of an arc [m], and the poses on it at which the body is tested."""
+"""Length of an arc [m], and number of poses on it at which the body is tested."""
 SHARES = np.array([0.0, 0.5, -0.5, 1.0, -1.0])
-"""Curvatures of the arcs, as shares of the tightest."""
+"""Curvatures of the arcs, as shares of that of the tightest arc."""
 
 
 @dataclass(frozen=True)
 class HybridConfig:
-    """Settings of the search.
+    """Settings of the hybrid A* search.
 
     Attributes:
-        slack: ratio of the arcs' turning radius to the car's; leaves it room to correct.
+        slack: ratio of the tightest arc's radius to the car's turning radius; it leaves the car
+            room to correct errors.
         margin: margins around the body, tried in this order [m].
-        reversing: price of a metre in reverse, relative to one forward.
-        shift: price of a change of gear [m].
-        steering: price of a metre on the tightest arc, relative to a straight one.
-        nodes: number of nodes after which the search gives up.
+        reversing: cost of a metre in reverse, relative to a metre forward.
+        shift: cost of a change of gear, in metres of free space.
+        steering: cost of a metre on the tightest arc, relative to a straight metre.
+        nodes: number of expanded nodes after which the search gives up.
     """
 
     slack: float = 1.05
@@ -56,10 +58,10 @@ class HybridConfig:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A part of a way in one gear.
+    """A part of a path that is driven in one gear.
 
     Attributes:
-        poses: (n, 3) x, y, yaw [m, m, rad].
+        poses: x, y, yaw along the leg, (n, 3) [m, m, rad].
         gear: 1 forward, -1 in reverse.
     """
 
@@ -77,22 +79,23 @@ def find_legs(
     car: CarLimits,
     config: HybridConfig,
 ) -> list[Leg]:
-    """Find the cheapest way that brings the car some metres nearer to the goal.
+    """Find the cheapest path of arcs that brings the car some metres nearer to the goal.
 
     Args:
-        cost: cost of a metre of way.
-        known: what has been seen: forward the body keeps out of what is occupied, in reverse in
-            what is free.
-        pose: x, y, yaw, (3,) or more.
-        goal: x, y [m].
-        ahead: reduction of the cost to go at which the search ends [m]; infinite: at the goal.
-        stuck: points (k, 2) [m] at which the car could not go on; around them it keeps out of
-            unseen cells.
+        cost: cost map.
+        known: observed map. Forward, the body keeps out of cells observed occupied; in reverse, it
+            enters only cells observed free.
+        pose: x, y, yaw at the start, (3,) or more.
+        goal: x, y of the goal [m].
+        ahead: reduction of the cost to go at which the search ends [m]; infinite: it ends at the
+            goal.
+        stuck: points at which the car got stuck, (k, 2) [m]; unobserved cells around them count as
+            occupied.
         car: the car's limits and body; arcs in reverse are searched if it has a reverse gear.
-        config: settings.
+        config: settings of the search.
 
     Returns:
-        The legs; none where there is no way.
+        Legs of the path, in order; an empty list if there is no path.
     """
     field = cost_to_go(cost, goal)
     if field is None:
@@ -128,11 +131,12 @@ def _legs(poses: NDArray[np.float64], gears: NDArray[np.int64]) -> list[Leg]:
 def _search(  # type: ignore[no-untyped-def]
     start, goal, ahead, field, costs, seen, halves, curvature, both, prices, limit
 ):
-    """Return poses (CHECKS·n + 1, 3) along n arcs, and their gears (n,); n = 0 if none is found."""
+    """Return poses (CHECKS·n + 1, 3) along n arcs, and the arcs' gears (n,); n = 0: no path."""
     (to_go, side), (density, coarse, origin), (reversing, shift, steering) = field, costs, prices
     occupied, unfree = seen[0] > 0, seen[0] != 0
-    # Of each node: its pose, the cost spent, its parent, and the arc that leads to it. There is
-    # room for all that can come up; the system provides memory only where it is written to.
+    # For each node: its pose, the cost from the start, its parent, and the arc that leads to it.
+    # The arrays have room for the largest number of nodes; the system provides memory only for
+    # what is written.
     size = 1 + 2 * SHARES.size * limit
     poses = np.empty((size, 3))
     spent = np.empty(size)
@@ -145,7 +149,8 @@ def _search(  # type: ignore[no-untyped-def]
     spent[0], parents[0], gears[0], shares[0] = 0.0, -1, 1, 0.0
     begun = _remaining(start[0], start[1], to_go, side, origin)
     if not begun < np.inf:
-        # Off the map's ways, such as with the nose at a wall: from the nearest place on them.
+        # No way leads on from the start's cell, as with the front at a wall. With this value, the
+        # search ends at the first pose in a cell from which one does.
         begun = 1e6
     queue = [(begun, 0)]
     count, looked = 1, 0
@@ -189,7 +194,7 @@ def _search(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _key(x, y, yaw, gear, shape, coarse, origin):  # type: ignore[no-untyped-def]
-    """Return the number of the lattice's place that a pose and a gear belong to."""
+    """Return the number of the lattice's cell of a pose and a gear."""
     cols = int(shape[1] * coarse / CELL) + 1
     row, col = int((y - origin[1]) / CELL), int((x - origin[0]) / CELL)
     heading = math.floor((yaw / (2.0 * math.pi)) * HEADINGS + 0.5) % HEADINGS
@@ -198,11 +203,11 @@ def _key(x, y, yaw, gear, shape, coarse, origin):  # type: ignore[no-untyped-def
 
 @njit(cache=True, nogil=True)
 def _driven(place, x, y, yaw, kappa, gear, first):  # type: ignore[no-untyped-def]
-    """Return whether the body meets something on an arc, and the pose at the arc's end."""
+    """Return whether the body meets a blocked cell on an arc, and the pose at the arc's end."""
     ex, ey, eyaw = x, y, yaw
     for check in range(1, CHECKS + 1):
         ex, ey, eyaw = pose_along(x, y, yaw, kappa, gear * STEP * check / CHECKS)
-        # It may start closer to something than it likes, and must be able to leave.
+        # A car that starts too close to an obstacle must be able to leave.
         if (not first or check == CHECKS) and meets(
             place[0], place[1], place[2], ex, ey, eyaw, place[3], place[4]
         ):
@@ -244,7 +249,7 @@ def _trace(node, poses, parents, gears, shares, curvature):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, inline="always")
 def _remaining(x, y, to_go, side, origin):  # type: ignore[no-untyped-def]
-    """Return the cost to go from a point, infinite off the map."""
+    """Return the cost to go from a point [m of free space], infinite off the map."""
     row, col = math.floor((y - origin[1]) / side), math.floor((x - origin[0]) / side)
     if 0 <= row < to_go.shape[0] and 0 <= col < to_go.shape[1]:
         return float(to_go[row, col])

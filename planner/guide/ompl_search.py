@@ -1,4 +1,4 @@
-"""The path: Dubins curves along the route, found by OMPL's BIT*."""
+"""Path search with OMPL: BIT* over Dubins curves along the route."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ if TYPE_CHECKING:
     from ompl import base as ob
 
 OUTSIDE_COST = 4.0
-"""Cost of a metre outside the map during the search. It is above that of unknown space, so that
-the search keeps to the map where it can; in the path's price it is unknown space
-(`CostMap.along`)."""
+"""Cost of a metre outside the map during the search, in metres of free space. It is above that of
+unobserved space, so that the search keeps to the map where it can. The price of a path
+(`CostMap.along`) treats the outside as unobserved space."""
 
 
 @dataclass(frozen=True)
 class PathConfig:
-    """Settings of the path search.
+    """Settings of the search with OMPL.
 
     Attributes:
-        slack: ratio of the curves' turning radius to the car's; leaves it room to correct.
+        slack: ratio of the curves' turning radius to the car's; it leaves the car room to correct
+            errors.
         batch: number of samples that BIT* draws at a time.
-        iterations: maximum number of iterations of BIT* until it finds a path. A number and not a
-            time, so that the same input gives the same path.
-        refinements: number of iterations that improve the path.
+        iterations: maximum number of iterations of BIT* until it finds a path. It is not a time,
+            so that the same input gives the same path.
+        refinements: number of further iterations, which improve the path.
     """
 
     slack: float = 1.1
@@ -58,17 +59,17 @@ def plan_path(
     """Find the cheapest drivable path from a pose onto the route.
 
     Args:
-        cost: cost of a metre of way, and roughly where the body fits.
-        near: says to the cell where the body fits around the car.
-        pose: x, y, yaw, (3,).
-        route: vertices (n, 2) from near the pose to the goal.
+        cost: cost map of the whole map.
+        near: risk map around the car, whose finer cells decide there whether the body fits.
+        pose: x, y, yaw at the start, (3,).
+        route: vertices of the route from near the pose to the goal, (n, 2) [m].
         ahead: distance along the route that the curves reach [m]; beyond it the path is the route.
         car: the car's limits and body.
-        config: settings.
+        config: settings of the search.
         seed: seed of the samples.
 
     Returns:
-        The path, all the way to the route's end; None if OMPL finds none in its iterations.
+        The path to the route's end; None if OMPL finds none in its iterations.
     """
     # Imported here: loading OMPL takes longer than all else that a --help needs.
     from ompl import base as ob
@@ -83,7 +84,7 @@ def plan_path(
     info.setStateValidityChecker(_validity(cost, near, pose, car.body))
     info.setStateValidityCheckingResolution(0.15 / space.getMaximumExtent())
     info.setup()
-    # One state serves all purposes, since what the binding allocates is never freed.
+    # One state is reused everywhere, since the binding never frees what it allocates.
     scratch = space.allocState()
 
     problem = ob.ProblemDefinition(info)
@@ -92,7 +93,7 @@ def plan_path(
     for goal in _goal_poses(along, target):
         goals.addState(_filled(scratch, *goal))
     problem.setGoal(goals)
-    # Held in a variable: the binding does not keep what Python made alive.
+    # Held in a variable, since the binding does not keep Python's objects alive.
     objective = _way_cost(info, space, scratch, cost)
     problem.setOptimizationObjective(objective)
     _solve(info, problem, config)
@@ -106,12 +107,12 @@ def plan_path(
 
 
 def _set_seed(seed: int) -> None:
-    """Seed the samplers that OMPL makes from here on, and keep it from logging."""
+    """Seed the samplers that OMPL makes from now on, and turn off its log."""
     from ompl import util as ou
 
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
-    # OMPL logs that a seed set late is not deterministic. It is for all generators that are made
-    # after it, and none is kept.
+    # OMPL warns that a seed set so late does not make results deterministic. Here it does, since no
+    # generator that was made before is used.
     ou.RNG.setSeed(seed % 2**31 + 1)
 
 
@@ -133,8 +134,8 @@ def _validity(
 ) -> Callable[[ob.State], bool]:
     """Return the test of whether the body fits at a state.
 
-    Two circles cover the body, as in the MPC. Around the car the risk map decides, to the cell;
-    farther away the cost map.
+    Two circles cover the body, as in the MPC. Around the car, the risk map decides, whose cells are
+    finer; farther away, the cost map.
     """
     open_ = cost.clearance >= cost.required
     inverse = 1.0 / cost.frame.resolution
@@ -158,7 +159,7 @@ def _validity(
 
     def is_valid(state: ob.State) -> bool:
         x, y, yaw = state.getX(), state.getY(), state.getYaw()
-        # The car may start closer to something than it likes; it must be able to leave.
+        # A car that starts too close to an obstacle must be able to leave.
         if (x - x0) ** 2 + (y - y0) ** 2 < 0.2:
             return True
         cos, sin = ends * math.cos(yaw), ends * math.sin(yaw)
@@ -203,7 +204,7 @@ def _goal_poses(along: NDArray[np.float64], target: int) -> Iterator[tuple[float
     """Yield the poses (x, y, yaw) in which a curve may end at a point of the route."""
     back = along[max(0, target - 5)]
     heading = math.atan2(*(along[target] - back)[::-1])
-    # At the goal every heading will do; on the way there about the route's.
+    # At the goal any heading will do; before it, one close to the route's.
     turns = np.arange(8) * math.pi / 4 if target == len(along) - 1 else (0.0, 0.35, -0.35)
     for turn in turns:
         yield along[target, 0], along[target, 1], math.remainder(heading + turn, 2 * math.pi)
@@ -236,7 +237,7 @@ def _solve(info: ob.SpaceInformation, problem: ob.ProblemDefinition, config: Pat
 
 
 def _after(count: int) -> ob.PlannerTerminationCondition:
-    """Return a condition that stops a search the `count`-th time that it is asked."""
+    """Return a condition that stops a search after it has been asked `count` times."""
     from ompl import base as ob
 
     asked = itertools.count(1)

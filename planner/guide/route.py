@@ -1,4 +1,4 @@
-"""The route: the cheapest way to the goal over the whole map, by Dijkstra's algorithm."""
+"""Route search: the cheapest way to the goal on the whole map, by Dijkstra's algorithm."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from predictor.mapping.kernels import njit
 def find_route(
     cost: CostMap, start: tuple[float, float], goal: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Find the cheapest route: vertices (n, 2) [m], or None where occupied cells close all ways.
+    """Return the vertices (n, 2) [m] of the cheapest route; None if occupied cells block all ways.
 
-    The search runs on cells of twice the map's size: such a cell is open where the body fits
-    somewhere inside it, and costs its cheapest part.
+    The search runs on cells of twice the size of the cost map's, each of which covers four of them.
+    It is open if the body fits in one of the four, and costs as much as the cheapest of these.
     """
     coarse, step = _coarse(cost)
     ends = [_open_cell(cost, coarse, step, point) for point in (start, goal)]
@@ -28,7 +28,7 @@ def find_route(
     if len(cells) == 0:
         return None
     points = np.array(cost.frame.origin) + (cells[:, ::-1] + 0.5) * step
-    # Moving averages take the staircase out without leaving the cells' neighbourhood.
+    # A moving average smooths the staircase of cells, and stays close to them.
     if len(points) > 4:
         padded = np.vstack([points[:1], points[:1], points, points[-1:], points[-1:]])
         points = np.mean([padded[i : i + len(points)] for i in range(5)], axis=0)
@@ -38,12 +38,11 @@ def find_route(
 def cost_to_go(
     cost: CostMap, goal: tuple[float, float]
 ) -> tuple[NDArray[np.float32], float] | None:
-    """Compute the cost of the cheapest way from each place to the goal [m of free way], ignoring
-    turns.
+    """Compute the cost of the cheapest way from each cell to the goal, ignoring the turning radius.
 
     Returns:
-        The costs (rows, columns), infinite where there is no way, on cells whose side comes
-        with them [m]; None where the goal lies in what was seen occupied.
+        Costs in metres of free space, infinite where there is no way, (rows, columns), and the side
+        of these cells [m]; None if the goal lies in cells that were observed occupied.
     """
     coarse, step = _coarse(cost)
     end = _open_cell(cost, coarse, step, goal)
@@ -55,11 +54,11 @@ def cost_to_go(
 
 
 def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
-    """Return the costs and the side of cells of twice the size; infinite where no body fits."""
+    """Return the costs of cells of twice the size, infinite if no body fits, and their side [m]."""
     rows, cols = (n // 2 * 2 for n in cost.frame.shape)
     fits = cost.clearance[:rows, :cols] >= cost.required
     density = np.where(fits, cost.density[:rows, :cols], np.inf)
-    # Cell by cell of the four: numpy is ten times slower over axes of two.
+    # By pairs of cells, since numpy is ten times slower over axes of length two.
     upper, lower = (np.minimum(row[:, ::2], row[:, 1::2]) for row in (density[::2], density[1::2]))
     return np.minimum(upper, lower), 2 * cost.frame.resolution
 
@@ -67,7 +66,7 @@ def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
 def _open_cell(
     cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
 ) -> tuple[int, int] | None:
-    """Return the open cell that is nearest to a point [m], within 0.6 m, or None."""
+    """Return row and column of the open cell nearest to a point [m], within 0.6 m, or None."""
     row = math.floor((point[1] - cost.frame.origin[1]) / step)
     col = math.floor((point[0] - cost.frame.origin[0]) / step)
     reach = math.ceil(0.6 / step)
@@ -82,14 +81,22 @@ def _open_cell(
 
 @njit(cache=True, nogil=True)
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Find the cheapest 8-connected ways to a goal, from a start, or from everywhere if it is -1.
+    """Find the cheapest 8-connected ways to a goal, from one start or from all cells.
 
-    The costs of cells are above 0, and infinite where there is no way. Return, flat and over the
-    map with a border of one cell: the cost that is left to go from each cell, in cells' costs, and
-    the next cell on the way, -1 where there is none.
+    Args:
+        cost: cost of each cell, above 0, and infinite where a cell is closed, (rows, columns).
+        start_row: row of the start, at which the search ends; -1: all cells are starts.
+        start_col: column of the start, or -1.
+        goal_row: row of the goal.
+        goal_col: column of the goal.
+
+    Returns:
+        Cost to go from each cell, in units of a cell's side times its cost, and index of the next
+        cell on the way, -1 if there is none. Both are flat arrays over the cells and a border of
+        one cell around them.
     """
     rows, cols = cost.shape
-    # With a border that nothing enters, so that every cell has eight neighbours.
+    # The border, which no way enters, gives every cell eight neighbours.
     wide = cols + 2
     price = np.full((rows + 2) * wide, np.inf, dtype=np.float32)
     price.reshape(rows + 2, wide)[1:-1, 1:-1] = cost
@@ -118,12 +125,12 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
         for up in (-wide, 0, wide):
             for right in range(-1, 2):
                 other = node + up + right
-                # Nothing is gained there; the node itself is such a place.
+                # A way through `node` cannot be cheaper for this cell, which may be `node` itself.
                 if best[other] <= key:
                     continue
                 half = straight
                 if up != 0 and right != 0:
-                    # A diagonal step passes both corners.
+                    # A diagonal step must not cut the corner of a closed cell.
                     if price[node + up] == np.inf or price[node + right] == np.inf:
                         continue
                     half = diagonal
@@ -168,7 +175,7 @@ def _insert(keys, nodes, i, key, node):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _trace(towards, wide, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Return the cells (n, 2) from start to goal; none if there is no way."""
+    """Return row and column of the cells from start to goal, (n, 2); n = 0 if there is no way."""
     start, goal = (start_row + 1) * wide + start_col + 1, (goal_row + 1) * wide + goal_col + 1
     if start != goal and towards[start] < 0:
         return np.empty((0, 2), dtype=np.int64)

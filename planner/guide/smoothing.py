@@ -1,4 +1,4 @@
-"""Paths that a car can drive fast: smooth lines along ways, their test, and their price."""
+"""Smooth paths: compute lines along ways, test whether the car can drive them, and price them."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits
 
 SLOWEST = 0.5
-"""Lower bound of the speed in a path's price [m/s]."""
+"""Lower bound of the speed from which a path's price is computed [m/s]."""
 
 
 class Smoother:
-    """Turns ways into smooth paths, in one map.
+    """Turns ways into smooth paths on one map.
 
     Args:
-        cost: cost of a metre of way, and the obstacles.
-        near: the newest map around the car.
-        goal: x, y [m].
+        cost: cost map of the whole map.
+        near: newest risk map around the car.
+        goal: x, y of the goal [m].
         car: the car's limits and body.
         config: settings of the line.
     """
@@ -46,12 +46,13 @@ class Smoother:
     def along(
         self, way: NDArray[np.float64], pose: NDArray[np.float64], source: str
     ) -> Path | None:
-        """Return the path of the first line along a way (n, 2) that can be driven, or None.
+        """Return the path with the first line along a way that the car can drive, or None.
 
         Args:
-            way: (n, 2) [m], `SPACING` apart; beyond the line's reach it stays as it is.
-            pose: x, y, yaw where the path begins, (3,).
-            source: who found the way.
+            way: points of the way, `SPACING` apart, (n, 2) [m]; beyond the line's reach the path
+                follows it unchanged.
+            pose: x, y, yaw at which the path begins, (3,).
+            source: method that found the way, see `Path.source`.
         """
         cost, tightest = self.cost, 0.95 * self.car.max_curvature
         way = self._run_out(way)
@@ -64,13 +65,13 @@ class Smoother:
         return None
 
     def price(self, path: Path, speed: float) -> float:
-        """Return the price of a path: driving time, weighted by the cost of each place.
+        """Return the price of a path: its driving time, weighted by the cost of the cells on it.
 
-        The time is in metres at top speed.
+        Time is expressed as the distance driven at top speed [m].
 
         Args:
-            path: to be priced.
-            speed: at its start [m/s].
+            path: path to price.
+            speed: speed at the path's start [m/s].
         """
         car, points = self.car, path.points
         head = points[: max(2, min(path.drivable or 120, len(points)))]
@@ -80,7 +81,7 @@ class Smoother:
         return self.cost.along(points, slowness)
 
     def _run_out(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Extend a way that ends at the goal straight on, as far as nothing is in the way.
+        """Extend a way that ends at the goal straight on, up to an obstacle or a stop's length.
 
         The goal may be passed at any speed, so the car need not brake for it.
         """
@@ -93,7 +94,7 @@ class Smoother:
         inside, rows, cols = self.cost.frame.locate(on)
         open_ = np.zeros(count, dtype=bool)
         open_[inside] = self.cost.room[rows, cols] >= self.cost.required + 0.1
-        # The body reaches farther than its centre: a line that ends here has to fit.
+        # The body reaches farther than its centre, and has to fit at the end, too.
         open_ &= self._fit(on + (self._offset + SPACING) * heading)
         return np.vstack([way, on[: count if open_.all() else int(np.argmin(open_))]])
 
@@ -103,7 +104,7 @@ class Smoother:
             return False
         steps = np.diff(line, axis=0)
         steps *= self._offset / np.hypot(*steps.T)[:, None]
-        # The car may start closer to something than it likes; it must be able to leave.
+        # A car that starts too close to an obstacle must be able to leave.
         start = np.hypot(*(line[1:] - line[0]).T) < 0.45
         return all((start | self._fit(line[1:] + side * steps)).all() for side in (-1, 1))
 
@@ -112,7 +113,7 @@ class Smoother:
         out = np.ones(len(points), dtype=bool)
         inside, rows, cols = self.cost.frame.locate(points)
         out[inside] = self.cost.clearance[rows, cols] >= self.cost.required
-        # Around the car it is known to the cell.
+        # Around the car, the risk map decides, whose cells are finer.
         inside, rows, cols = self.near.frame.locate(points)
         out[inside] = self.near.obstacle_distance[rows, cols] >= self._radius + BODY_MARGIN
         return out
