@@ -1,6 +1,6 @@
-"""Collision checking: sweep the body along a plan, against every cell that it must not enter.
+"""Collision check: sweep the body along a plan, and test it against every cell it must not enter.
 
-A plan is used only after it has been tested here, whatever the solver says of it.
+A plan is used only after it has been tested here, whatever the solver reports.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from predictor.mapping.kernels import njit
 CONTACT_SPACING = 0.02
 """Distance between the poses at which a plan is tested [m]."""
 ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
-"""Curvatures of the arcs by which a car may go on, as shares of the tightest."""
+"""Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
 """Margin around the body on these arcs, and distance between the poses tested on them [m]."""
 
@@ -31,10 +31,10 @@ Place = tuple[NDArray[np.bool_], float, tuple[float, float], float, float]
 
 @dataclass(frozen=True)
 class CollisionChecker:
-    """Tests plans.
+    """Tests plans for collisions.
 
     Attributes:
-        car: car whose body is swept.
+        car: limits and body of the car.
         dt: step of the plans [s].
     """
 
@@ -42,7 +42,7 @@ class CollisionChecker:
     dt: float
 
     def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
-        """Return whether the plan ends stopped, and the body stays in the safe set all along it."""
+        """Return whether a plan ends stopped, with the body in the safe set all along it."""
         if not np.isfinite(plan.states).all() or plan.states[-1, 3] > 1e-3:
             return False
         return self.contact(plan, ~risk.safe, risk.frame) is None
@@ -50,13 +50,13 @@ class CollisionChecker:
     def contact(
         self, plan: Plan, blocked: NDArray[np.bool_], frame: GridFrame
     ) -> tuple[float, float] | None:
-        """Find where and how fast the body first meets a blocked cell; cells outside the frame are
-        blocked.
+        """Find where and how fast the body first meets a blocked cell on a plan.
 
         Args:
             plan: plan to test.
-            blocked: cells that the body must not enter, (rows, columns).
-            frame: frame of these cells.
+            blocked: cells that the body must not enter, (rows, columns); those outside the frame
+                are blocked, too.
+            frame: position and resolution of the cells.
 
         Returns:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
@@ -66,30 +66,30 @@ class CollisionChecker:
         return None if along < 0.0 else (along, speed)
 
     def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
-        """Return what `planner.motion.contact` needs of the cells that the body must not meet."""
-        # Half the spacing, and what a corner swings out on the tightest arc within it.
+        """Return the argument `place` of `planner.motion.contact`: blocked cells and the body."""
+        # The margin is half the spacing of tested poses, and what a corner swings out between them.
         return blocked, *frame.lattice, *self.car.body.inflated(0.75 * CONTACT_SPACING).halves
 
     def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
         """Return the arguments of `planner.motion.contact.leads_on` besides the pose.
 
         Returns:
-            Curvatures of the arcs [1/m], their length and the spacing of tested poses [m], and the
-            cells that are barred.
+            Curvatures of the arcs [1/m], their length [m], spacing of the tested poses [m], and the
+            barred cells with the body.
         """
         car = self.car
         place = risk.barred, *risk.frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves
         return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
 
     def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
-        """Return whether some arc from a pose (x, y, yaw, …) meets nothing that is barred."""
+        """Return whether the body meets no barred cell on some arc from a pose (x, y, yaw, …)."""
         return bool(leads_on(pose, *self.arcs_in(risk)))
 
 
 def swept_cells(
     plan: Plan, dt: float, body: Body, frame: GridFrame, among: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return rows and columns of the cells `among` (rows, columns) that a body meets on a plan."""
+    """Return rows and columns of the cells in the mask `among` that a body sweeps on a plan."""
     poses = plan.poses(dt, 2 * frame.resolution)
     rows, cols = np.nonzero(_sweep(among, *frame.lattice, poses, *body.halves))
     return rows, cols

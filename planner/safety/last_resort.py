@@ -1,4 +1,4 @@
-"""The last resort: at every tick, a way to stop inside what is certain."""
+"""The last resort: a manoeuvre that stops the car within certain cells, kept in every tick."""
 
 from __future__ import annotations
 
@@ -13,39 +13,39 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CONTACT_SPACING, CollisionChecker
 
 ACCELERATIONS = 16
-"""Number of accelerations, from the plan's own to hard braking, tried for the first step."""
+"""Number of accelerations, from the plan's own to full braking, tried for the first step."""
 SLOW = 0.2
-"""Below this speed a last resort need not lead on: the car is about to stop anyway, and must not
-stay at rest because of this rule [m/s]."""
+"""Speed below which the car need not be able to go on from the end of a last resort [m/s]: it is
+about to stop anyway, and must not stay at rest because of this rule."""
 
 
 class LastResort:
-    """Ensures that the car can stop inside what is certain, however wrong the rest is.
+    """Ensures that the car can stop within certain cells (`RiskMap.certain`).
 
     A plan relies on predictions at the reliance ε. After its first step the next scan may show that
-    they are wrong; then some way to brake and swerve must still lie in what is certain. At the
-    level λ = 0 only observed cells are certain, and by induction there always is one: the rest of
-    the last tick's. Above it, predictions are certain, too. Then there may be none, because a
-    prediction was wrong, has changed, or the level has fallen, and the car may collide. If
-    possible, it is a way from whose end the car can go on, since a car that cannot reverse may
-    otherwise stop in a corner for good.
+    they are wrong. Then the car must still be able to brake and swerve within certain cells. At the
+    level λ = 0 only observed cells are certain, and such a manoeuvre always exists, by induction:
+    the rest of the last tick's. At λ > 0 cells may also be certain by prediction. Then none may
+    exist, because a prediction was wrong or has changed, or the level has fallen, and the car may
+    collide. Manoeuvres from whose end the car can go on are preferred, since a car that cannot
+    reverse may otherwise stop in a corner for good.
 
     Args:
-        mpc: rolls plans out, and knows the car's limits.
-        checker: tests plans.
+        mpc: MPC, which simulates the manoeuvres and holds the car's limits.
+        checker: collision checker, which tests them.
     """
 
     def __init__(self, mpc: MPC, checker: CollisionChecker) -> None:
         self.mpc, self.checker = mpc, checker
         self.controls: NDArray[np.float64] | None = None
-        """Controls of a way to stop from the next state on, (N, 2); None: none is needed."""
+        """Controls of the last resort from the next state on, (N, 2); None: none is needed."""
         self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
 
     def begin(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
-        """Return the plan, or one that begins more slowly and leaves a last resort.
+        """Return a plan, with its first step slowed down as far as a last resort requires it.
 
         Returns:
-            What to drive, and whether a last resort remains after its first step.
+            Plan to drive, and whether a last resort remains after its first step.
         """
         mpc, checker, braking = self.mpc, self.checker, self.mpc.limits.braking
         if risk.certain is risk.safe:
@@ -66,7 +66,8 @@ class LastResort:
             return braked, checker.contact(braked, ~risk.certain, risk.frame) is None
         fastest, way = found
         controls = np.vstack([[[accelerations[fastest], curvature]], ways[way, 1:]])
-        # Not clipped: the car goes on braking after its planned stop, in case it arrives faster.
+        # Not clipped to the limits, so that the car goes on braking after its planned stop, in case
+        # it arrives there faster.
         self.controls = shifted(controls, braking)
         return (plan if fastest == 0 else mpc.roll(state, controls)), True
 
@@ -79,10 +80,18 @@ class LastResort:
         risk: RiskMap,
         onward: bool,
     ) -> tuple[int, int] | None:
-        """Return the numbers of the first acceleration that leaves a way to stop, and of that way.
+        """Find a large acceleration of the first step that leaves a manoeuvre to stop.
 
-        The later accelerations brake harder. With `onward` the car must be able to go on from the
-        way's end.
+        Args:
+            state: current x, y, yaw, v of the car, (4,).
+            accelerations: accelerations to try, in descending order [m/s²].
+            curvature: curvature of the first step [1/m].
+            ways: controls of the manoeuvres, (n, N, 2).
+            risk: newest risk map around the car.
+            onward: whether the car must be able to go on from the manoeuvre's end.
+
+        Returns:
+            Index of the acceleration, and of the manoeuvre; None if no acceleration leaves one.
         """
         place = self.checker.body_in(~risk.certain, risk.frame)
         arcs = self.checker.arcs_in(risk)
@@ -98,12 +107,12 @@ class LastResort:
         too_fast, fastest = 0, ACCELERATIONS - 1
         way = way_after(fastest)
         while way < 0 and not onward and too_fast < fastest - 1:
-            # A gentler beginning may leave a way where harder braking leaves none.
+            # Gentler braking may leave a manoeuvre where harder braking leaves none.
             fastest -= 1
             way = way_after(fastest)
         if way < 0:
             return None
-        # By bisection.
+        # Bisection between an acceleration that is too high and one that leaves a manoeuvre.
         while fastest - too_fast > 1:
             middle = (fastest + too_fast) // 2
             found = way_after(middle)
@@ -114,7 +123,7 @@ class LastResort:
         return fastest, way
 
     def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
-        """Brake as hard as the car can, on the way that meets what was seen most slowly."""
+        """Return the least bad manoeuvre to stop, and keep its rest as the last resort."""
         ways = self.ways(plan)
         stops = [self.mpc.roll(state, way) for way in ways]
         badness = [self._badness(stop, risk) for stop in stops]
@@ -123,14 +132,20 @@ class LastResort:
         return stops[best]
 
     def ways(self, plan: Plan) -> NDArray[np.float64]:
-        """Return ways to stop (n, N, 2): the last one found, braking along a plan, and swerves."""
+        """Return controls of manoeuvres to stop, (n, N, 2).
+
+        They are the last resort of the last tick, braking along a plan, and swerves.
+        """
         ways = self._swerves.copy()
         np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
         return ways if self.controls is None else np.concatenate([self.controls[None], ways])
 
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
-        """Return the speeds at which a way meets occupied cells, leaves what is safe and what is
-        certain, and ends."""
+        """Return how bad a stop is, as speeds [m/s] of which the first ones matter most.
+
+        They are the speeds at which the body meets cells observed occupied, leaves the safe set,
+        leaves the certain cells, and reaches the plan's end.
+        """
         met = (
             self.checker.contact(stop, blocked, risk.frame)
             for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain)

@@ -1,4 +1,4 @@
-"""The limiting factor: what keeps a car from going faster, read off its plan."""
+"""The limiting factor: what keeps the car from going faster, according to its plan."""
 
 from __future__ import annotations
 
@@ -29,7 +29,15 @@ class Limit(StrEnum):
 def what_limits(
     plan: Plan, risk: RiskMap, goal: tuple[float, float], car: CarLimits, emergency: bool
 ) -> Limit:
-    """Return the first limit that holds, in the order in which they bind."""
+    """Return what keeps the car from going faster: the first limit that applies to its plan.
+
+    Args:
+        plan: plan that the car drives.
+        risk: risk map on which the plan was tested.
+        goal: x, y of the goal [m].
+        car: the car's limits and body.
+        emergency: whether no plan is safe.
+    """
     v, a = plan.states[0, 3], plan.controls[0, 0]
     if emergency:
         return Limit.EMERGENCY
@@ -46,7 +54,7 @@ def what_limits(
         return Limit.TURN
     if np.abs(plan.controls[:8, 1]).max() >= 0.98 * car.max_curvature and v > 0.1:
         return Limit.TURN
-    # The cells just ahead of where the plan stops.
+    # The cells just ahead of the body at the plan's end.
     front = car.body.half_length + 0.3
     row, col = risk.frame.cell(x + front * math.cos(yaw), y + front * math.sin(yaw))
     reach = math.ceil((car.body.half_width + 0.2) / risk.frame.resolution)

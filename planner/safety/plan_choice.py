@@ -1,4 +1,4 @@
-"""The choice of a plan: the cheapest of those that are safe on the newest map."""
+"""The choice of a plan: the best one of those that are safe on the newest map."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from planner.safety.last_resort import LastResort
 from predictor.mapping.car_limits import CarLimits
 
 SLOW = 0.3
-"""A car slower than this always tries pure pursuit too: its last plan may stand still [m/s]."""
+"""Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may
+stand still [m/s]."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
-"""Distances before the end of the best plan at which stops are tried instead [m]."""
+"""Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +30,11 @@ class Situation:
     """The situation of a tick, for which a plan is chosen.
 
     Attributes:
-        state: x, y, yaw, v now, (4,), of a car that looks where it drives.
-        risk: the newest map around the car.
-        path: path to follow, if there is one.
-        segment: segment of the path near which the car is.
-        faults: list to which failures are appended.
+        state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
+        risk: newest risk map around the car.
+        path: path to follow, or None.
+        segment: index of the path's segment near which the car is.
+        faults: list to which the kinds of failures are appended.
     """
 
     state: NDArray[np.float64]
@@ -49,8 +50,8 @@ class Choice:
 
     Attributes:
         plan: plan to drive.
-        intended: plan that would be driven if all beliefs were certain. `plan` differs from it
-            where the last resort has to hold the car back.
+        intended: plan that the car would drive if all predictions were certain. `plan` differs
+            from it if the last resort has to slow the car down.
         emergency: whether no plan is safe, so that the car brakes as hard as it can.
     """
 
@@ -60,15 +61,15 @@ class Choice:
 
 
 class PlanChooser:
-    """Chooses a plan at every tick, for one gear.
+    """Chooses a plan in every tick, for one gear.
 
     Candidates are plans of the MPC from several guesses, the rest of the last plan, braking, and
-    the last resort. Each is tested by the collision checker; the solver's word is not relied upon.
+    the last resort. Each is tested by the collision checker, whatever the solver reports.
 
     Args:
-        car: the car's limits, in that gear.
+        car: the car's limits in that gear, and its body.
         config: settings of the MPC.
-        goal: x, y [m].
+        goal: x, y of the goal [m].
     """
 
     def __init__(self, car: CarLimits, config: MPCConfig, goal: tuple[float, float]) -> None:
@@ -79,15 +80,15 @@ class PlanChooser:
         self._curvature = 0.0
 
     def forget(self) -> None:
-        """Forget the last plan: the car has changed its gear since."""
+        """Forget the last plan, since the car has changed its gear."""
         self._intended, self.resort.controls, self._curvature = None, None, 0.0
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.
 
         Args:
-            now: the tick's situation; failures are appended to its faults.
-            afresh: whether to plan from pure pursuit, too.
+            now: situation of the tick; failures are appended to its faults.
+            afresh: whether the MPC starts from a pure-pursuit guess, too.
         """
         intended, emergency = self._decide(now, afresh)
         intended = self._without_waiting(now, intended)
@@ -102,9 +103,9 @@ class PlanChooser:
         return Choice(plan, intended, emergency)
 
     def goes_on(self, plan: Plan, risk: RiskMap) -> bool:
-        """Return whether the car can go on from a plan's end, or need not as the goal is near.
+        """Return whether the car can go on from a plan's end, or need not since the goal is near.
 
-        It can if some arc, or straight on, meets nothing that is barred.
+        It can go on if the body meets no barred cell on some arc, or straight on.
         """
         x, y = plan.states[-1, :2]
         if math.hypot(x - self.goal[0], y - self.goal[1]) < GOES_ON:
@@ -112,7 +113,12 @@ class PlanChooser:
         return self.checker.leads_on(plan.states[-1], risk)
 
     def _decide(self, now: Situation, afresh: bool) -> tuple[Plan, bool]:
-        """Return the cheapest safe plan; where none is safe, the least bad way to brake."""
+        """Choose the plan to drive if all predictions are certain.
+
+        Returns:
+            The best safe plan and False, or the least bad manoeuvre to stop and True if no plan is
+            safe.
+        """
         rest, safe = self._fallbacks(now)
         path = now.path
         if path is None:
@@ -132,24 +138,25 @@ class PlanChooser:
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
             return self.resort.brake(now.state, rest, now.risk), True
-        # The drive ends at the goal: no cost of what would follow may make the car miss it.
+        # The plan that reaches the goal first, or else the cheapest. The drive ends at the goal, so
+        # the cost of what follows must not make the car miss it.
         best = min(candidates, key=self._arrival)
         if self.goes_on(best, now.risk):
             return best, False
-        # A car that cannot reverse should not stop with its nose against a wall.
+        # A car that cannot reverse should not stop with its front against a wall.
         sooner = self._stopping_sooner(now, path, best)
         if sooner is not None:
             return sooner, False
-        # Or brake and swerve to where it can go on from, while there is still room for that.
+        # Or it brakes and swerves to where it can go on, while there is still room for that.
         stops = (self.mpc.roll(now.state, way) for way in self.resort.ways(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
-        # To stand still for good is no better than to stop there.
+        # A plan that stands still is no better than a stop at the wall.
         moving = (plan for plan in others if plan.states[:, 3].max() > 0.1)
         return next((plan for plan in moving if self.goes_on(plan, now.risk)), best), False
 
     def _fallbacks(self, now: Situation) -> tuple[Plan, list[Plan]]:
-        """Return the rest of the last plan, and the safe ones of the plans that need no solver.
+        """Return the rest of the last plan, and the safe ones among the plans that need no solver.
 
         These are the last resort, the rest of the last plan, and braking.
         """
@@ -164,14 +171,14 @@ class PlanChooser:
         return rest, [plan for plan in plans if self.checker.is_safe(plan, now.risk)]
 
     def _arrival(self, plan: Plan) -> float:
-        """Return the first stage at which a plan is at the goal; infinite if it does not arrive."""
+        """Return the index of a plan's first state at the goal; infinite if there is none."""
         off = np.hypot(*(plan.states[:, :2] - np.array(self.goal)).T)
         return float(np.argmax(off < PLAN_REACHES)) if off.min() < PLAN_REACHES else math.inf
 
     def _without_waiting(self, now: Situation, plan: Plan) -> Plan:
-        """Drop the first steps of a plan, in which a standing car would wait, if that is safe.
+        """Return a plan without first steps in which a standing car would wait, if that is safe.
 
-        A solver may return a plan that moves only later, again at every tick.
+        Otherwise the solver may return, tick after tick, a plan that starts to move only later.
         """
         moves = np.flatnonzero(plan.states[1:, 3] > 1e-3)
         if now.state[3] > 0.0 or not len(moves) or moves[0] == 0:
@@ -182,7 +189,7 @@ class PlanChooser:
         return sooner if self.checker.is_safe(sooner, now.risk) else plan
 
     def _stopping_sooner(self, now: Situation, path: Path, best: Plan) -> Plan | None:
-        """Return a plan that stops before the best one's end, and that the car can go on from."""
+        """Return a plan that stops before the best one's end, where the car can go on, or None."""
         end, _, _ = project(path.points, *best.states[-1, :2], now.segment, 10**6)  # type: ignore[call-arg]
         for sooner in EARLIER_STOPS:
             last = end - round(sooner / SPACING)
@@ -197,7 +204,7 @@ class PlanChooser:
     def _solutions(
         self, now: Situation, path: Path, guesses: list[NDArray[np.float64]]
     ) -> list[Plan]:
-        """Return the safe ones among the plans that the MPC makes of some guesses."""
+        """Return the safe ones among the plans that the MPC computes from some guesses."""
         solved = []
         for guess in guesses:
             try:
@@ -205,7 +212,7 @@ class PlanChooser:
                     now.state, path, now.risk, guess, now.segment, self._curvature
                 )
             except Exception:
-                # Solvers raise what they like; there is another plan, or the car stops.
+                # A solver may raise anything; there is another plan, or the car stops.
                 now.faults.append("solver_failed")
                 continue
             if solution.failed:
@@ -215,7 +222,7 @@ class PlanChooser:
         return solved
 
     def _pursuit(self, now: Situation, path: Path) -> NDArray[np.float64]:
-        """Return controls that follow a path as far as that is safe."""
+        """Return pure-pursuit controls (N, 2) along a path, which stop before an unsafe cell."""
         mpc, car = self.mpc, self.mpc.limits
         limits = car.v_max, car.acceleration, car.braking, car.lateral_acceleration
         free = math.inf
