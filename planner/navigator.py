@@ -1,4 +1,4 @@
-"""The navigator: from a scan to a control, tick after tick."""
+"""The navigator: turn a LIDAR scan into a control of the car, in each tick."""
 
 from __future__ import annotations
 
@@ -26,39 +26,41 @@ from predictor.mapping.scan import Scan
 from predictor.prediction import BadPredictionError, Prediction, Predictor
 
 FIRST_DEADLINE = 180.0
-"""Time that the first prediction may take, as it may have to load and compile code [s]."""
+"""Longest wait for the first prediction, for which code may have to be loaded and compiled [s]."""
 BESIDE = 5.0
-"""Side of the squares around the points of a prescribed route that the map holds at once [m]."""
+"""Side of the square around each waypoint that the map covers from the start [m]."""
 AHEAD = 2.5
-"""Distance from the car to the risk map's centre ahead of it [m]."""
+"""Distance from the car to the centre of the risk map, ahead of the car [m]."""
 PATIENCE = 4
-"""Ticks at rest after which the car searches for a way out, and between such searches."""
+"""Number of ticks at rest after which a car searches for a recovery manoeuvre, and again each time
+as many have passed."""
 LONG_PATIENCE = 15
-"""The same for ticks within 0.1 m, since a stuck car may start and brake repeatedly."""
+"""The same number for ticks within 0.1 m, since a stuck car may start and brake repeatedly."""
 AFRESH = 5
-"""Ticks from one plan made from pure pursuit to the next, in normal driving."""
+"""Number of ticks after which the MPC also starts from a pure-pursuit guess, in normal driving."""
 
 
 @dataclass(frozen=True)
 class NavigatorConfig:
-    """Settings of the chain.
+    """Settings of the navigator and of the modules that it calls.
 
     Attributes:
-        window: side of the square that the LIDAR writes into [m].
-        expansion: ratio of the predicted square's side to the window's.
-        reliance: ε in [0, 1]: a plan may rely upon cells that are free with a probability of at
-            least 1 - ε. If that proves wrong, the car brakes hard.
-        level: λ in [0, ε]: so may the last resort with a probability of at least 1 - λ. If that
-            proves wrong, the car may collide. 0: it relies on observed cells alone.
-        adapt: whether the level falls while predictions prove wrong, see
+        window: side of the square around the car in which a scan changes the map [m].
+        expansion: ratio of the predicted square's side to `window`.
+        reliance: ε in [0, 1]: a plan may enter unobserved cells that are predicted free with a
+            probability of at least 1 - ε. If the prediction is wrong, the car brakes hard.
+        level: λ in [0, ε]: the last resort may enter unobserved cells that are predicted free with
+            a probability of at least 1 - λ. If the prediction is wrong, the car may collide. 0: it
+            enters observed cells alone.
+        adapt: whether the level λ is lowered while predictions prove wrong, see
             `planner.risk.adaptive_level`.
-        steer: whether a prediction also changes the route.
+        steer: whether predictions also change the cost map, and with it the route.
         margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
-        start_margin: margin around the body at the start that counts as seen free [m].
-        oracle: whether the predictor knows the true map, so that what it is certain of counts as
-            seen. For an arm of the comparison only: with any other predictor the car may collide.
-        deadline: a prediction later than this is not used [s]. It is far above the usual time, so
-            that simulated drives do not depend on the machine's load.
+        start_margin: margin around the body at the start in which cells count as observed free [m].
+        oracle: whether the predictor knows the true map, so that cells it is certain of count as
+            observed. Only for the arm `oracle`: with any other predictor the car may collide.
+        deadline: longest wait for a prediction [s]. It is far above the usual time, so that
+            simulated drives do not depend on the machine's load.
         car: the car's limits and body.
         mpc: settings of the MPC.
         guide: settings of path planning.
@@ -95,12 +97,12 @@ class NavigatorConfig:
 
     @property
     def predicted_side(self) -> float:
-        """Side of the predicted square [m], at most as large as the car can use."""
+        """Side of the predicted square [m], at most what a stop from top speed can make use of."""
         return min(self.window * self.expansion, max(10.0, 2 * (self.car.stopping_distance + 1.5)))
 
     @property
     def risk_side(self) -> float:
-        """Side of the risk map [m]; it holds a stop from top speed ahead of the car."""
+        """Side of the risk map [m]: a stop from top speed fits into it ahead of the car."""
         return max(10.0, 2 * (self.car.stopping_distance + 1.0 - AHEAD))
 
 
@@ -110,18 +112,19 @@ class Decision:
 
     Attributes:
         control: acceleration [m/s²] and curvature [1/m] for one tick; in reverse also the gear, -1.
-        plan: plan that the control begins.
+        plan: plan of which the control is the first step.
         limit: what keeps the car from going faster.
-        faults: failures that were survived in this tick, each kind once.
-        relied: centres of the unseen cells that the plan sweeps, (k, 2) [m].
-        relied_trust: confidence · p_free of each of them, (k,).
+        faults: kinds of the failures that were handled in this tick, each once.
+        relied: centres of the unobserved cells that the body sweeps on the plan, (k, 2) [m].
+        relied_trust: predicted probability that each of these cells is free, confidence · p_free,
+            (k,).
         emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
             can.
-        times: time of each stage [ms]; "cycle" is from scan to control; "path" is
-            planned after the control is decided, before `step` returns.
-        risk_map: map that the plan relies upon.
-        prediction: the prediction, if there is one.
-        path: path that the plan follows, if there is one.
+        times: duration of each stage [ms], by name; "cycle" is the time from scan to control, and
+            "path" that of path planning, which mostly follows the control.
+        risk_map: risk map on which the plan was tested.
+        prediction: the predictor's answer in this tick, or None.
+        path: path that the plan follows, or None.
     """
 
     control: NDArray[np.float64]
@@ -143,10 +146,10 @@ class Navigator:
     Args:
         config: settings.
         predictor: predicts the map beyond what has been seen; None: no predictions.
-        start: x, y, yaw (and v) at the start, (3,) or (4,).
-        goal: x, y [m].
-        known: map at the start; the navigator writes to it.
-        waypoints: (n, 2) a prescribed route, or None: the car finds its own.
+        start: x, y, yaw of the car at the start, (3,) or more [m, m, rad].
+        goal: x, y of the goal [m].
+        known: occupancy grid at the start; the navigator adds the scans to it.
+        waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
         seed: seed of the path search.
     """
 
@@ -172,7 +175,8 @@ class Navigator:
         self._gear = 1
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
-        # On a prescribed route a prediction shapes the line, and does not change the route.
+        # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
+        # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
         self._asker = Asker(predictor) if predictor is not None and heard else None
         known.cover(known.frame.square(*goal, config.window))
@@ -189,11 +193,11 @@ class Navigator:
         """Decide what to do in the next tick.
 
         Args:
-            state: x, y, yaw, v, (4,).
+            state: x, y, yaw, v of the car, (4,) [m, m, rad, m/s].
             scan: LIDAR scan taken at that state.
 
         Raises:
-            ValueError: if the state is not finite; all other failures are survived and counted.
+            ValueError: if the state is not finite; all other failures are handled and counted.
         """
         if not np.isfinite(state).all():
             raise ValueError(f"state is {state}, it must be finite")
@@ -204,7 +208,7 @@ class Navigator:
         clock.lap("integrate")
         prediction = self._predict(state, faults, clock)
         self._change_gear(self.guide.change_gear(state))
-        # A car in reverse is treated as one that looks the other way and drives forward.
+        # A car in reverse is treated as one with the opposite heading that drives forward.
         driven = state if self._gear > 0 else mirrored(state)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
         risk = self._risk_map(driven, prediction)
@@ -212,7 +216,7 @@ class Navigator:
         steering = prediction if self.config.steer else None
         first_path = 0.0
         if self._tick == 0:
-            # The car stands, and has no path to drive meanwhile.
+            # The car stands, and has no path that it could follow while the first is planned.
             self._plan_next_path(driven, driven[None], risk, steering, faults)
             clock.lap("path")
             first_path = self.guide.plan_ms
@@ -236,7 +240,7 @@ class Navigator:
         faults: tuple[str, ...],
         times: dict[str, float],
     ) -> Decision:
-        """Return a choice as a decision: in the gear driven, and with what it relies upon."""
+        """Return the decision for a choice: the control in the current gear, and its reasons."""
         plan, config = choice.plan, self.config
         rows, cols = swept_cells(
             plan, config.mpc.dt, config.car.body, risk.frame, risk.known.unknown
@@ -244,7 +248,7 @@ class Navigator:
         xs, ys = risk.frame.centres()
         limit = what_limits(plan, risk, self.goal, self.chooser.mpc.limits, choice.emergency)
         if plan is not choice.intended:
-            # The last resort holds it back, in case the prediction is wrong.
+            # The last resort holds the car back, in case the prediction is wrong.
             limit = Limit.UNSEEN
         control = plan.controls[0].copy()
         if self._gear < 0:
@@ -265,21 +269,21 @@ class Navigator:
         )
 
     def _integrate(self, scan: Scan, state: NDArray[np.float64], faults: list[str]) -> None:
-        """Add a scan to what is known, whatever the scan holds."""
+        """Add a scan to the observed map; a scan that cannot be read is a fault."""
         try:
             self.known.integrate(scan, state)
         except Exception:
-            # A LIDAR's driver may hand over anything; none of it may reach the wheels.
+            # The driver of a LIDAR may deliver anything; the car goes on with the map that it has.
             faults.append("bad_scan")
-        # Where the body is, there is nothing else: it must be able to back out of there.
+        # Cells under the body are free whatever a scan says: the car must be able to leave them.
         self.known.mark_free(state, self.config.car.body, 0.0)
 
     def _risk_map(self, driven: NDArray[np.float64], prediction: Prediction | None) -> RiskMap:
-        """Return the risk map around a car that looks where it drives."""
+        """Return the risk map around the car, whose state `driven` is mirrored in reverse."""
         c = self.config
         centre = driven[:2] + AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
-        # In reverse it relies only on what was seen free.
+        # In reverse the car enters only cells that were observed free.
         level = self._adaptive.level if c.adapt else c.level
         epsilon, level = (c.reliance, level) if self._gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
@@ -301,9 +305,9 @@ class Navigator:
         steering: Prediction | None,
         faults: list[str],
     ) -> None:
-        """Plan a path if one is due, or a way out if the car has not moved on for a while.
+        """Plan a path if one is due, or a recovery manoeuvre if the car has hardly moved lately.
 
-        The planned states `ahead` begin with the present one.
+        `ahead` are the states of the plan, (n, 4), of which the current one is the first.
         """
         if math.dist(state[:2], self._place) > 0.1:
             self._place, self._lingered = (float(state[0]), float(state[1])), 0
@@ -323,7 +327,7 @@ class Navigator:
     def _predict(
         self, state: NDArray[np.float64], faults: list[str], clock: _Clock
     ) -> Prediction | None:
-        """Ask the predictor; return None if it fails in any way."""
+        """Return the predictor's answer, or None if it fails in any way, which is a fault."""
         if self._asker is None:
             return None
         side, patience = self.config.predicted_side, self.config.deadline
@@ -349,7 +353,7 @@ class Navigator:
 
 
 class _Clock:
-    """Wall-clock time of the stages of one tick [ms]."""
+    """Measures the wall-clock times of the stages of one tick [ms]."""
 
     def __init__(self) -> None:
         self.times: dict[str, float] = {}
@@ -361,5 +365,5 @@ class _Clock:
         self._last = now
 
     def total(self, stage: str, without: float) -> None:
-        """Record the time since the start, less a time [ms] that is recorded elsewhere."""
+        """Record the time from the start to the last lap, less a part [ms] recorded elsewhere."""
         self.times[stage] = 1e3 * (self._last - self._start) - without
