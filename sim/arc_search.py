@@ -1,4 +1,4 @@
-"""Where a car that cannot reverse can get to: a search over arcs, on the true map."""
+"""Search over arcs for the poses that a car without a reverse gear can reach, on the true map."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from predictor.mapping.kernels import njit
 from sim.world import World
 
 HEADINGS = 16
-"""Number of directions that the search distinguishes."""
+"""Number of headings that the search distinguishes."""
 CELL = 0.2
-"""Side of the squares of positions that it distinguishes [m]."""
+"""Side of the squares of positions that the search distinguishes [m]."""
 CHECKS = 3
-"""Number of points of an arc at which the body is tested."""
+"""Number of poses on an arc at which the body is tested."""
 RINGS = 64
-"""Length of the ring of buckets; it exceeds the cost of any arc."""
+"""Number of buckets in the ring of the search; it exceeds the cost of any arc."""
 
 
 def arc_ways(
@@ -30,23 +30,24 @@ def arc_ways(
     comfort: float,
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Find the cheapest ways from a pose to wherever a body gets by driving arcs forward.
+    """Find the cheapest ways from a pose to all poses that a car reaches on forward arcs.
 
     Args:
-        world: the building.
-        start: x, y, yaw [m, m, rad].
-        body: the car's body; circles that cover it are kept clear of what is solid.
-        radius: of the arcs [m].
+        world: building in which the car drives.
+        start: x, y, yaw at the start [m, m, rad].
+        body: the car's body, which is covered by circles.
+        radius: radius of the arcs [m].
         clearance: free space to keep around the circles [m].
-        comfort: clearance beyond that at which a wall stops mattering [m].
-        longest: ways longer than this are not followed [m].
+        comfort: additional clearance from which on a wall adds no cost [m].
+        longest: maximum length of a way [m].
 
     Returns:
-        See `explore`.
+        The same as `explore`.
     """
     frame = world.grid.frame
     offsets, circle = body.circles()
-    # A cell's clearance runs from centre to centre, up to a diagonal more than what is free.
+    # Clearances are measured between the centres of cells, up to a diagonal more than the free
+    # space.
     needed = circle + clearance + math.sqrt(2.0) * frame.resolution
     turning = np.array(start), radius, offsets, needed
     return explore(world.clearance, *frame.lattice, *turning, comfort, longest)
@@ -54,9 +55,9 @@ def arc_ways(
 
 @njit(cache=True, nogil=True)
 def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: ignore[no-untyped-def]
-    """Return by how much the clearance of all circles exceeds what they need [m].
+    """Return by how much the clearance of each circle exceeds `needed`, at least [m].
 
-    It is negative in a collision.
+    It is negative if one of them is too close to a solid cell.
     """
     cos, sin = math.cos(yaw), math.sin(yaw)
     spare = np.inf
@@ -77,22 +78,23 @@ def explore(  # type: ignore[no-untyped-def]
 
     This is Dijkstra's algorithm with a ring of buckets, since costs are small whole numbers. Poses
     are exact: the lattice only decides which of them count as the same, so the car can drive every
-    way found. Arcs near a wall cost more, so that ways keep to the middle where there is room.
+    way found. Arcs near walls cost more, so that ways keep to the middle where there is room.
 
     Args:
         clearance: distance to the nearest solid cell, (rows, columns) [m].
         resolution: side of a cell [m].
-        origin: x, y of the lower-left corner [m].
-        start: x, y, yaw.
+        origin: x, y of the map's lower-left corner [m].
+        start: x, y, yaw at the start, (3,).
         radius: radius of the arcs [m]; an arc turns by one of `HEADINGS`.
         offsets: positions of the circles along the body, (n,) [m].
         needed: clearance that each circle needs [m].
-        comfort: clearance beyond that at which a wall stops mattering [m].
-        longest: ways longer than this are not followed [m].
+        comfort: additional clearance from which on a wall adds no cost [m].
+        longest: maximum length of a way [m].
 
     Returns:
-        poses (n, 3) reached, in the order of cost; parents (n,), −1 for the start; arcs (n,) along
-        the way; and whether each pose is the first in its square of positions (n,).
+        Poses reached, in the order of cost, (n, 3); index of each pose's parent, −1 for the start,
+        (n,); number of arcs from the start to each pose, (n,); and whether each pose is the first
+        in its square of positions, (n,).
     """
     turn = 2.0 * math.pi / HEADINGS
     length = radius * turn

@@ -1,4 +1,4 @@
-"""Corridors around blocks of solid ground: ways round, where a network of branches has none."""
+"""Corridors around blocks of solid ground; unlike the branches of a network, they form loops."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ WIDTH = (3.5, 10.0)
 GAP = 2.5
 """Least solid ground between parallel paths [m]."""
 COLUMNS, ROWS = 4, 3
-"""Lines of crossings."""
+"""Number of columns and of rows of crossings."""
 LOOPS = 0.55
-"""Share of the paths that close a loop which are there."""
+"""Share of the possible paths closing a loop that are carved."""
 ASKEW = 0.25
-"""Share of the crossings that lie off the lines, so that their paths run at an angle."""
+"""Share of the crossings that are shifted off their lines, so that their paths run at an angle."""
 
 Node = tuple[int, int]
 
 
 def block_size() -> Point:
-    """Return the extent along x and along y that always suffices [m]."""
+    """Return the extents along x and y of a canvas that has room for every draw [m]."""
     pitch = WIDTH[1] + GAP + 5.0
     return pitch * COLUMNS + 2.0, pitch * ROWS + 2.0
 
@@ -31,11 +31,11 @@ def block_size() -> Point:
 def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
     """Carve paths that join crossings into a canvas of `block_size`.
 
-    Every crossing can be reached from every other; most from two sides.
+    Every crossing can be reached from every other; most can be reached from two sides.
 
     Args:
-        canvas: solid ground.
-        rng: decides everything.
+        canvas: canvas of solid ground.
+        rng: source of all that is drawn.
     """
     xs, wide_of_column = _lines(COLUMNS, rng)
     ys, wide_of_row = _lines(ROWS, rng)
@@ -49,7 +49,7 @@ def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
                 shift = (rng.uniform(-1.2, 1.2), rng.uniform(-1.2, 1.2))
             at[column, row] = (xs[column] + shift[0], ys[row] + shift[1])
     for one, other in _joined(rng):
-        # A path is as wide as its line, or narrower: walls stand back at a crossing, not in it.
+        # A path is as wide as its line, or narrower, so that no wall stands in a crossing.
         line = wide_of_row[one[1]] if one[1] == other[1] else wide_of_column[one[0]]
         width = line if rng.random() < 0.6 else rng.uniform(WIDTH[0], line)
         canvas.passage(at[one], at[other], width)
@@ -61,7 +61,7 @@ def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
 
 
 def _lines(count: int, rng: np.random.Generator) -> tuple[list[float], list[float]]:
-    """Draw parallel paths: return where the middle line of each lies, and how wide it is [m]."""
+    """Draw parallel lines of paths: return the coordinate and the width of each [m]."""
     widths = rng.uniform(*WIDTH, count)
     middles = [1.0 + 0.5 * widths[0] + 1.2]
     for before, after in pairwise(widths):

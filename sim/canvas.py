@@ -1,4 +1,4 @@
-"""A canvas for buildings: free shapes are carved into solid ground, objects put into them."""
+"""Canvas for buildings: free shapes are carved into solid ground, and objects put into them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,23 @@ from sim.world import World
 RESOLUTION = 0.05
 """Side of a cell [m]."""
 WALL = 3
-"""Thickness of a wall [cells]."""
+"""Thickness of the walls around free space [cells]."""
 
 Point = tuple[float, float]
 
 
 class Canvas:
-    """A rectangle of solid ground, (0, 0) at its lower-left corner, to be carved.
+    """A rectangle of solid ground that is carved, with (0, 0) at its lower-left corner.
 
     Args:
         width: extent along x [m].
         height: extent along y [m].
+
+    Attributes:
+        frame: position and resolution of the cells.
+        free: cells that are carved, (rows, columns).
+        x: coordinates of the columns' centres, (columns,) [m].
+        y: coordinates of the rows' centres, (rows,) [m].
     """
 
     def __init__(self, width: float, height: float) -> None:
@@ -34,12 +40,12 @@ class Canvas:
         self.x, self.y = self.frame.centres()
 
     def box(self, centre: Point, size: Point, yaw: float = 0.0, free: bool = False) -> None:
-        """Fill a rectangle of a size [m] along and across its yaw; with `free`, carve it."""
+        """Fill a rectangle of a size along and across its yaw [m, rad]; with `free`, carve it."""
         reach = 0.5 * math.hypot(*size)
         part, dx, dy = self._around(centre, reach)
         along = dx * math.cos(yaw) + dy * math.sin(yaw)
         across = dy * math.cos(yaw) - dx * math.sin(yaw)
-        # A hair wider: a cell whose centre lies on the edge belongs to it on both sides.
+        # Slightly enlarged, so that cells with their centre on an edge belong to the rectangle.
         inside = (abs(along) <= 0.5 * size[0] + 1e-9) & (abs(across) <= 0.5 * size[1] + 1e-9)
         self.free[part][inside] = free
 
@@ -60,11 +66,11 @@ class Canvas:
         self.box(middle, (high[0] - low[0], high[1] - low[1]), free=True)
 
     def is_free(self, x: float, y: float) -> bool:
-        """Return whether a point [m] is inside something carved."""
+        """Return whether a point [m] lies in a carved cell."""
         return self.frame.contains(x, y) and bool(self.free[self.frame.cell(x, y)])
 
     def world(self, name: str) -> World:
-        """Return the building: walls around all that is free, and UNKNOWN beyond them."""
+        """Return the building: FREE where carved, OCCUPIED walls around, UNKNOWN beyond them."""
         solid = ~self.free
         near = binary_dilation(self.free, np.ones((3, 3), dtype=np.bool_), iterations=WALL)
         cells = np.where(self.free, np.int8(FREE), np.int8(UNKNOWN))
@@ -77,9 +83,9 @@ class Canvas:
     def _around(
         self, centre: Point, reach: float
     ) -> tuple[tuple[slice, slice], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the cells within reach of a point, and their x (1, n) and y (m, 1) from it [m].
+        """Return the cells within reach of a point, and their offsets x (1, n) and y (m, 1) [m].
 
-        They leave out the rim of the canvas, as thick as a wall, in which nothing is carved.
+        The rim of the canvas is left out: it is as thick as a wall, and nothing is carved in it.
         """
         rows, cols = self.frame.shape
         row, col = self.frame.cell(centre[0] - reach, centre[1] - reach)

@@ -19,19 +19,20 @@ SPACING = 0.2
 """Maximum distance that a corner of the body moves between poses tested for collision [cells]."""
 
 REST = 1e-6
-"""A car slower than this stands: braking may leave a rounding error of its speed [m/s]."""
+"""Speed below which a car stands, since braking may leave a rounding error of its speed [m/s]."""
 
 
 class DubinsCar:
-    """State [x, y, yaw, v], control [acceleration, curvature] or with a gear, in closed form.
+    """Simulates a Dubins car with bounded acceleration, in closed form.
 
-    The speed v is negative when the car rolls backwards. The third entry of a control is the gear:
-    +1 forwards (the default) or -1 backwards. It is changed at standstill only: a car that moves
+    The state is [x, y, yaw, v] [m, m, rad, m/s]; v is negative when the car rolls backwards. The
+    control is [acceleration, curvature] [m/s², 1/m], with the gear as an optional third entry: +1
+    forwards (the default) or -1 backwards. The gear changes at standstill only: a car that moves
     stays in the gear of its motion, whatever is asked for. The acceleration acts along the gear:
     positive values raise |v|, negative ones brake to standstill and never beyond.
 
     Args:
-        limits: what the car can do.
+        limits: the car's limits and its body; None: the defaults.
     """
 
     def __init__(self, limits: CarLimits | None = None) -> None:
@@ -44,8 +45,8 @@ class DubinsCar:
         inside the step too, so the path is one circular arc.
 
         Raises:
-            ValueError: if something is not finite, `dt` negative, the gear neither 1 nor -1, or if
-                a car without a reverse gear is asked to reverse.
+            ValueError: if an argument is not finite, `dt` is negative, the gear is neither 1 nor
+                -1, or a car without a reverse gear is asked to reverse.
         """
         x, y, yaw, length, v_end, curvature = self._arc(state, control, dt)
         return np.array([*along_arc(x, y, yaw, curvature, length), v_end])
@@ -53,7 +54,7 @@ class DubinsCar:
     def motion(
         self, state: ArrayLike, control: ArrayLike, dt: float, spacing: float
     ) -> NDArray[np.float64]:
-        """Return poses (n, 3) along a step, its end included and its start not.
+        """Return poses (n, 3) along a step, without its start and with its end.
 
         No point of the body moves further than `spacing` [m] from one pose to the next.
 
@@ -70,7 +71,7 @@ class DubinsCar:
         return np.array([along_arc(x, y, yaw, curvature, s) for s in steps])
 
     def collides(self, world: World, state: ArrayLike, control: ArrayLike, dt: float) -> bool:
-        """Return whether the body meets something solid anywhere along a step."""
+        """Return whether the body meets a solid cell anywhere along a step."""
         spacing = SPACING * world.grid.frame.resolution
         poses = self.motion(state, control, dt, spacing)
         return collides(world, poses, self.limits.body, spacing)
@@ -78,7 +79,7 @@ class DubinsCar:
     def _arc(
         self, state: ArrayLike, control: ArrayLike, dt: float
     ) -> tuple[float, float, float, float, float, float]:
-        """Return x, y, yaw at the start of a step's arc, and its length, end speed and curvature.
+        """Return the arc of a step: x, y, yaw at its start, its length, end speed and curvature.
 
         The length is negative in reverse.
         """
@@ -112,8 +113,10 @@ class DubinsCar:
 
 
 def travel(v: float, acceleration: float, dt: float, v_max: float) -> tuple[float, float]:
-    """Return the distance [m] and final speed [m/s] after `dt`, the speed saturating at 0 and
-    v_max."""
+    """Return the distance [m] and the final speed [m/s] after `dt` [s] of constant acceleration.
+
+    The speed saturates at 0 and at `v_max`.
+    """
     if acceleration < 0 and v + acceleration * dt <= 0:
         return -0.5 * v**2 / acceleration, 0.0
     if acceleration > 0 and v + acceleration * dt > v_max:
@@ -126,8 +129,7 @@ def travel(v: float, acceleration: float, dt: float, v_max: float) -> tuple[floa
 def along_arc(
     x: float, y: float, yaw: float, curvature: float, length: float
 ) -> tuple[float, float, float]:
-    """Return the pose at an arc length [m] along a circular arc; along a straight line if curvature
-    is 0."""
+    """Return the pose after a length [m] along an arc, which is straight at a curvature of 0."""
     half = 0.5 * curvature * length
     chord = length * sinc(half)
     return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half), wrap(yaw + 2 * half)
@@ -146,10 +148,10 @@ def wrap(angle: float) -> float:
 
 
 def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -> bool:
-    """Return whether a body meets something solid at any of the poses, or between them.
+    """Return whether a body meets a solid cell at any of the poses, or between them.
 
-    The body is grown by half of `spacing`: whatever a pose between two of these covers, one of
-    the two covers as well, so nothing is missed.
+    The body is grown by half of `spacing`: all that the body covers between two poses is covered
+    at one of the two as well, so nothing is missed.
 
     This test judges the planner, and is independent of the planner's own in
     `planner.safety.collision`: it reads the true map, its poses are those of the simulator's
@@ -159,8 +161,8 @@ def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -
 
     Args:
         world: the true map.
-        poses: (n, 3) x, y, yaw [m, m, rad].
-        body: the rectangle.
+        poses: x, y, yaw of the poses, (n, 3) [m, m, rad].
+        body: rectangle of the car.
         spacing: maximum distance that a point of the body moves from pose to pose [m].
     """
     frame = world.grid.frame

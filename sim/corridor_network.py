@@ -15,13 +15,13 @@ class NetworkConfig:
     """Settings of a network's growth.
 
     Attributes:
-        size: side of the square that the network must lie in [m].
+        size: side of the square in which the network must lie [m].
         width: smallest and largest width of a corridor [m].
         length: smallest and largest length of a segment [m].
         segments: number of segments at which the growth stops.
         oblique: share of bends that are not right angles.
         gap: smallest width of solid ground between corridors that do not meet [m].
-        reach: smallest length of the longest way through the network [m].
+        reach: minimum length of the longest way from the first segment's start to an end [m].
     """
 
     size: float
@@ -37,8 +37,14 @@ class NetworkConfig:
 class Segment:
     """A straight corridor.
 
-    `parent` is the number of the segment that it starts from, or -1; `depth` is the length of the
-    way from the first segment's start to its end [m]; `children` are the segments that start here.
+    Attributes:
+        start: start of the middle line [m].
+        yaw: direction of the middle line [rad].
+        length: length of the middle line [m].
+        width: width of the corridor [m].
+        parent: index of the segment at whose end this one starts; -1: it is the first one.
+        depth: length of the way from the first segment's start to this one's end [m].
+        children: indices of the segments that start at this one's end.
     """
 
     start: Point
@@ -51,11 +57,11 @@ class Segment:
 
     @property
     def end(self) -> Point:
-        """Where its middle line ends [m]."""
+        """End of the middle line [m]."""
         return self.at(self.length)
 
     def at(self, distance: float, aside: float = 0.0) -> Point:
-        """Return the point at a distance along the middle line, and to the left of it [m]."""
+        """Return the point at a distance along the middle line, and `aside` to its left [m]."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return (
             self.start[0] + distance * cos - aside * sin,
@@ -64,10 +70,10 @@ class Segment:
 
 
 def grow(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
-    """Grow a tree of segments; try again until it has its reach and half of its segments.
+    """Grow a tree of segments; try again until it has the reach and half of the segments.
 
     Raises:
-        ValueError: if the square is too small for that.
+        ValueError: if no try succeeds, as in a square that is too small.
     """
     for _ in range(200):
         segments = _grow_once(config, rng)
@@ -78,7 +84,7 @@ def grow(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
 
 
 def carve(canvas: Canvas, segments: list[Segment]) -> None:
-    """Carve corridors into a canvas, with square corners at right angles and round ones else."""
+    """Carve corridors into a canvas; corners are square at right angles, and otherwise round."""
     for segment in segments:
         canvas.passage(segment.start, segment.end, segment.width)
         for child in (segments[i] for i in segment.children):
@@ -97,7 +103,7 @@ def _grow_once(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]
     first = _first(config, rng)
     segments, open_ends = [first], [0]
     while open_ends and len(segments) < config.segments:
-        # Mostly the newest end is continued, which gives long ways and few bushes.
+        # Mostly the newest end is continued, which gives long ways instead of many short branches.
         pick = -1 if rng.random() < 0.7 else int(rng.integers(len(open_ends)))
         index = open_ends.pop(pick)
         for turn in _turns(config, rng):
@@ -138,10 +144,10 @@ def _child(
     index: int,
     turn: float,
 ) -> Segment | None:
-    """Draw a segment that starts at the end of another and fits in; None if none is found."""
+    """Draw a segment that starts at the end of another and fits in; None if no try fits."""
     parent = segments[index]
     for _ in range(6):
-        # Half of them keep the width, as most corridors of real buildings do.
+        # Half of the segments keep their parent's width, as most corridors of real buildings do.
         width = parent.width if rng.random() < 0.5 else rng.uniform(*config.width)
         length = rng.uniform(*config.length)
         child = Segment(parent.end, parent.yaw + turn, length, width, index, parent.depth + length)
@@ -156,7 +162,7 @@ def _fits(config: NetworkConfig, segments: list[Segment], child: Segment) -> boo
     if not all(edge <= value <= config.size - edge for value in child.end):
         return False
     parent = segments[child.parent]
-    # Up to this distance from its start it overlaps its parent and siblings.
+    # Up to this distance from its start, a segment overlaps its parent and siblings.
     skip = 0.5 * (parent.width + child.width) + config.gap
     if child.length < skip + 1.0:
         return False

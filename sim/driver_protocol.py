@@ -1,5 +1,5 @@
 # ruff: noqa: D102  The attributes are described where they are implemented, in the planner.
-"""What the closed loop asks of whatever drives the car, and what it reads of each decision.
+"""Protocols of the driver: what the closed loop calls, and what it reads of each decision.
 
 `planner.navigator.Navigator` and `planner.navigator.Decision` satisfy these protocols. The
 simulator does not import the planner, so that it can judge the planner's drives independently.
@@ -23,7 +23,7 @@ class Driver(Protocol):
 
     @property
     def known(self) -> OccupancyGrid:
-        """Map of all that has been seen so far."""
+        """Map of all that has been observed so far."""
         ...
 
     @property
@@ -35,7 +35,7 @@ class Driver(Protocol):
         """Decide on the control of the next tick.
 
         Args:
-            state: x, y, yaw, v, (4,).
+            state: x, y, yaw, v of the car, (4,) [m, m, rad, m/s].
             scan: LIDAR scan taken at that state.
         """
         ...
@@ -87,7 +87,7 @@ class Path(Protocol):
 
 
 class RiskMap(Protocol):
-    """The known cells around the car, and those that a plan may rely upon, in one frame."""
+    """The observed map around the car, and the cells that a plan may enter, in one frame."""
 
     @property
     def frame(self) -> GridFrame: ...

@@ -21,7 +21,7 @@ from sim.task import Task
 from sim.world import World
 
 STANDSTILL = 0.02
-"""A car slower than this counts as standing, where stops are counted [m/s]."""
+"""Speed below which the car counts as standing when its stops are counted [m/s]."""
 
 
 class Outcome(StrEnum):
@@ -35,14 +35,14 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class EpisodeConfig:
-    """When a drive ends.
+    """Settings of the closed loop: its tick, and when a drive ends.
 
     Attributes:
         dt: length of a tick [s].
         goal_radius: distance to the goal within which it is reached [m].
-        timeout: time limit, in units of the task's path length / v_max.
-        stuck_distance: a car that moves less than this [m] in `stuck_time` is stuck.
-        stuck_time: see `stuck_distance` [s].
+        timeout: time limit, as a multiple of the time for the task's way at top speed.
+        stuck_distance: distance driven in `stuck_time` below which the car is stuck [m].
+        stuck_time: period over which `stuck_distance` is measured [s].
     """
 
     dt: float = TICK
@@ -57,26 +57,28 @@ class Episode:
     """A drive that has ended.
 
     Attributes:
-        outcome: how it ended.
+        outcome: how the drive ended.
         time: duration [s].
         path_length: distance driven [m].
         mean_speed: path_length / time [m/s].
-        max_speed: top speed in either gear [m/s].
-        min_clearance: least distance between the body and something solid [m].
+        max_speed: highest speed in either gear [m/s].
+        min_clearance: least distance between the body and a solid cell [m].
         stops: number of times that the car came to rest after it had set off, in either gear.
-        impact_speed: speed at a collision [m/s], else None.
-        faults: number of ticks in which a fault of each kind was survived.
+        impact_speed: speed at the start of the tick with the collision [m/s]; None without one.
+        faults: number of ticks in which a fault was handled, by the kind of fault.
         paths: number of paths followed, by the method that planned them.
         trace: arrays of what happened in T ticks:
-            `states` (T+1, 4), the speed negative in reverse; `controls` (T, 2); `limits` (T,)
-            index into `limit_names`; `plans` (T, N, 2) float16, the controls of each plan, and
-            `gears` (T,) int8, the gear it is driven in, 1 or -1; `emergency`, `unsolved` (T,)
-            bool; `relied_count` (T,), `relied_cells` (Σ, 2) int16 row and column in the world's
-            frame and `relied_trust` (Σ,) uint8 in 1/255: the unseen cells that each plan swept,
-            and their confidence · p_free; `kept` (T,) int8: 1 if nothing solid was among these
-            cells, 0 if something was, -1 if there were none; `times` (T, stages) [ms] by
-            `time_names`; `first_seen` (rows, columns) int16: tick, from 1, in which a cell of the
-            world was first seen; `moment_*`: one tick in full, the one that relied on most cells.
+            `states` (T+1, 4), the speed negative in reverse; `controls` (T, 2); `limits` (T,), what
+            kept the car from going faster, as indices into `limit_names`; `plans` (T, N, 2)
+            float16, the controls of each plan, and `gears` (T,) int8, its gear, 1 or -1;
+            `emergency` (T,) bool, whether no plan was safe; `unsolved` (T,) bool, whether no
+            solution of the MPC was; `relied_cells` (Σ, 2) int16, row and column in the world's
+            frame of the unobserved cells that each plan swept, `relied_trust` (Σ,) uint8, their
+            confidence · p_free in 1/255, and `relied_count` (T,), their number in each tick;
+            `kept` (T,) int8, 1 if none of these cells was solid, 0 if one was, -1 if there were
+            none; `times` (T, stages) [ms], with the stages in `time_names`; `first_seen` (rows,
+            columns) int16, tick, from 1, in which a cell of the world was first observed, or 0;
+            `moment_*`, one tick in full, mostly the one that relied on most cells.
     """
 
     outcome: Outcome
@@ -103,11 +105,11 @@ def run_episode(
     """Drive until the goal, a collision, the time limit, or until the car no longer moves.
 
     Args:
-        task: world, start and goal.
-        driver: decides on each control.
-        car: moves.
-        lidar: takes the scans.
-        config: when the drive ends.
+        task: world, start and goal of the drive.
+        driver: driver, which decides on each control.
+        car: simulated car.
+        lidar: simulated LIDAR.
+        config: settings of the closed loop.
         rng: source of the LIDAR's noise.
     """
     world, dt = task.world, config.dt
@@ -150,14 +152,14 @@ def run_episode(
 
 
 def _is_stuck(states: list[NDArray[np.float64]], config: EpisodeConfig) -> bool:
-    """Return whether the car has hardly moved in the last `config.stuck_time`."""
+    """Return whether the car has hardly moved in the last `config.stuck_time` seconds."""
     ticks = round(config.stuck_time / config.dt)
     recent = np.array(states[-ticks - 1 :])
     return len(recent) > ticks and _length(recent) < config.stuck_distance
 
 
 def _length(states: NDArray[np.float64]) -> float:
-    """Return the length of the polyline through some states (n, 4) [m]."""
+    """Return the length [m] of the polyline through the positions of some states (n, 4)."""
     return float(np.hypot(*np.diff(states[:, :2], axis=0).T).sum())
 
 

@@ -20,20 +20,21 @@ from sim.world import World
 CORRIDOR = NetworkConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
 NARROW = NetworkConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, reach=45.0)
 TRAP = NetworkConfig(60.0, (2.4, 4.5), (8.0, 16.0), 16, oblique=0.15, gap=1.0, reach=50.0)
+"""Settings of the networks of the families `corridor`, `narrow` and `trap`."""
 
 PASSAGE = 1.5
-"""Width that an obstacle of a trap leaves open beside it [m]."""
+"""Width that an obstacle in a building of `trap` leaves open beside it [m]."""
 
 
 def generate(family: str, seed: int) -> World:
     """Generate a building of a family.
 
-    - `corridor`: the network of Katyal et al. 2018, 3.5–10 m wide.
+    - `corridor`: a network of corridors 3.5–10 m wide, the widths of Katyal et al. 2018.
     - `narrow`: corridors of 1.5–3 m, door frames across them, small rooms behind doors.
     - `office`: rooms off corridors, doors, furniture.
     - `trap`: an obstacle just behind a blind corner; dead ends that look like a corridor going on.
     - `floor_plan`: rooms wall to wall, corridors and halls, as in real buildings.
-    - `paper`: paths of 3.5–10 m around blocks, with loops: the data set of Katyal et al. 2018.
+    - `paper`: paths of 3.5–10 m around blocks, with loops, as in the data of Katyal et al. 2018.
     - `maze`: corridors of 2.5 m on 25 m × 25 m, as in Elhafsi et al. 2020.
     - `obstacle_field`: an open field full of obstacles, as in BARN (Perille et al. 2020).
 
@@ -52,13 +53,13 @@ def generate(family: str, seed: int) -> World:
     }
     if family not in draw:
         raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")
-    # The family is part of the seed, so that equal seeds do not give equal skeletons.
+    # The family is part of the seed, so that equal seeds do not give equal networks.
     rng = np.random.default_rng([FAMILIES.index(family), seed])
     return draw[family](rng).world(f"{family}-{seed}")
 
 
 def empty_straight(length: float = 60.0, width: float = 4.0) -> World:
-    """Return one straight corridor of a length and width [m], closed at both ends."""
+    """Return a building of one straight corridor of a length and width [m], closed at both ends."""
     canvas = Canvas(length + 1.0, width + 1.0)
     canvas.room((0.5, 0.5), (0.5 + length, 0.5 + width))
     return canvas.world(f"straight-{length:g}x{width:g}")
@@ -134,7 +135,10 @@ def _is_solid(
     along: NDArray[np.float64],
     aside: NDArray[np.float64],
 ) -> bool:
-    """Return whether nothing is carved at some points beside a segment, all inside the square."""
+    """Return whether all points beside a segment lie in the square, in solid ground.
+
+    The points are all pairs of a distance `along` and a distance `aside` the segment [m].
+    """
     points = [segment.at(s, a) for s in along for a in aside]
     low, high = np.min(points), np.max(points)
     return low > 0.5 and high < config.size - 0.5 and not any(canvas.is_free(*p) for p in points)
@@ -161,7 +165,7 @@ def _behind_corner(
     if room < 0.4:
         return
     size = (rng.uniform(0.4, 1.2), rng.uniform(0.4, min(room, 1.8)))
-    # Just past the mouth, at the inner wall: what the corner hides longest.
+    # Just past the mouth, at the inner wall, where the corner hides it longest.
     at = 0.5 * parent.width + rng.uniform(0.3, 1.5) + 0.5 * size[0]
     inner = 0.5 * segment.width - 0.5 * size[1]
     aside = turn * inner * rng.choice((1.0, 1.0, 0.0 if room > 2 * PASSAGE else 1.0, -1.0))

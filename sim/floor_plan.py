@@ -1,7 +1,7 @@
 """Floor plans like those of real buildings: rooms wall to wall, off corridors and off each other.
 
-They are drawn to resemble architects' plans and maps made by robots, from none of which they take
-a number: thin or thick walls, rows of equal rooms and large halls, courtyards, doors ajar,
+They resemble architects' plans and maps made by robots, but no number is measured in any of these.
+They have thin or thick walls, rows of equal rooms and large halls, courtyards, doors ajar,
 furniture along walls, rooms that nobody mapped, ragged and curved walls.
 """
 
@@ -23,7 +23,7 @@ from sim.office import Room, furnish
 LARGEST = (62.0, 44.0)
 """Largest extent of a building along x and along y [m]."""
 SHARED = 1.3
-"""Least length of a wall that a door fits into [m]."""
+"""Minimum length of a wall between two spaces into which a door fits [m]."""
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,19 @@ class Space:
 
 @dataclass(frozen=True)
 class Style:
-    """What the rooms of one building have in common.
+    """Properties that the rooms of one building share.
 
     Attributes:
         wall: thickness of walls [m].
         corridor: width of corridors [m].
-        deepest: depth of a row of rooms above which it is divided [m].
-        room: width of the rooms of a row [m].
+        deepest: largest depth of a row of rooms [m]; deeper rectangles are divided.
+        room: mean width of the rooms in a row [m].
         halls: probability that a row of rooms is one hall.
-        unmapped: share of the rooms that are missing, as behind closed doors.
+        unmapped: share of the rooms that are left out, as if behind closed doors.
         furnished: probability that a room has furniture.
         ajar: probability that a door stands ajar.
-        cabinets: number of cabinets along the walls of corridors [1/m].
-        ragged: share of the cells along walls that are solid.
+        cabinets: number of cabinets per metre of corridor [1/m].
+        ragged: share of the free cells along walls that are made solid.
     """
 
     wall: float
@@ -131,7 +131,7 @@ def _divided(space: Space, style: Style, rng: np.random.Generator) -> Iterator[S
     width, height = space.size
     along = 0 if width > height else 1
     if space.size[along] > 22.0 and rng.random() < 0.35:
-        # Wings: what is on one side of a wall or a corridor is laid out without the other.
+        # Two wings, on both sides of a wall or a corridor, are laid out independently.
         yield from _halves(space, along, style, rng)
         return
     deep = space.size[1 - along]
@@ -144,7 +144,7 @@ def _divided(space: Space, style: Style, rng: np.random.Generator) -> Iterator[S
 
 
 def _halves(space: Space, axis: int, style: Style, rng: np.random.Generator) -> Iterator[Space]:
-    """Divide what lies on both sides of a corridor or a wall across an axis."""
+    """Divide a rectangle by a corridor or a wall across an axis, and then both of its halves."""
     gap = style.corridor * rng.uniform(0.8, 1.25) if rng.random() < 0.85 else 0.0
     low, high = space.low[axis], space.high[axis]
     at = low + rng.uniform(0.35, 0.65) * (high - low - gap)
@@ -174,7 +174,7 @@ def _between(space: Space, axis: int, start: float, end: float, corridor: bool =
 
 
 def _with_courtyard(spaces: list[Space], whole: Space, rng: np.random.Generator) -> list[Space]:
-    """Leave out the rooms inside a rectangle, which may lie at the edge, as in an L or a U."""
+    """Return the spaces without the rooms in a rectangle: a courtyard, or the gap of an L or U."""
     centre = [rng.uniform(whole.low[axis], whole.high[axis]) for axis in (0, 1)]
     half = [rng.uniform(0.15, 0.35) * whole.size[axis] for axis in (0, 1)]
 
@@ -216,7 +216,7 @@ def _wall(one: Space, other: Space) -> tuple[int, float, float, float] | None:
     """Return the wall that two spaces share, if a door fits into it.
 
     Returns:
-        Axis across the wall, its coordinate there, and its ends on the other axis [m].
+        Axis across the wall, the wall's coordinate on it, and its ends on the other axis [m].
     """
     for axis in (0, 1):
         low = max(one.low[1 - axis], other.low[1 - axis])
@@ -246,7 +246,7 @@ def _door(
 
 
 def _largest_piece(count: int, pairs: list[tuple[int, int]]) -> set[int]:
-    """Return the numbers of the spaces in the largest joined group."""
+    """Return the numbers of the spaces in the largest group that doors join."""
     groups = [{number} for number in range(count)]
     for one, other in pairs:
         if groups[one] is not groups[other]:
@@ -299,7 +299,7 @@ def _furnish(
 
 
 def _leaf(canvas: Canvas, door: Door, rng: np.random.Generator) -> None:
-    """Let a door stand ajar: its leaf turns about an end of the opening."""
+    """Put the leaf of a door that stands ajar, turned about an end of the opening."""
     (x, y), (wide, high) = door
     length, along = (high, math.pi / 2) if high > wide else (wide, 0.0)
     end = rng.choice([-1.0, 1.0])

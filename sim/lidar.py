@@ -1,4 +1,4 @@
-"""A planar LIDAR, exact against the grid."""
+"""The simulated planar LIDAR, whose ranges are exact on the grid of the true map."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from sim.world import World
 
 @dataclass(frozen=True)
 class LidarConfig:
-    """A LIDAR and how it is mounted; the defaults are the paper's (Hokuyo-like).
+    """Settings of a LIDAR (by default Hokuyo-like, as in Katyal et al. 2018) and of its mount.
 
     Attributes:
         fov: field of view, centred on the sensor's heading [rad].
-        beams: rays a scan.
-        range_max: longest range that returns [m].
+        beams: number of beams of a scan.
+        range_max: longest range that is measured [m].
         mount: x, y, yaw of the sensor in the robot's frame [m, m, rad].
-        range_noise: standard deviation of a return's range [m].
-        dropout: share of beams that come back as NaN, in [0, 1].
+        range_noise: standard deviation of the noise of a range [m].
+        dropout: probability that a beam drops out, with a range of NaN, in [0, 1].
     """
 
     fov: float = math.radians(270.0)
@@ -62,7 +62,7 @@ class Lidar:
     """Takes scans of a world.
 
     Args:
-        config: the sensor.
+        config: settings of the LIDAR; None: the defaults.
     """
 
     def __init__(self, config: LidarConfig | None = None) -> None:
@@ -79,16 +79,16 @@ class Lidar:
     ) -> Scan:
         """Take a scan from a robot pose (x, y, yaw).
 
-        A return has the range at which the beam enters an OCCUPIED cell or a disc. +inf: nothing
-        within range. NaN: the beam ran into UNKNOWN or out of the map, dropped out, or began in a
-        wall.
+        The range of a beam is the distance at which it enters an OCCUPIED cell or a disc. +inf:
+        nothing is within range. NaN: the beam entered an UNKNOWN cell or left the map, dropped out,
+        or began in a wall.
 
         Args:
-            world: what is looked at.
-            pose: x, y, yaw of the robot [m, m, rad]; further entries are not read.
-            rng: source of noise and dropout.
-            discs: x, y, radius of round things that stand in free space, (n, 3) [m]. A beam that
-                would be NaN without them stays NaN.
+            world: building in which the robot is.
+            pose: x, y, yaw of the robot [m, m, rad]; further entries are ignored.
+            rng: source of noise and dropouts.
+            discs: x, y, radius of round objects in free space, such as people, (n, 3) [m]. A beam
+                that is NaN without them stays NaN.
 
         Raises:
             ValueError: if the sensor is noisy and `rng` is missing, or the pose is not finite.
@@ -120,34 +120,35 @@ class Lidar:
         sensor: tuple[float, float, float],
         discs: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return the ranges [m] with discs standing before what the beams would meet."""
+        """Return the ranges [m] of beams that discs may block."""
         x, y, bearing = sensor
         cos, sin = math.cos(bearing), math.sin(bearing)
         to_x, to_y = discs[:, 0] - x, discs[:, 1] - y
-        # In the sensor's frame, (discs, beams): along each beam, and the square across it.
+        # (discs, beams): distance of a disc's centre along a beam, and square of half the chord
+        # that the disc cuts out of it.
         ahead = np.column_stack([cos * to_x + sin * to_y, cos * to_y - sin * to_x]) @ self._beams.T
         half = discs[:, 2, None] ** 2 - (to_x**2 + to_y**2)[:, None] + ahead**2
         met = (half > 0) & (ahead > 0)
         entry = np.where(met, ahead - np.sqrt(np.where(met, half, 0.0)), np.inf).min(axis=0)
         entry = np.maximum(entry, 0.0)
-        # NaN stays: it is not known how far such a beam came.
+        # NaN stays NaN, since it is not known how far such a beam came.
         return np.where(entry < self.config.range_max, np.minimum(ranges, entry), ranges)
 
     def _disturbed(
         self, ranges: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64]:
         """Return the ranges with noise, and NaN where a beam dropped out."""
-        # Both are drawn for every beam, so that what one beam meets does not shift the others.
+        # Both are drawn for every beam, so that no beam's draw depends on what another beam meets.
         noise = rng.normal(0.0, self.config.range_noise, ranges.shape)
         dropped = rng.random(ranges.shape) < self.config.dropout
-        # A return stays a return: noise never turns it into "nothing within range".
+        # Noise never turns a range into "nothing within range".
         longest = np.nextafter(self.config.range_max, 0.0)
         noisy = np.where(np.isfinite(ranges), np.clip(ranges + noise, 0.0, longest), ranges)
         return np.where(dropped, np.nan, noisy)
 
 
 LANES = 4
-"""Beams that are followed at a time: while one waits for memory, the others go on."""
+"""Number of beams that are followed at a time: while one waits for memory, the others go on."""
 
 
 @njit(cache=True, nogil=True)
@@ -160,16 +161,16 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
 
     Args:
         skips: `empty_squares` of the map, (4, rows + 2, columns + 2) uint8, contiguous.
-        cells: (rows, columns) int8.
-        x: position along the columns [cells].
-        y: position along the rows [cells].
-        bearing: the sensor's yaw [rad].
-        beams: (n, 2) unit vectors in the sensor's frame.
-        longest: the sensor's range [cells].
+        cells: cells of the map, (rows, columns) int8.
+        x: position of the sensor along the columns [cells].
+        y: position of the sensor along the rows [cells].
+        bearing: yaw of the sensor [rad].
+        beams: unit vectors of the beams in the sensor's frame, (n, 2).
+        longest: longest range of the sensor [cells].
 
     Returns:
-        (n,) [cells]; +inf: nothing within `longest`; NaN: UNKNOWN, or outside, came first, or the
-        beam begins in a solid cell.
+        Ranges of the beams, (n,) [cells]; +inf: nothing is within `longest`; NaN: the beam entered
+        an UNKNOWN cell or left the map, or it begins in a solid cell.
     """
     rows, cols = cells.shape
     count = beams.shape[0]
@@ -184,9 +185,10 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
     start = int(y) * wide + int(x)
     if squares[start] == 0:
         return out
-    # Of each lane's beam: its number, direction, the inverse and the signs of that, the edges that
-    # it comes to from the start, its quadrant's plane, the cell it is in, and the square ahead,
-    # whose side is 0 where the beam has ended and the lane is free.
+    # For the beam of each lane: its number, its direction, the inverse and the signs of the
+    # direction, the coordinates from which the edges that it crosses are measured, the plane of its
+    # quadrant, the cell that it is in, and the side of the empty square ahead. The side is 0 where
+    # the beam has ended and the lane is free.
     beam = np.empty(LANES, dtype=np.int64)
     dx, dy, inv_x, inv_y = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
     step_x, step_y = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
@@ -202,7 +204,7 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
                     continue
                 dx[i] = cos * beams[begun, 0] - sin * beams[begun, 1]
                 dy[i] = sin * beams[begun, 0] + cos * beams[begun, 1]
-                # So close to an axis it is rounding; the ray strays by less than 1e-9.
+                # A component this small is a rounding error; the ray strays by less than 1e-9.
                 if abs(dx[i]) < 1e-13:
                     dx[i] = 0.0
                 if abs(dy[i]) < 1e-13:
@@ -218,8 +220,8 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
                 ahead[i] = squares[plane[i] + start]
                 beam[i] = begun
                 begun += 1
-            # Without branches, which could not be foreseen: both ways out of the square, and then
-            # the one that comes first.
+            # Without branches, which the processor could not predict: compute both ways out of the
+            # square, and then take the one that comes first.
             past_col, past_row = col[i] + step_x[i] * ahead[i], row[i] + step_y[i] * ahead[i]
             to_x, to_y = (past_col - edge_x[i]) * inv_x[i], (past_row - edge_y[i]) * inv_y[i]
             through_x = to_x <= to_y
@@ -231,7 +233,7 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
             across_row = min(max(across_row, min(row[i], last_row)), max(row[i], last_row))
             col[i] = past_col if through_x else across_col
             row[i] = across_row if through_x else past_row
-            # Unsigned: a signed index would be tested for counting from the end.
+            # Unsigned, since numba tests whether a signed index is negative.
             ahead[i] = squares[np.uint64(plane[i] + row[i] * wide + col[i])]
             if travelled >= longest:
                 out[beam[i]] = np.inf

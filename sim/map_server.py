@@ -1,4 +1,4 @@
-"""Maps on disk, in the format of ROS map_server: a YAML file that names an image.
+"""Maps as files, in the format of ROS map_server: a YAML file that names an image.
 
 The meaning of pixels is that of nav2_map_server (`map_io.cpp`), which agrees with ROS 1's.
 """
@@ -25,14 +25,15 @@ from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 MODES = ("trinary", "scale", "raw")
+"""Modes of map_server, which say what a pixel's value means."""
 MAX_CELLS = 64_000_000
-"""Larger images are refused: at 0.05 m this is a square of 400 m."""
+"""Largest number of pixels of an image: at 0.05 m this is a square of 400 m."""
 MAX_YAML = 20_000
-"""Larger YAML files are refused [bytes]."""
+"""Largest size of a YAML file [bytes]."""
 MAX_METRES = 1e6
-"""Origins farther away and coarser resolutions are refused [m]."""
+"""Largest coordinate of an origin, and coarsest resolution [m]."""
 FORMATS = ("PNG", "PPM", "BMP", "JPEG", "TIFF", "GIF")
-"""Formats of images. For some others, such as EPS, Pillow starts other programs."""
+"""Image formats that are read. For some others, such as EPS, Pillow starts other programs."""
 
 
 class MapError(LineError):
@@ -47,9 +48,9 @@ class MapFile:
         image: path of the image.
         resolution: side of a cell [m].
         origin: x, y of the image's lower-left corner [m].
-        negate: whether white means occupied (not in raw mode).
-        occupied_thresh: above this share of black a pixel is occupied, in [0, 1].
-        free_thresh: below this share of black it is free, in [0, 1].
+        negate: whether white means occupied; ignored in raw mode.
+        occupied_thresh: share of black above which a pixel is occupied, in [0, 1].
+        free_thresh: share of black below which a pixel is free, in [0, 1].
         mode: one of `MODES`.
     """
 
@@ -65,11 +66,12 @@ class MapFile:
 def load_world(path: str | Path) -> World:
     """Read a map_server map; the world is named after the YAML file.
 
-    A world has three kinds of cells. Scale mode's in-between values become UNKNOWN; raw mode's
-    occupancies are cut by the file's own thresholds, as nav2's map saver does.
+    Each cell becomes FREE, OCCUPIED or UNKNOWN. In scale mode, values between the thresholds become
+    UNKNOWN; in raw mode, occupancies are compared with the file's thresholds, as nav2's map saver
+    does.
 
     Args:
-        path: the YAML file; the image's path is relative to it.
+        path: path of the YAML file; the path of the image is relative to it.
 
     Raises:
         MapError: if the map cannot be read.
@@ -126,7 +128,7 @@ def read_yaml(path: Path) -> MapFile:
     try:
         said = plain_yaml.read_yaml(path, MAX_YAML)
     except (OSError, ValueError) as error:
-        # A ValueError is of a path that no file can have.
+        # Both broken YAML and a path that no file can have raise ValueError.
         raise MapError(f"{path}: cannot be read: {one_line(error)}") from error
     if not isinstance(said, dict):
         raise MapError(f"{path}: not a map_server file, it holds no keys")
@@ -169,24 +171,26 @@ def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
 
 
 def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.int8]:
-    """Return an image as nav_msgs/OccupancyGrid: 0–100, −1 unknown; row 0 has the lowest y.
+    """Return the occupancies of an image as in nav_msgs/OccupancyGrid: 0–100, or −1 for unknown.
+
+    Row 0 of the result has the lowest y.
 
     Args:
-        pixels: (height, width, channels) uint8 or uint16, top row first; one or three channels of
-            colour, then alpha if there is a second or fourth.
+        pixels: pixels of the image, top row first, (height, width, channels) uint8 or uint16. One
+            or three channels are colours; a second or fourth one is alpha.
         meta: mode, thresholds and negation.
     """
     height, width, _ = pixels.shape
     data = np.empty((height, width), dtype=np.int8)
     full = np.iinfo(pixels.dtype).max
-    # In strips, since the arithmetic takes many times the memory of the image.
+    # Strip by strip, since the arithmetic takes many times the memory of the image.
     for top in range(0, height, 256):
         data[top : top + 256] = _strip(pixels[top : top + 256] / full, meta)
     return np.ascontiguousarray(data[::-1])
 
 
 def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
-    """Return `occupancy` of some rows of pixels in [0, 1], with the top row first."""
+    """Return the occupancies of some rows of pixels in [0, 1], top row first."""
     alpha = pixels.shape[2] in (2, 4)
     colours = pixels[:, :, :-1] if alpha else pixels
     if alpha and meta.mode == "trinary":
@@ -201,7 +205,7 @@ def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
     between = np.full(black.shape, float(UNKNOWN))
     if meta.mode == "scale":
         ratio = (black - meta.free_thresh) / (meta.occupied_thresh - meta.free_thresh)
-        # 0 and 100 are left to what passed a threshold, as in ROS 1.
+        # 0 and 100 are reserved for pixels beyond a threshold, as in ROS 1.
         between = np.clip(np.rint(100 * ratio), 1, 99)
     data = np.where(black < meta.free_thresh, FREE, between)
     data = np.where(black > meta.occupied_thresh, OCCUPIED, data)
@@ -211,12 +215,12 @@ def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
 
 
 def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
-    """Read the pixels (height, width, channels), uint8 or uint16."""
+    """Read the pixels of an image, (height, width, channels) uint8 or uint16."""
     try:
         if not path.is_file():
             raise MapError(f"{path}: the image that the map names is not there")
         with warnings.catch_warnings():
-            # Sizes are checked here, by a rule about as strict.
+            # The size is checked below, about as strictly as by Pillow.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path, formats=FORMATS) as image:
                 width, height = image.size
@@ -231,7 +235,7 @@ def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
 
 
 def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
-    """Return the pixels of an open image with one channel of grey or three of colour, and alpha."""
+    """Return an open image's pixels: one channel of grey or three of colour, and alpha if any."""
     if image.mode.startswith("I"):
         return np.asarray(image).astype(np.uint16)[:, :, None]
     if image.mode == "F":
@@ -244,7 +248,7 @@ def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
 
 
 def _number(path: Path, key: str, value: object) -> float:
-    """Return a finite number; like map_server, also one that YAML 1.1 reads as text (5e-2)."""
+    """Return a value as a finite number; like map_server, accept text, as YAML 1.1 reads 5e-2."""
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError

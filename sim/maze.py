@@ -7,24 +7,25 @@ import numpy as np
 from sim.canvas import Canvas
 
 CELLS = 9
-"""Cells along each side."""
+"""Number of cells along each side of the maze."""
 CORRIDOR = 2.5
 """Width of a corridor [m]."""
 WALL = 0.25
 """Thickness of a wall between corridors [m]."""
 PITCH = CORRIDOR + WALL
+"""Distance between the middles of neighbouring cells [m]."""
 EDGE = 0.3
-"""Solid ground around the maze [m]."""
+"""Width of the solid ground around the maze [m]."""
 SIZE = CELLS * PITCH - WALL + 2 * EDGE
 """Side of the canvas [m]."""
 LOOPS = 0.08
-"""Share of the walls left by the tree that are taken down, so that there are ways round."""
+"""Share of the walls left by the spanning tree that are removed, so that there are loops."""
 
 Node = tuple[int, int]
 
 
 def draw_maze(rng: np.random.Generator) -> Canvas:
-    """Draw a maze: a random spanning tree of the cells, and some loops."""
+    """Draw a maze: a random spanning tree of the cells, with some loops."""
     canvas = Canvas(SIZE, SIZE)
     joined = _tree(rng)
     for pair in _neighbours():

@@ -12,20 +12,22 @@ from scipy.ndimage import convolve, label
 from sim.canvas import Canvas
 
 ROWS, COLUMNS = 30, 60
-"""Cells across and along the field."""
+"""Number of cells across the field, and along it."""
 PITCH = 0.45
 """Side of a cell [m]."""
 FILLED = (0.15, 0.2, 0.25, 0.3)
-"""Shares of the cells that are filled at first; one is drawn, as in BARN."""
+"""Possible shares of cells that are filled at first; one is drawn, as in BARN."""
 STEPS = (2, 3, 4)
-"""Numbers of steps of the automaton; one is drawn, as in BARN."""
+"""Possible numbers of steps of the automaton; one is drawn, as in BARN."""
 FILL, CLEAR = 5, 1
-"""A cell with at least as many filled neighbours of 8 is filled, with at most as many cleared."""
+"""Numbers of filled neighbours, of 8: a cell with at least the first number is filled, and one with
+at most the second is cleared."""
 EDGE = 0.5
-"""Solid ground around the field [m]."""
+"""Width of the solid ground around the field [m]."""
 END = 2.5
 """Length of the free ground at both ends, for start and goal [m]."""
 EIGHT = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
+"""Kernel that counts the eight neighbours of a cell."""
 
 
 def draw_obstacle_field(rng: np.random.Generator) -> Canvas:
@@ -46,7 +48,7 @@ def draw_obstacle_field(rng: np.random.Generator) -> Canvas:
 
 
 def _reachable(filled: np.typing.NDArray[np.bool_]) -> np.typing.NDArray[np.bool_]:
-    """Return the field with all cells filled that no way from its ends leads to."""
+    """Return the filled cells, and with them all that cannot be reached from the field's ends."""
     free = np.pad(~filled, ((0, 0), (1, 1)), constant_values=True)
     pieces, _ = label(free)
     kept = (pieces == pieces[0, 0]) | (pieces == pieces[0, -1])

@@ -11,10 +11,11 @@ import numpy as np
 from sim.canvas import Canvas, Point
 
 WALL = 0.22
-"""Thickness of a wall between rooms, half of it towards a corridor: two cells and more [m]."""
+"""Thickness of a wall between rooms [m]. Towards a corridor it is half of that: over two cells."""
 DOOR = (0.85, 1.1)
 """Narrowest and widest door [m]."""
 CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
+"""Signs of x and y at the corners of a box."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Room:
 
     @property
     def middle(self) -> Point:
-        """Its middle [m]."""
+        """Middle of the room [m]."""
         return 0.5 * (self.low[0] + self.high[0]), 0.5 * (self.low[1] + self.high[1])
 
 
@@ -35,9 +36,9 @@ def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
     """Carve corridors, rooms and their doors into a canvas, and furnish the rooms.
 
     Args:
-        canvas: at least as large as the building and a metre around it.
+        canvas: canvas of solid ground, at least 1 m larger than the building along x and y.
         size: extent of the building along x and along y [m].
-        rng: decides everything.
+        rng: source of all that is drawn.
     """
     edge = 0.5
     rows = _corridors(edge, edge + size[1], rng, between=(9.0, 13.0), ends=(4.0, 6.0))
@@ -72,7 +73,11 @@ def _corridors(
     between: tuple[float, float],
     ends: tuple[float, float],
 ) -> list[tuple[float, float]]:
-    """Draw parallel corridors across a span, and return where each begins and ends [m]."""
+    """Draw parallel corridors across a span, and return where each begins and ends [m].
+
+    `between` and `ends` are the smallest and largest distance between two corridors, and from the
+    span's ends [m].
+    """
     found: list[tuple[float, float]] = []
     at = low + rng.uniform(*ends)
     while True:
@@ -108,7 +113,7 @@ def _room_row(
 
 
 def furnish(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
-    """Furnish a room, and keep its door clear; leave some rooms empty."""
+    """Put furniture into a room, and keep its door clear; some rooms stay empty."""
     kind = rng.random()
     if kind < 0.15:
         return
@@ -160,7 +165,7 @@ def _meeting_table(canvas: Canvas, room: Room, rng: np.random.Generator) -> None
 
 
 def _at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, Point]:
-    """Draw the centre and the extent of a box of (long, deep) with its long side at a wall."""
+    """Draw the centre and the extent of a box (length, depth) with its long side at a wall."""
     axis, end = int(rng.integers(2)), int(rng.integers(2))
     extent = (size[1], size[0]) if axis == 0 else size
     wall = (room.low, room.high)[end][axis]

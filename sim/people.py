@@ -1,4 +1,4 @@
-"""People who walk about: a LIDAR sees them, but the true map does not hold them."""
+"""People who walk about: the LIDAR sees them, but they are not in the true map."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from sim.world import World
 RADIUS = 0.25
 """Radius of a person [m]."""
 SPEEDS = (0.4, 1.4)
-"""Slowest and fastest walk [m/s]."""
+"""Lowest and highest walking speed [m/s]."""
 APART = 1.2
-"""People keep this distance from the robot's centre [m]; the robot may come nearer to them."""
+"""Distance that people keep from the robot's centre [m]; the robot may come nearer to them."""
 
 
 class People:
-    """Discs that walk straight until something is in their way, and then some other way.
+    """Discs that walk straight until something is in their way, and then in another direction.
 
     Args:
         world: the building.
         density: number of people per square metre of free space [1/m²].
-        robot: x, y of the robot, (2,) [m].
-        rng: source of their places and walks.
+        robot: x, y of the robot at the start, (2,) [m].
+        rng: source of the people's places and walks.
     """
 
     def __init__(
@@ -38,20 +38,20 @@ class People:
         area = np.count_nonzero(world.grid.free) * frame.resolution**2
         count = rng.poisson(density * area) if len(roomy) else 0
         self.places = roomy[rng.integers(max(len(roomy), 1), size=count)]
-        """(n, 2) [m]."""
+        """x, y of each person, (n, 2) [m]."""
         self._headings = rng.uniform(-math.pi, math.pi, count)
         self._speeds = rng.uniform(*SPEEDS, count)
 
     @property
     def discs(self) -> NDArray[np.float64]:
-        """x, y, radius of each, (n, 3) [m]: what a LIDAR meets."""
+        """x, y, radius of each person, (n, 3) [m], for `Lidar.scan`."""
         return np.column_stack([self.places, np.full(len(self.places), RADIUS)])
 
     def walk(self, interval: float, robot: NDArray[np.float64]) -> None:
-        """Let everybody walk on.
+        """Let all people walk on.
 
         Args:
-            interval: duration [s].
+            interval: duration of the walk [s].
             robot: x, y of the robot, (2,) [m].
         """
         along = np.column_stack([np.cos(self._headings), np.sin(self._headings)])
@@ -59,7 +59,7 @@ class People:
         near = np.hypot(*(ahead - robot).T)
         free = self._roomy(ahead) & ((near > APART) | (near > np.hypot(*(self.places - robot).T)))
         self.places = np.where(free[:, None], ahead, self.places)
-        # Drawn for all, so that what one meets does not shift the others.
+        # Drawn for all, so that no one's draw depends on what another meets.
         turned = self._rng.uniform(-math.pi, math.pi, len(free))
         self._headings = np.where(free, self._headings, turned)
 

@@ -1,4 +1,4 @@
-"""The recorder: keeps what happens in each tick of a drive, and makes arrays of it."""
+"""The recorder: collect what happens in each tick of a drive, and return it as arrays."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from sim.driver_protocol import Decision
 from sim.world import World
 
 EARLY_TICK, FEW_CELLS = 40, 40
-"""Tick that is kept in full where no tick before it relied on at least so many unseen cells."""
+"""Tick that is kept in full if no tick before it relied on `FEW_CELLS` unobserved cells or more."""
 
 
 class Recorder:
     """Collects the trace of a drive.
 
     Args:
-        world: the building driven in, against which predictions are judged.
+        world: building of the drive, whose true map shows whether predictions were right.
     """
 
     def __init__(self, world: World) -> None:
@@ -35,9 +35,9 @@ class Recorder:
         """Record a tick.
 
         Args:
-            decision: the driver's.
-            known: all that the driver has seen.
-            scan_ms: time that the scan took [ms].
+            decision: decision of the driver.
+            known: map of all that the driver has observed.
+            scan_ms: duration of the scan's simulation [ms].
         """
         tick = len(self._ticks)
         self.faults.update(decision.faults)
@@ -59,13 +59,13 @@ class Recorder:
             }
         )
         self._see(tick, decision.plan.states[0], known)
-        # The tick for a picture: the one that relied on most cells, or else an early one.
+        # The tick for a figure: the one that relied on most cells, or else an early one.
         most = -1 if self._moment is None else self._moment[0]
         if len(cells) > most or (tick == EARLY_TICK and most < FEW_CELLS):
             self._moment = (len(cells), tick, decision)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the trace but for the states; see `sim.episode.Episode.trace`."""
+        """Return the arrays of `sim.episode.Episode.trace`, without the states."""
 
         def column(name: str, kind: type) -> NDArray[Any]:
             return np.array([tick[name] for tick in self._ticks], dtype=kind)
@@ -96,7 +96,10 @@ class Recorder:
         return out
 
     def _relied_upon(self, decision: Decision) -> tuple[NDArray[np.int16], int]:
-        """Return the unseen cells that a plan sweeps, (k, 2), and `kept` of the trace."""
+        """Return row and column of the unobserved cells that a plan sweeps, (k, 2), and `kept`.
+
+        `Episode.trace` describes `kept`.
+        """
         frame, solid = self.world.grid.frame, self.world.solid
         cells = np.floor((decision.relied - np.array(frame.origin)) / frame.resolution)
         cells = cells[:, ::-1].astype(np.int16)
@@ -107,7 +110,7 @@ class Recorder:
         return cells, int(not broken)
 
     def _see(self, tick: int, state: NDArray[np.float64], known: OccupancyGrid) -> None:
-        """Note the tick in cells of the LIDAR's window that are known for the first time."""
+        """Write the tick to cells of the LIDAR's window that are observed for the first time."""
         frame = self.world.grid.frame
         window = known.frame.square(state[0], state[1], known.window)
         here, there = frame.overlap(window)
@@ -117,7 +120,7 @@ class Recorder:
 
 
 def _moment(tick: int, decision: Decision) -> dict[str, NDArray[Any]]:
-    """Return one tick in full, for a picture."""
+    """Return the arrays of one tick in full, for a figure."""
     risk, prediction = decision.risk_map, decision.prediction
     out: dict[str, NDArray[Any]] = {
         "moment_tick": np.array(tick),
@@ -138,5 +141,5 @@ def _moment(tick: int, decision: Decision) -> dict[str, NDArray[Any]]:
 
 
 def _frame_array(frame: GridFrame) -> NDArray[np.float64]:
-    """Return a frame as resolution, x and y of its origin [m]."""
+    """Return a frame as an array of resolution, x and y of its origin, (3,) [m]."""
     return np.array([frame.resolution, *frame.origin])

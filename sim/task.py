@@ -22,21 +22,21 @@ START_CLEARANCE = 0.3
 WAY_CLEARANCE = 0.05
 """Free space around the body along the way [m]."""
 COMFORT = 0.4
-"""Where there is room, the way keeps this far from walls [m]."""
+"""Additional free space around the body along the way, where there is room [m]."""
 SPACING = 2.0
 """Approximate distance between waypoints [m]."""
 SLACK = 1.1
 """Ratio of the way's turning radius to the car's."""
 MARGIN = 10.0
-"""Distance beyond start and goal that a blank grid holds [m]; it grows as needed."""
+"""Margin of a blank grid around start and goal [m]; the grid grows as needed."""
 NO_TRIP = 5.0
-"""A goal nearer to the start than this, in a straight line, is drawn again [m]."""
+"""Straight-line distance from the start below which a goal is drawn again [m]."""
 STARTS = 25
-"""Number of starts tried before a world is given up."""
+"""Number of starts that are tried in a world."""
 SHORTEST_LEG, LONGEST_LEG = 8.0, 40.0
-"""Length of the way from one goal to the next, in a drive with several goals [m]."""
+"""Shortest and longest way from one goal to the next, in a drive with several goals [m]."""
 NEW = 5.0
-"""A goal this far from the way so far counts as a new place [m]."""
+"""Distance of a goal from the way so far above which it counts as a new place [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ class Task:
 
     Attributes:
         world: the building.
-        start: x, y, yaw [m, m, rad].
-        goal: x, y [m].
-        waypoints: points (n, 2) [m] about 2 m apart along a way on the full map; the last is the
-            goal.
-        path_length: length of that way [m].
-        seed: seed that the task was drawn with.
+        start: x, y, yaw at the start [m, m, rad].
+        goal: x, y of the goal [m].
+        waypoints: points about 2 m apart along a way on the true map, the goal the last, (n, 2)
+            [m].
+        path_length: length of this way [m].
+        seed: seed with which the task was drawn.
     """
 
     world: World
@@ -61,7 +61,11 @@ class Task:
     seed: int
 
     def blank(self, window: float) -> OccupancyGrid:
-        """Return an empty grid around start and goal, on the world's lattice, for a window [m]."""
+        """Return an occupancy grid around start and goal in which nothing is observed yet.
+
+        Args:
+            window: side of the square around the car in which a scan changes the grid [m].
+        """
         frame = self.world.grid.frame
         ends = np.array([self.start[:2], self.goal])
         low, high = ends.min(axis=0) - MARGIN, ends.max(axis=0) + MARGIN
@@ -73,7 +77,7 @@ class Task:
 
 
 class NoTaskError(LineError):
-    """A world has no start and goal of the kind that was asked for."""
+    """No start and goal of the requested kind was found in a world."""
 
 
 def sample_task(
@@ -83,22 +87,22 @@ def sample_task(
     min_length: float = 20.0,
     max_length: float = 80.0,
 ) -> Task:
-    """Draw a start and a goal that this car can drive between, forwards all the way.
+    """Draw a start and a goal between which the car can drive, forwards all the way.
 
-    The start has room around it and looks along free space; the goal is drawn from the far part of
-    what can be reached from there, at least `NO_TRIP` from the start in a straight line. The same
-    seed gives the same task.
+    The start has room around it and is directed along free space. The goal is drawn from the far
+    part of the places that can be reached from there, at least `NO_TRIP` from the start in a
+    straight line. The same seed gives the same task.
 
     Args:
-        world: where to drive.
-        seed: decides start and goal.
-        car: body and turning radius.
-        min_length: shortest way [m].
-        max_length: longest way [m].
+        world: building in which to drive.
+        seed: seed of the start and the goal.
+        car: the car's body and turning radius; None: the defaults.
+        min_length: minimum length of the way [m].
+        max_length: maximum length of the way [m].
 
     Raises:
-        NoTaskError: if no start that was tried leads that far.
-        ValueError: if the lengths make no sense.
+        NoTaskError: if no start that was tried has a way of such a length.
+        ValueError: if the lengths contradict each other, or are negative or not finite.
     """
     if not 0 <= min_length <= max_length < math.inf:
         raise ValueError(
@@ -123,8 +127,8 @@ def sample_task(
             chosen = int(rng.choice(np.flatnonzero(goals)))
             away = np.hypot(*(poses[:, :2] - poses[0, :2]).T) >= NO_TRIP
             if not away[chosen]:
-                # Drawing again until one is far enough is drawing among those that are. Only after
-                # a first draw: it leaves all other tasks as they are.
+                # Draw again, among the goals that are far enough. The first draw is kept for the
+                # sake of all other seeds, whose tasks stay the same.
                 goals &= away
                 if not goals.any():
                     continue
@@ -139,19 +143,19 @@ def sample_task(
 
 
 def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
-    """Return the same drive with more goals after its own, until its way is long enough.
+    """Return a task with more goals after its own, until its way is long enough.
 
-    Each goal is drawn from the far part of what can be reached from the one before, and from where
-    the drive has not been yet if there is such, so that a long drive sees much of a building. The
-    same task gives the same drive.
+    Each goal is drawn from the far part of the places that can be reached from the one before, if
+    possible at a place that the way has not passed yet, so that a long drive sees much of a
+    building. The same task gives the same result.
 
     Args:
-        task: its beginning.
-        length: minimum length of its way [m].
-        car: body and turning radius.
+        task: beginning of the drive.
+        length: minimum length of the whole way [m].
+        car: the car's body and turning radius; None: the defaults.
 
     Raises:
-        NoTaskError: if it leads to where the car cannot go on.
+        NoTaskError: if the car cannot go on from one of the goals.
     """
     car = car or CarLimits()
     rng = np.random.default_rng([task.seed, 1])
@@ -179,20 +183,21 @@ def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
 def reachable(
     world: World, pose: tuple[float, float, float], car: CarLimits, longest: float
 ) -> NDArray[np.float64]:
-    """Return poses that a car without a reverse gear gets to, (n, 3) [m, m, rad].
+    """Return the poses that a car without a reverse gear can reach, (n, 3) [m, m, rad].
 
     Args:
-        world: the building.
-        pose: x, y, yaw from which it starts.
-        car: body and turning radius.
-        longest: ways longer than this are not followed [m].
+        world: building in which to drive.
+        pose: x, y, yaw at the start [m, m, rad].
+        car: the car's body and turning radius.
+        longest: maximum length of a way [m].
     """
     return _ways(world, pose, car, _roomy(world, car), longest)[0]
 
 
 def _roomy(world: World, car: CarLimits) -> NDArray[np.bool_]:
-    """Return where a drive may begin and end, (rows, columns)."""
-    # A cell's clearance runs from centre to centre, up to a diagonal more than what is free.
+    """Return the cells in which a drive may begin and end, (rows, columns)."""
+    # Clearances are measured between the centres of cells, up to a diagonal more than the free
+    # space.
     lost = math.sqrt(2.0) * world.grid.frame.resolution
     return np.asarray(world.clearance > car.body.radius + START_CLEARANCE + lost)
 
@@ -204,27 +209,29 @@ def _ways(
     roomy: NDArray[np.bool_],
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:
-    """Find where a car gets to from a pose: poses (n, 3), parents, lengths [m], possible goals.
+    """Find the poses that a car can reach from a start on ways of at most `longest` [m].
 
-    Goals must be `roomy`; ways longer than `longest` [m] are not followed.
+    Returns:
+        Poses (n, 3), indices of their parents (n,), lengths of the ways to them (n,) [m], and
+        whether they can be goals (n,), for which they must lie in `roomy` cells.
     """
     radius = SLACK * car.turning_radius
     poses, parents, arcs, first = arc_ways(
         world, start, car.body, radius, WAY_CLEARANCE, COMFORT, longest
     )
     _, rows, cols = world.grid.frame.locate(poses[:, :2])
-    # The first time that a place is reached: later ones come there by a detour.
+    # Only the first pose at each place: others reach it by a detour.
     goals = first & roomy[rows, cols]
     lengths = arcs.astype(np.float64) * (radius * 2 * math.pi / HEADINGS)
     return poses, parents, lengths, goals
 
 
 def _free_direction(world: World, x: float, y: float, rng: np.random.Generator) -> float:
-    """Draw a direction from the quarter of directions with the most free space [rad]."""
+    """Draw a heading [rad] from the quarter of all headings with the most free space ahead."""
     frame = world.grid.frame
     angles = rng.uniform(-math.pi, math.pi) + np.arange(32) * (2 * math.pi / 32)
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    # Every solid cell as one that returns: the body minds UNKNOWN as much as walls.
+    # All solid cells return a beam, since the body must not enter UNKNOWN cells either.
     cells = np.where(world.solid, np.int8(OCCUPIED), np.int8(FREE))
     ranges = cast_rays(world.skips, cells, *frame.in_cells(x, y), 0.0, beams, math.inf)
     best = np.argsort(-np.nan_to_num(ranges), kind="stable")[:8]
@@ -242,12 +249,12 @@ def _trace(
 
 
 def _thinned(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (n, 2) evenly along a way, without its start, ending where it ends."""
+    """Return evenly spaced points (n, 2) [m] along a way, without its start and with its end."""
     steps = np.hypot(*np.diff(way[:, :2], axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(steps)])
     count = max(1, round(along[-1] / SPACING))
     at = along[-1] * np.arange(1, count + 1) / count
     points = np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
-    # Interpolation may be off by a rounding; the last waypoint is the goal.
+    # The last waypoint is the goal exactly, without the rounding error of the interpolation.
     points[-1] = way[-1, :2]
     return points

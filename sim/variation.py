@@ -1,4 +1,4 @@
-"""Variations of a building: turned, scaled, with objects standing in it."""
+"""Variations of a building: turned, scaled, or with objects standing in it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 SCALES = (0.85, 1.25)
-"""Smallest and largest change of size."""
+"""Smallest and largest factor by which a building is scaled."""
 CLUTTER = (0.01, 0.08)
-"""Lowest and highest density of objects, where there are any [1/m²]."""
+"""Lowest and highest density of objects in a cluttered building [1/m²]."""
 
 
 def varied(world: World, rng: np.random.Generator) -> World:
-    """Turn, scale and clutter a building, each with a probability of one half."""
+    """Return a building turned, scaled and cluttered, each with a probability of one half."""
     angle = rng.uniform(-math.pi, math.pi) if rng.random() < 0.5 else 0.0
     scale = rng.uniform(*SCALES) if rng.random() < 0.5 else 1.0
     if angle or scale != 1.0:
@@ -29,7 +29,7 @@ def varied(world: World, rng: np.random.Generator) -> World:
 
 
 def turned(world: World, angle: float, scale: float = 1.0) -> World:
-    """Return a building turned by an angle [rad] and scaled, cell by cell, on its own lattice."""
+    """Return a building turned by an angle [rad] and scaled, with cells of the same size."""
     cells, resolution = world.grid.cells, world.grid.frame.resolution
     cos, sin = math.cos(angle), math.sin(angle)
     rows, cols = cells.shape
@@ -50,7 +50,7 @@ def cluttered(world: World, density: float, rng: np.random.Generator) -> World:
     Args:
         world: the building.
         density: number of objects per square metre of free space [1/m²].
-        rng: source of their places and shapes.
+        rng: source of the objects' places and shapes.
     """
     resolution = world.grid.frame.resolution
     cells = world.grid.cells.copy()
@@ -64,7 +64,7 @@ def cluttered(world: World, density: float, rng: np.random.Generator) -> World:
 def _put(
     cells: NDArray[np.int8], row: int, col: int, resolution: float, rng: np.random.Generator
 ) -> None:
-    """Stand a turned box, or a post, on the free cells around one."""
+    """Put a turned box, or a post, on the free cells around a given cell."""
     box = rng.random() < 0.5
     length, width = rng.uniform(0.15, 1.0, 2) if box else np.full(2, rng.uniform(0.1, 0.6))
     yaw = rng.uniform(-math.pi, math.pi)

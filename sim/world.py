@@ -1,4 +1,4 @@
-"""The world: the true map of a building, and what rays and collisions read from it."""
+"""The world: the true map of a building, and the arrays that rays and collision tests read."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from predictor.mapping.kernels import njit
 class World:
     """The true map of a building.
 
-    One grid serves rays and collisions alike: OCCUPIED cells stop both; UNKNOWN cells and all that
-    lies outside are solid to the body and end a ray without a return.
+    One grid serves rays and collision tests alike: OCCUPIED cells stop both. UNKNOWN cells and all
+    that lies outside are solid to the car's body, and end a ray without a return.
 
     Attributes:
-        name: name in reports.
+        name: name of the building in reports.
         grid: the true map.
     """
 
@@ -35,16 +35,16 @@ class World:
 
     @cached_property
     def surface(self) -> NDArray[np.bool_]:
-        """Occupied cells that a ray can hit: with a free one among their eight neighbours.
+        """Occupied cells with a free one among their eight neighbours, (rows, columns).
 
-        What is neither free nor surface is never observable. (rows, columns).
+        A ray can hit only these. Cells that are neither free nor surface can never be observed.
         """
         return np.asarray(
             self.grid.occupied & binary_dilation(self.grid.free, np.ones((3, 3), dtype=bool))
         )
 
     def truth(self, frame: GridFrame) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return what is free, and what is surface, in a frame on this lattice: (rows, columns)."""
+        """Return free cells and surface cells in a frame on this lattice, (rows, columns) each."""
         free, surface = (
             paste(self.grid.frame, cells, frame, np.bool_(False))
             for cells in (self.grid.free, self.surface)
@@ -53,19 +53,19 @@ class World:
 
     @cached_property
     def clearance(self) -> NDArray[np.float64]:
-        """From each cell's centre to the nearest solid cell's centre [m], (rows, columns)."""
+        """Distance from a cell's centre to that of the nearest solid cell [m], (rows, columns)."""
         free = np.pad(~self.solid, 1)
         distance = np.asarray(distance_transform_edt(free), dtype=np.float64)
         return distance[1:-1, 1:-1] * self.grid.frame.resolution
 
     @cached_property
     def skips(self) -> NDArray[np.uint8]:
-        """How far a ray may jump from each cell: `empty_squares` of the solid cells."""
+        """Sides of the squares that a ray may skip from each cell, from `empty_squares`."""
         return empty_squares(self.solid)
 
 
 def sealed(world: World) -> World:
-    """Return the same building with unknown cells between free space and a wall made occupied.
+    """Return a building with the unknown cells between free space and a wall made occupied.
 
     Maps that robots have built often have one unknown cell before a wall. It would end a ray
     without a return, and make the building invisible. Collisions of the body stay the same.
@@ -83,15 +83,16 @@ def sealed(world: World) -> World:
 def empty_squares(solid):  # type: ignore[no-untyped-def]
     """Compute the side of the largest empty square with each cell as its corner, by quadrant.
 
-    Quadrant 2·(dy < 0) + (dx < 0) holds the squares that reach along the signs of dx and dy. One
-    plane a quadrant: a ray stays in one, and neighbouring beams read neighbouring bytes.
+    Quadrant 2·(dy < 0) + (dx < 0) holds the squares that reach along the signs of dx and dy. It is
+    a plane of its own, since a ray stays in one quadrant, and neighbouring beams then read
+    neighbouring bytes.
 
     Args:
-        solid: (rows, columns) bool.
+        solid: solid cells, (rows, columns) bool.
 
     Returns:
-        (4, rows + 2, columns + 2) uint8 [cells], 0 where solid, with a solid ring around the map
-        so that rays need no bounds check; capped at 255.
+        Sides of the squares, at most 255, (4, rows + 2, columns + 2) uint8 [cells]; 0 in solid
+        cells. A solid ring around the map spares the rays a test of bounds.
     """
     rows, cols = solid.shape
     sides = np.zeros((4, rows + 2, cols + 2), dtype=np.uint8)
