@@ -75,7 +75,7 @@ class Settings(Options):
     world: tuple[str, ...] = option(
         ("corridor",),
         f"buildings to drive in: families of generated ones ({', '.join(FAMILIES)}), map_server "
-        ".yaml files, or folders of them; several take turns",
+        ".yaml files, or folders of them; several are mixed",
         "W",
     )
     route: str = option(
