@@ -25,8 +25,8 @@ def promises(
     """Return the requested and the realised risk of each series that has a drive.
 
     Args:
-        all_series: of the study.
-        drives: of each series, by its name.
+        all_series: series of the study.
+        drives: name of each series → its drives.
         certified: risks that the calibration has certified.
     """
     rows = []
