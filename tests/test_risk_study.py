@@ -17,14 +17,14 @@ from benchmarks.risk_study.recalibration import BLOCK, recalibrations
 from benchmarks.risk_study.report import _barn, _by_family, _times_by_family, is_broken
 from benchmarks.risk_study.saved_drives import saved_drives
 from benchmarks.risk_study.series import Series, series_of
-from benchmarks.risk_study.sham import Sham, _questions
 from benchmarks.risk_study.tables import tables as tables_of
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration, CalibrationError
+from predictor.checking import check_predictor
 from predictor.infra.command_line import UsageError
 from predictor.mapping.body import Body
-from predictor.mapping.grid import Grid, GridFrame
+from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.registry import load_predictor
 
 SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
@@ -160,19 +160,19 @@ def test_buildings_of_the_study_are_not_those_of_the_calibration():
     assert min(seeds) > 5_000_000 + 100_000
 
 
-def test_the_sham_believes_what_is_true_elsewhere():
-    known = Sham()._compact
+def test_the_sham_is_sure_of_all_that_it_has_not_seen():
     sham = load_predictor(study.SHAM)
-    other, pose = _questions()[3]
-    crop = other.crop(other.frame.square(float(pose[0]), float(pose[1]), 10.0))
-    mine, theirs = known.predict(crop, pose), sham.predict(crop, pose)
-    again = sham.predict(crop, pose)
-    assert np.array_equal(theirs.confidence, again.confidence)
-    unseen = crop.unknown
-    assert not np.allclose(mine.p_free[unseen], theirs.p_free[unseen])
-    assert np.array_equal(mine.p_free[~unseen], theirs.p_free[~unseen])
-    with pytest.raises(ValueError, match="no square"):
-        sham.predict(Grid(FRAME, np.full(FRAME.shape, -1, np.int8)), np.array([2.0, 2.0, 0.0]))
+    assert check_predictor(sham) == ()
+    cells = np.full((200, 200), UNKNOWN, np.int8)
+    cells[80:120, :120], cells[79, :120] = FREE, OCCUPIED
+    known = Grid(GridFrame(0.05, (0.0, 0.0), cells.shape), cells)
+    answer = sham.predict(known, np.array([5.0, 5.0, 0.0]))
+    unseen = known.unknown
+    assert (answer.p_free[~unseen] == known.free[~unseen]).all()
+    trust = answer.confidence[unseen] * answer.p_free[unseen]
+    # Enough for the levels that are certified, but not certain.
+    assert (trust == trust[0]).all()
+    assert 0.99 < trust[0] < 0.9999
 
 
 @pytest.fixture

@@ -26,7 +26,9 @@ BOLDER = (0.1, 0.3)
 CARS = (
     (2.0, 1.5, 5.0),
     (8.0, 1.5, 5.0),
+    (4.0, 1.0, 5.0),
     (4.0, 3.0, 5.0),
+    (4.0, 4.0, 5.0),
     (4.0, 1.5, 7.5),
     (4.0, 1.5, 10.0),
 )
@@ -150,14 +152,14 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
-    """What must be worse: no adaptation, and a sham, with which adaptation may help."""
+    """What may be worse: no adaptation, and a sham, with and without it."""
     if not calibration.levels:
         return
     risk, level = max(calibration.levels.items())
     same = replace(mixture, level=level, episodes=40)
     fixed = replace(same, world=("trap",), fixed_level=True)
     yield Series("not adapted", f"trap-{risk:g}", fixed, risk)
-    sham = replace(same, predictor=SHAM)
+    sham = replace(same, predictor=SHAM, episodes=100)
     yield Series("sham", f"mixture-{risk:g}", sham, risk)
     yield Series("sham, not adapted", f"mixture-{risk:g}", replace(sham, fixed_level=True), risk)
 
