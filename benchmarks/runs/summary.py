@@ -118,8 +118,8 @@ def title(settings: dict[str, Any]) -> str:
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     return (
         f"{places}, route {settings['route']}, {settings['vehicle']} car; "
-        f"window {settings['window']:g} m × "
-        f"{settings['expansion']:g}, v_max {settings['v_max']:g} m/s, predictor "
+        f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
+        f"v_max {settings['v_max']:g} m/s, predictor "
         f"{settings['predictor']}, reliance ε = {settings['reliance']:g}, "
         f"risk δ = {settings['risk']:g}, level λ = {settings['level']:g}"
     )
