@@ -9,27 +9,14 @@ import sys
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.calibration_settings import CalibrateSettings
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import CONDITIONS, Settings
 from predictor.infra.command_line import OneLineParser, run_command
 
 if TYPE_CHECKING:
     import argparse
 
 COMMAND = "benchmarks.calibrate"
-CONDITIONS = (
-    "world",
-    "route",
-    "predictor",
-    "v_max",
-    "braking",
-    "window",
-    "expansion",
-    "noise",
-    "dropout",
-    "vehicle",
-    "reliance",
-    "fixed_level",
-)
+DRIVEN = ("world", "predictor", *CONDITIONS)
 """Fields of `benchmarks.runs.settings.Settings` that are also options of this command."""
 
 
@@ -48,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
         "Interrupted, it continues when the same command is given again.",
     )
     CalibrateSettings.add_to(parser)
-    Settings.add_to(parser, *CONDITIONS)
+    Settings.add_to(parser, *DRIVEN)
     parser.add_jobs()
     parser.add_out("results/calibration", "folder of calibration.json and of the drives", "DIR")
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
@@ -58,7 +45,7 @@ def _run(args: argparse.Namespace) -> int:
     from benchmarks.runs.calibration import calibrate, table
     from benchmarks.runs.drive import check_maps
 
-    settings, asked = Settings.of(args, *CONDITIONS), CalibrateSettings.of(args)
+    settings, asked = Settings.of(args, *DRIVEN), CalibrateSettings.of(args)
     check_maps(settings.world)
     found = calibrate(settings, asked, args.out, args.jobs)
     print(table(found), "", args.out / "calibration.json", sep="\n")

@@ -67,18 +67,7 @@ class Episode:
         impact_speed: speed at the start of the tick with the collision [m/s]; None without one.
         faults: number of ticks in which a fault was handled, by the kind of fault.
         paths: number of paths followed, by the method that planned them.
-        trace: arrays of what happened in T ticks:
-            `states` (T+1, 4), the speed negative in reverse; `controls` (T, 2); `limits` (T,), what
-            kept the car from going faster, as indices into `limit_names`; `plans` (T, N, 2)
-            float16, the controls of each plan, and `gears` (T,) int8, its gear, 1 or -1;
-            `emergency` (T,) bool, whether no plan was safe; `unsolved` (T,) bool, whether no
-            solution of the MPC was; `relied_cells` (Σ, 2) int16, row and column in the world's
-            frame of the unobserved cells that each plan swept, `relied_trust` (Σ,) uint8, their
-            confidence · p_free in 1/255, and `relied_count` (T,), their number in each tick;
-            `kept` (T,) int8, 1 if none of these cells was solid, 0 if one was, -1 if there were
-            none; `times` (T, stages) [ms], with the stages in `time_names`; `first_seen` (rows,
-            columns) int16, tick, from 1, in which a cell of the world was first observed, or 0;
-            `moment_*`, one tick in full, mostly the one that relied on most cells.
+        trace: arrays of what happened in each tick, by name; `sim.recorder.SHAPES` describes them.
     """
 
     outcome: Outcome

@@ -12,6 +12,50 @@ from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
 from sim.driver_protocol import Decision
 from sim.world import World
 
+SHAPES: dict[str, tuple[int | str, ...] | str] = {
+    # x, y [m], yaw [rad], v [m/s] at the start and at the end of each tick; v < 0 in reverse.
+    "states": ("any", 4),
+    # Acceleration [m/s²] and curvature [1/m].
+    "controls": ("T", 2),
+    # Gear of the plan, 1 or -1.
+    "gears": ("T",),
+    # Controls of the plan, in half precision.
+    "plans": ("T", "any", 2),
+    # What kept the car from going faster, as an index into `limit_names`.
+    "limits": ("T",),
+    "limit_names": ("any",),
+    # Whether no plan was safe.
+    "emergency": ("T",),
+    # Whether no solution of the MPC was safe.
+    "unsolved": ("T",),
+    # Number of unobserved cells that the plan sweeps.
+    "relied_count": ("T",),
+    # Row and column of these cells in the frame of the world, of all ticks.
+    "relied_cells": ("any", 2),
+    # Their confidence · p_free in 1/255.
+    "relied_trust": ("any",),
+    # 1 if none of them was solid, 0 if one was, -1 if there were none.
+    "kept": ("T",),
+    # Duration of each stage in `time_names` [ms].
+    "times": ("T", "any"),
+    "time_names": ("any",),
+    # Tick, from 1, in which a cell of the world was first observed; 0: never.
+    "first_seen": "world",
+    # One tick in full, mostly the one that relied on most cells. A frame is the resolution, and x
+    # and y of the origin [m]; probabilities are in 1/255.
+    "moment_tick": (),
+    "moment_frame": (3,),
+    "moment_known": ("any", "any"),
+    "moment_safe": "moment_known",
+    "moment_plan": ("any", 4),
+    "moment_path": ("any", 2),
+    "moment_prediction_frame": (3,),
+    "moment_p_free": ("any", "any"),
+    "moment_p_occupied": "moment_p_free",
+    "moment_confidence": "moment_p_free",
+}
+"""Array of the trace of a drive → its shape for a drive of T ticks, or the name of an array of the
+same shape; "world": the shape of the world's map."""
 EARLY_TICK, FEW_CELLS = 40, 40
 """Tick that is kept in full if no tick before it relied on `FEW_CELLS` unobserved cells or more."""
 
@@ -65,7 +109,7 @@ class Recorder:
             self._moment = (len(cells), tick, decision)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of `sim.episode.Episode.trace`, without the states."""
+        """Return the arrays of the trace by name, see `SHAPES`, without the states."""
 
         def column(name: str, kind: type) -> NDArray[Any]:
             return np.array([tick[name] for tick in self._ticks], dtype=kind)
@@ -96,10 +140,7 @@ class Recorder:
         return out
 
     def _relied_upon(self, decision: Decision) -> tuple[NDArray[np.int16], int]:
-        """Return row and column of the unobserved cells that a plan sweeps, (k, 2), and `kept`.
-
-        `Episode.trace` describes `kept`.
-        """
+        """Return row and column of the unobserved cells that a plan sweeps, (k, 2), and `kept`."""
         frame, solid = self.world.grid.frame, self.world.solid
         cells = np.floor((decision.relied - np.array(frame.origin)) / frame.resolution)
         cells = cells[:, ::-1].astype(np.int16)

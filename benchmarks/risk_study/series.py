@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.runs.certified import SAME, conditions_of
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.certified import conditions_of
+from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
@@ -112,7 +112,7 @@ def series_of(
 def _settings(calibration: Calibration, predictor: str) -> Settings:
     """Return the settings that the calibration is for."""
     try:
-        same = {name: calibration.conditions[name] for name in SAME}
+        same = {name: calibration.conditions[name] for name in CONDITIONS}
         world = tuple(map(str, calibration.conditions["world"]))
         return Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
     except (KeyError, TypeError, ValueError) as error:

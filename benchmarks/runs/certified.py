@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive import navigator_config, sources
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
 from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
 from predictor.mapping.family_names import FAMILIES
@@ -20,11 +20,6 @@ from sim.map_server import load_world
 
 RESOLUTION = 0.05
 """Resolution of maps for which the planner's settings are hashed [m]."""
-SAME = (
-    *("route", "vehicle", "v_max", "braking", "window", "noise", "dropout"),
-    *("expansion", "reliance", "fixed_level"),
-)
-"""Settings of drives that must be those of the calibration, besides predictor and buildings."""
 
 
 def conditions_of(settings: Settings) -> dict[str, Any]:
@@ -42,7 +37,7 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
         # Without the runtime, which only changes the rounding.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),
-        **{name: getattr(settings, name) for name in SAME},
+        **{name: getattr(settings, name) for name in CONDITIONS},
         "planner": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
     }
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.saved_run import named
+from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.summary import broken, gap, summarise
 from predictor.infra.markdown import DASH, figure, interval, records
 
@@ -69,7 +69,7 @@ def reliances(runs: dict[str, dict[str, Any]]) -> str:
     """
     rows = []
     for name, run in runs.items():
-        settings, entry = named(run["settings"]), run["summary"]["predicted"]
+        settings, entry = up_to_date(run["settings"]), run["summary"]["predicted"]
         rows.append(
             {
                 "run": name,

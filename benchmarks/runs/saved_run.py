@@ -12,54 +12,17 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import FARTHEST, DriveResult
-from benchmarks.runs.settings import ARMS
+from benchmarks.runs.settings import ARMS, up_to_date
 from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import UNREADABLE
 from predictor.mapping.grid import Grid, GridFrame
+from sim.recorder import SHAPES
 
 RESULTS, TRACES = "results.json", "traces.npz"
 """Names of the files of a run."""
-
-UNNAMED = {"vehicle": "dubins", "braking": 1.5, "risk": 0.0, "level": 0.0, "fixed_level": False}
-"""Settings that older runs do not contain → values that they were driven with."""
 LARGEST = 2**30
 """Largest size of an array [bytes]; a larger one is not read."""
-SHAPES: dict[str, tuple[int | str, ...] | str] = {
-    "states": ("any", 4),
-    "controls": ("T", 2),
-    "gears": ("T",),
-    "plans": ("T", "any", 2),
-    "limits": ("T",),
-    "limit_names": ("any",),
-    "emergency": ("T",),
-    "unsolved": ("T",),
-    "relied_count": ("T",),
-    "relied_cells": ("any", 2),
-    "relied_trust": ("any",),
-    "kept": ("T",),
-    "times": ("T", "any"),
-    "time_names": ("any",),
-    "moment_tick": (),
-    "moment_frame": (3,),
-    "moment_known": ("any", "any"),
-    "moment_safe": "moment_known",
-    "moment_plan": ("any", 4),
-    "moment_path": ("any", 2),
-    "moment_prediction_frame": (3,),
-    "moment_p_free": ("any", "any"),
-    "moment_p_occupied": "moment_p_free",
-    "moment_confidence": "moment_p_free",
-}
-"""Array of a trace → its shape for a drive of T ticks, or the name of an array of the same shape.
-`first_seen`, which is not listed, has the shape of the map."""
-
-
-def named(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of a run, also of an older version, under their present names."""
-    if "reliance" in settings or "risk" not in settings:
-        return UNNAMED | settings
-    return UNNAMED | settings | {"reliance": settings["risk"], "risk": 0.0}
 
 
 class RunError(LineError):
@@ -68,7 +31,7 @@ class RunError(LineError):
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The arrays of one drive, each read on access; `sim.recorder` describes them.
+    """The arrays of one drive, each read on access; `sim.recorder.SHAPES` describes them.
 
     Attributes:
         file: archive of the arrays.
@@ -101,9 +64,9 @@ class Trace:
         return f"e{self.index}/{self.arm}/{name}"
 
     def _shape_of(self, name: str) -> tuple[int | str, ...]:
-        if name == "first_seen":
-            return self.file.map(self.index).shape
         wanted = SHAPES[name]
+        if wanted == "world":
+            return self.file.map(self.index).shape
         if isinstance(wanted, str):
             return self[wanted].shape
         return tuple(len(self.states) - 1 if size == "T" else size for size in wanted)
@@ -278,7 +241,7 @@ class Run:
             raise RunError(f"{path} is broken: {error}") from None
         if not episodes:
             raise RunError(f"{path} holds no episodes")
-        settings, archive = named(results["settings"]), Archive(directory / TRACES)
+        settings, archive = up_to_date(results["settings"]), Archive(directory / TRACES)
         return cls(directory, settings, results["summary"], episodes, archive)
 
     @property

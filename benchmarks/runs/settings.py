@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 from predictor.infra.command_line import UsageError
 from predictor.infra.options import Options, option
@@ -166,3 +167,19 @@ class Settings(Options):
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms needs at least one arm, and each only once")
+
+
+NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "risk", "level")
+"""Settings that a calibration need not share with the drives that use it; the predictor and the
+buildings are compared in `benchmarks.runs.certified`."""
+CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
+"""Settings that a calibration must share with the drives that use it."""
+OLDER = {"vehicle": "dubins", "braking": 1.5, "risk": 0.0, "level": 0.0, "fixed_level": False}
+"""Settings that older results do not contain → values that they were driven with."""
+
+
+def up_to_date(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of saved results, also of older ones, under their present names."""
+    if "reliance" in settings or "risk" not in settings:
+        return OLDER | settings
+    return OLDER | settings | {"reliance": settings["risk"], "risk": 0.0}

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.optima import Key, task_key
-from benchmarks.runs.saved_run import RESULTS, TRACES, UNNAMED, Run, RunError
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.saved_run import RESULTS, TRACES, Run, RunError
+from benchmarks.runs.settings import ARMS, OLDER, Settings
 from benchmarks.runs.summary import gap, summarise
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
@@ -69,7 +69,7 @@ class Store(ResumableFolder):
             _results(out / RESULTS)
         # Some older runs also name the control period, which is not a setting.
         grows = (*GROWS, "dt")
-        super().__init__(out, self._marked, grows=grows, absent=UNNAMED, exclusive=True)
+        super().__init__(out, self._marked, grows=grows, absent=OLDER, exclusive=True)
         self.commit = commit()
         packed = self._packed()
         self.episodes = packed + self._loose({(e.index, e.arm) for e in packed})

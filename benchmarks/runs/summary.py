@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.saved_run import named
+from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, figure, interval, markdown
 
@@ -114,7 +114,7 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
 
 def title(settings: dict[str, Any]) -> str:
     """Return the settings of a comparison as one line."""
-    settings, worlds = named(settings), settings["world"]
+    settings, worlds = up_to_date(settings), settings["world"]
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     return (
         f"{places}, route {settings['route']}, {settings['vehicle']} car; "
