@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.runs.certified import at_risk
-from benchmarks.runs.drive import car_of, task_in, task_in_world
+from benchmarks.runs.drive import car_of
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Archive, Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
+from benchmarks.runs.tasks import task_in, task_in_world
 from predictor.mapping.conventions import TICK
 from sim.world import World
 

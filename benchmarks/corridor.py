@@ -91,10 +91,10 @@ def _run(argv: list[str] | None) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.figures.all_figures import draw_all
     from benchmarks.runs.certified import at_risk
-    from benchmarks.runs.drive import check_maps
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
+    from benchmarks.runs.tasks import check_maps
     from predictor.infra.environment import several_states
     from predictor.provenance import fingerprint_of
     from predictor.registry import load_predictor

@@ -41,8 +41,8 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
 
 
 def _run(settings: Settings, out: Path, jobs: int) -> int:
-    from benchmarks.runs.drive import check_maps
     from benchmarks.runs.quickest_drives import attempt
+    from benchmarks.runs.tasks import check_maps
     from predictor.mapping.car_limits import CarLimits
     from sim.episode import EpisodeConfig
 

@@ -81,7 +81,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from benchmarks.risk_study.series import series_of
-    from benchmarks.runs.drive import check_maps
+    from benchmarks.runs.tasks import check_maps
     from planner.risk.calibration import Calibration
     from predictor.infra.resumable import ResumableFolder
 

@@ -17,8 +17,9 @@ from benchmarks.robustness.hostile_predictors import (
     Hostile,
     claiming,
 )
-from benchmarks.runs.drive import car_of, navigator_for, task_of
+from benchmarks.runs.drive import car_of, navigator_for
 from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.tasks import task_of
 from planner.risk.ask_predictor import Asker
 from planner.risk.risk_map import RiskMap
 from predictor import BadPredictionError, Grid, GridFrame

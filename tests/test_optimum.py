@@ -14,11 +14,11 @@ from benchmarks.optimal.minimum_time import MARGINS, signed_distance
 from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
 from benchmarks.optimum import main
 from benchmarks.runs import quickest_drives
-from benchmarks.runs.drive import task_of
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.optima import KIND, optimum_of, read_optima, task_key
 from benchmarks.runs.quickest_drives import quickest
 from benchmarks.runs.settings import Settings
+from benchmarks.runs.tasks import task_of
 from predictor.infra.command_line import UsageError
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame

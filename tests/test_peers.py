@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from benchmarks.timing import hall, peers, peers_mpc
 from benchmarks.timing.hall_problem import Problem
 from benchmarks.timing.peers_casadi import general

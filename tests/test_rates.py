@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from benchmarks.timing import rates
 from benchmarks.timing import sized_maps as places
 from predictor.mapping.car_limits import CarLimits

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.families import empty_straight

@@ -15,7 +15,7 @@ from benchmarks.figures.scores import draw_evaluation
 from benchmarks.recording import scored_drive
 from benchmarks.recording.scored_drive import AS_ROOM, BLANK, MEASURES, rows_of
 from benchmarks.recording.settings import LEARNED, EvaluateConfig
-from benchmarks.runs.drive import check_maps, sources
+from benchmarks.runs.tasks import check_maps, sources
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
 from predictor.infra.markdown import markdown

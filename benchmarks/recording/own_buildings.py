@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.runs.drive import task_in_world
+from benchmarks.runs.tasks import task_in_world
 from predictor.data.bags import is_bag
 from predictor.data.carmen import ENDINGS
 from predictor.data.frames import RESOLUTION

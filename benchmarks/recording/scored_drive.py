@@ -11,7 +11,7 @@ from scipy.ndimage import binary_opening
 
 from benchmarks.recording.settings import EvaluateConfig
 from benchmarks.recording.training_drives import driven, seen_again
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from planner.navigator import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
 from predictor.mapping.car_limits import CarLimits

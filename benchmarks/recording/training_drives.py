@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from benchmarks.recording.own_buildings import OwnBuildings, is_log, log_hash, world_of
 from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from benchmarks.recording.settings import DrivesConfig
-from benchmarks.runs.drive import task_in_world
+from benchmarks.runs.tasks import task_in_world
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples

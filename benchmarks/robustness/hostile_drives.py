@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.robustness.hostile_predictors import DEADLINE, KINDS, Hostile
-from benchmarks.runs.drive import car_of, navigator_for, task_of
+from benchmarks.runs.drive import car_of, navigator_for
 from benchmarks.runs.settings import ARMS, VEHICLES, Settings
+from benchmarks.runs.tasks import task_of
 from predictor.infra.environment import commit
 from predictor.infra.markdown import records
 from predictor.mapping.family_names import FAMILIES

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from benchmarks.runs.betting import capital
 from benchmarks.runs.calibration_settings import CalibrateSettings
 from benchmarks.runs.certified import conditions_of
-from benchmarks.runs.drive import attempt, sources
+from benchmarks.runs.drive import attempt
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import wilson
+from benchmarks.runs.tasks import sources
 from planner.risk.calibration import KIND
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import machine

@@ -8,8 +8,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runs.drive import navigator_config, sources
+from benchmarks.runs.drive import navigator_config
 from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
+from benchmarks.runs.tasks import sources
 from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
 from predictor.mapping.family_names import FAMILIES

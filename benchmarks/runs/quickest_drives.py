@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.optimal.first_guesses import timed, ways
 from benchmarks.optimal.minimum_time import AROUND, Drive, MinimumTime
 from benchmarks.optimal.shortest_way import time_bound
-from benchmarks.runs.drive import facts_of, shortest_length, task_of
 from benchmarks.runs.settings import Settings
+from benchmarks.runs.tasks import facts_of, shortest_length, task_of
 from predictor.infra.environment import commit
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import TICK

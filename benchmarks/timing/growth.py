@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.figures.palette import new_figure
 from benchmarks.recording.training_drives import seen_again
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from benchmarks.timing import sized_maps as places
 from benchmarks.timing.timing import closed_loop, spread, timed
 from planner.navigator import NavigatorConfig

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from benchmarks.timing.sized_maps import along, crops_along
 from benchmarks.timing.timing import OURS, beside_ours
 from planner.risk.distance_transform import distance_field

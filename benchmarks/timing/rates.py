@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from benchmarks.runs.drive import task_in
+from benchmarks.runs.tasks import task_in
 from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
 from benchmarks.timing.timing import Measure, measure, timed
