@@ -25,9 +25,10 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        The exit status: 0 if all promises were kept; 1 if a car collided with or touched something
-        at a risk of 0, or if the whole interval of the realised risk lies above the requested risk
-        in the mixture of buildings that was calibrated; 2 for bad input; 130 if interrupted.
+        The exit status: 0 if no accepted risk was exceeded; 1 if a car collided with or touched
+        something at a risk of 0, or if the whole interval of the realised risk lies above the
+        requested risk in the mixture of buildings that was calibrated; 2 for bad input; 130 if
+        interrupted.
     """
     parser = OneLineParser(
         prog=COMMAND,
@@ -97,7 +98,7 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
     from benchmarks.risk_study.recalibration import recalibrations
-    from benchmarks.risk_study.report import comparisons, is_broken, promises
+    from benchmarks.risk_study.report import collision_rows, exceeds_its_risk, speed_rows
     from benchmarks.risk_study.saved_drives import saved_drives
     from benchmarks.risk_study.tables import tables
     from predictor.infra.environment import commit, machine
@@ -105,7 +106,7 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
 
     saved_series, saved = saved_drives(args.runs)
     drives, missing = drive_all(all_series, args.out / "drives", args.hours, args.jobs)
-    promise = promises([*all_series, *saved_series], drives | saved, calibration.levels)
+    rows = collision_rows([*all_series, *saved_series], drives | saved, calibration.levels)
     found = {
         "calibration": {
             "conditions": calibration.conditions,
@@ -115,8 +116,8 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
         "machine": machine(),
         "commit": commit(),
         "missing": missing,
-        "promise": promise,
-        "pareto": comparisons(all_series, drives),
+        "promise": rows,
+        "pareto": speed_rows(all_series, drives),
         "recalibrations": recalibrations(
             all_series, drives, args.predictor, calibration.confidence
         ),
@@ -125,16 +126,16 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
     print("", tables(found), "", sep="\n")
     for path in [*draw(found, args.out), args.out / "results.json"]:
         print(path)
-    for row in promise:
+    for row in rows:
         if row["learned"]:
             print(
                 f"warning: {row['series']}: the predictor was trained in buildings of "
                 f"{row['learned']} drives"
             )
-    broken = [row for row in promise if is_broken(row)]
-    for row in broken:
-        print(f"the promise was broken: {row['group']}, {row['series']}")
-    return 1 if broken else 0
+    exceeded = [row for row in rows if exceeds_its_risk(row)]
+    for row in exceeded:
+        print(f"more collisions than were accepted: {row['group']}, {row['series']}")
+    return 1 if exceeded else 0
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from benchmarks.runs.statistics import (
     estimate,
     mcnemar,
     mean_speed,
-    realised_risk,
+    promises_broken,
     share_of_gap,
     success,
     time_ratio,
@@ -134,7 +134,7 @@ def test_an_interval_takes_five_distinct_worlds(worlds):
         mean_speed(arms, "oracle", "known"),
         success(arms, "oracle"),
         time_ratio(arms, "predicted", "known"),
-        realised_risk(arms["known"]),
+        promises_broken(arms["known"]),
     ]
     enough = worlds >= MIN_WORLDS == 5
     for figure in given:
@@ -240,13 +240,13 @@ def test_mcnemars_test_counts_discordant_pairs_alone():
     assert mcnemar([bad] * 3 + [good] * 3, [good] * 3 + [bad] * 3, "collided") == 1.0
 
 
-def test_realised_risk_is_the_mean_over_worlds_not_over_ticks():
+def test_the_share_of_broken_promises_is_the_mean_over_worlds_not_over_ticks():
     results = [
         result("a", broken=5, promises=10),
         *(result(w, promises=98) for w in "bcde"),
         result("f", promises=0),
     ]
-    found = realised_risk(results)
+    found = promises_broken(results)
     assert found["value"] == pytest.approx(0.1)
     assert (found["low"], found["high"]) == pytest.approx((0.0, 0.3))
-    assert realised_risk([result("a")]) is None
+    assert promises_broken([result("a")]) is None

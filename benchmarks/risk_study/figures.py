@@ -9,8 +9,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
+from benchmarks.risk_study.series import PROMISE
 
-GROUPS = ("promise", "not adapted", "sham", "sham, not adapted")
+GROUPS = (PROMISE, "not adapted", "sham", "sham, not adapted")
 """Groups with a requested risk, from top to bottom."""
 
 
@@ -47,7 +48,7 @@ def _promise(found: dict[str, Any]) -> Figure | None:
                 100 * row["rate"],
                 place,
                 xerr=_around(row["rate"], row["interval"]),
-                color=ARM_COLOURS["predicted"] if row["group"] == "promise" else INK,
+                color=ARM_COLOURS["predicted"] if row["group"] == PROMISE else INK,
                 marker="o",
                 markersize=4,
                 linewidth=1.0,
@@ -65,7 +66,7 @@ def _promise(found: dict[str, Any]) -> Figure | None:
         axes.margins(x=0.2)
     # After the last panel, since the panels share their limits.
     panels[0].set_xlim(left=-1)
-    names = [place if group == "promise" else f"{place}, {group}" for group, place in kinds]
+    names = [place if group == PROMISE else f"{place}, {group}" for group, place in kinds]
     panels[0].set_yticks(range(len(kinds)), reversed(names), fontsize=8)
     return figure
 

@@ -7,7 +7,7 @@ from itertools import takewhile
 from typing import Any
 
 from benchmarks.risk_study.drives import NO_TASK, Drives
-from benchmarks.risk_study.series import Series
+from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
 from benchmarks.runs import statistics
 from benchmarks.runs.betting import capital
 
@@ -70,7 +70,7 @@ def recalibrations(
 def _is_calibrated(series: Series, predictor: str) -> bool:
     """Return whether a series's drives are in the calibrated mixture, at a level above 0."""
     return (
-        (series.group, series.tasks, series.arm) == ("promise", "mixture", "predicted")
+        (series.group, series.tasks, series.arm) == (PROMISE, MIXTURE, "predicted")
         and series.settings.predictor == predictor
         and series.settings.level > 0.0
     )

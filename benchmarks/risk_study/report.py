@@ -1,4 +1,4 @@
-"""What the drives of the study say: promises, speed against collisions, share of the gap."""
+"""What the drives of the study say: collisions at each risk, speed, and share of the gap."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from scipy.stats import chi2
 
 from benchmarks.risk_study.drives import NO_TASK, Drives
-from benchmarks.risk_study.series import Series
+from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
@@ -19,7 +19,7 @@ from predictor.mapping.family_names import FAMILIES
 BASELINES = ("known", "oracle", "full")
 
 
-def promises(
+def collision_rows(
     all_series: Sequence[Series], drives: Drives, certified: Container[float]
 ) -> list[dict[str, Any]]:
     """Return the requested and the realised risk of each series that has a drive.
@@ -62,18 +62,18 @@ def promises(
     return rows
 
 
-def is_broken(row: dict[str, Any]) -> bool:
-    """Return whether a row of `promises` says that a promise was broken.
+def exceeds_its_risk(row: dict[str, Any]) -> bool:
+    """Return whether a row of `collision_rows` shows more collisions than were accepted.
 
     At a risk of 0 no car may collide. A certified risk is for the mixture of the calibration.
     """
     if row["requested"] == 0.0 or row["arm"] in ("known", "full"):
         return bool(row["collided"] or row["touched"])
-    promised = row["certified"] and row["group"] == "promise" and row["tasks"] == "mixture"
-    return bool(promised and row["interval"][0] > row["requested"])
+    certified = row["certified"] and (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
+    return bool(certified and row["interval"][0] > row["requested"])
 
 
-def comparisons(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
     """Return SCT, times and share of the gap of each series, among the series with its tasks."""
     rows = []
     for series in all_series:

@@ -12,6 +12,8 @@ from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
 
+PROMISE, MIXTURE = "promise", "mixture"
+"""Group of the drives at requested risks, and tasks in the buildings of the calibration."""
 SEED = 6_000_000
 """Seed of the first building of each series; no network or calibration used such seeds."""
 OTHER_SEED = 6_500_000
@@ -42,14 +44,16 @@ class Series:
 
     Attributes:
         group: name of the question that it answers.
-        label: name in its group: its tasks, a hyphen, and the arm or what else is special about it.
+        tasks: name of its tasks; the series of a group with the same tasks are compared.
+        variant: what distinguishes it from these, such as its arm or risk.
         settings: settings of the drives; `episodes` is their number.
         risk: requested risk δ; 0 where the level is 0; None if no risk was requested.
         turns: number of turns in which it is driven; with fewer turns it is complete sooner.
     """
 
     group: str
-    label: str
+    tasks: str
+    variant: str
     settings: Settings
     risk: float | None = None
     turns: int = 5
@@ -60,9 +64,9 @@ class Series:
         return self.settings.arms[0]
 
     @property
-    def tasks(self) -> str:
-        """Name of its tasks; the series of a group with the same tasks can be compared."""
-        return self.label.rpartition("-")[0]
+    def label(self) -> str:
+        """Name in its group."""
+        return f"{self.tasks}-{self.variant}"
 
     @property
     def name(self) -> str:
@@ -130,25 +134,25 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
     measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
     for risk, level in sorted({0.0: 0.0, **measured, **certified}.items()):
         settings = replace(mixture, level=level, episodes=300 if risk else 60)
-        yield Series("promise", f"mixture-{risk:g}", settings, risk, turns=2)
+        yield Series(PROMISE, MIXTURE, f"{risk:g}", settings, risk, turns=2)
     # What the speed and the collisions at each risk are compared with.
     same = replace(mixture, episodes=60)
     for arm in ("known", "oracle"):
-        yield Series("promise", f"mixture-{arm}", replace(same, arms=(arm,)), 0.0, turns=2)
+        yield Series(PROMISE, MIXTURE, arm, replace(same, arms=(arm,)), 0.0, turns=2)
     optimistic = replace(same, arms=("optimistic",), episodes=100)
-    yield Series("promise", "mixture-optimistic", optimistic, turns=2)
+    yield Series(PROMISE, MIXTURE, "optimistic", optimistic, turns=2)
     extend = replace(same, predictor="extend", level=_boldest(calibration))
-    yield Series("promise", "mixture-extend", extend, turns=2)
+    yield Series(PROMISE, MIXTURE, "extend", extend, turns=2)
     for level in BOLDER:
         bold = replace(mixture, level=level, episodes=150)
-        yield Series("promise", f"mixture-level {level:g}", bold, turns=4)
+        yield Series(PROMISE, MIXTURE, f"level {level:g}", bold, turns=4)
     for place in (*HELD_OUT, *maps):
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
-        yield Series("promise", f"{Path(place).stem}-known", known, 0.0)
+        yield Series(PROMISE, Path(place).stem, "known", known, 0.0)
         for risk, level in sorted(certified.items()):
             at_level = replace(there, level=level)
-            yield Series("promise", f"{Path(place).stem}-{risk:g}", at_level, risk)
+            yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)
 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
@@ -158,10 +162,10 @@ def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     risk, level = max(calibration.levels.items())
     same = replace(mixture, level=level, episodes=40)
     fixed = replace(same, world=("trap",), fixed_level=True)
-    yield Series("not adapted", f"trap-{risk:g}", fixed, risk)
+    yield Series("not adapted", "trap", f"{risk:g}", fixed, risk)
     sham = replace(same, predictor=SHAM, episodes=100)
-    yield Series("sham", f"mixture-{risk:g}", sham, risk)
-    yield Series("sham, not adapted", f"mixture-{risk:g}", replace(sham, fixed_level=True), risk)
+    yield Series("sham", MIXTURE, f"{risk:g}", sham, risk)
+    yield Series("sham, not adapted", MIXTURE, f"{risk:g}", replace(sham, fixed_level=True), risk)
 
 
 def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
@@ -185,8 +189,8 @@ def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
     for v_max, braking, window in CARS:
         car = replace(mixture, v_max=v_max, braking=braking, window=window)
         same = replace(car, route="fixed", seed=OTHER_SEED, episodes=12)
-        label = f"{v_max:g}-{braking:g}-{window:g}"
-        yield from _with_and_without(calibration, same, "speed", label, ("known", "optimistic"))
+        tasks = f"{v_max:g}-{braking:g}-{window:g}"
+        yield from _with_and_without(calibration, same, "speed", tasks, ("known", "optimistic"))
     # An obstacle behind a blind corner, as in Tordesillas et al. 2019, and dead ends.
     corner = replace(mixture, world=("trap",), route="fixed", seed=OTHER_SEED, episodes=20)
     yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
@@ -199,12 +203,12 @@ def _field(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
 
 
 def _with_and_without(
-    calibration: Calibration, same: Settings, group: str, label: str, arms: Sequence[str]
+    calibration: Calibration, same: Settings, group: str, tasks: str, arms: Sequence[str]
 ) -> Iterator[Series]:
     """Drives of other arms, and of `predicted` at 0 and at the largest certified level."""
     for arm in arms:
         risk = None if ARMS[arm].reliance == 1.0 else 0.0
-        yield Series(group, f"{label}-{arm}", replace(same, arms=(arm,)), risk)
-    yield Series(group, f"{label}-0", same, 0.0)
+        yield Series(group, tasks, arm, replace(same, arms=(arm,)), risk)
+    yield Series(group, tasks, "0", same, 0.0)
     if bold := _boldest(calibration):
-        yield Series(group, f"{label}-bold", replace(same, level=bold))
+        yield Series(group, tasks, "bold", replace(same, level=bold))

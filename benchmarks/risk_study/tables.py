@@ -6,14 +6,15 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from benchmarks.risk_study.series import PROMISE
 from predictor.infra.markdown import DASH, interval, records
 
 
 def tables(found: dict[str, Any]) -> str:
     """Return the results of the study as Markdown."""
-    parts = [_promise_table(found["promise"])]
+    parts = [_collision_table(found["promise"])]
     if found["pareto"]:
-        parts.append(_pareto_table(found["pareto"]))
+        parts.append(_speed_table(found["pareto"]))
     if families := _family_table(found["pareto"]):
         parts.append(families)
     if found.get("recalibrations"):
@@ -23,7 +24,7 @@ def tables(found: dict[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
+def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
     return records(
         [
             {
@@ -53,7 +54,7 @@ def _promise_table(rows: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _pareto_table(rows: Sequence[dict[str, Any]]) -> str:
+def _speed_table(rows: Sequence[dict[str, Any]]) -> str:
     return records(
         [
             {
@@ -86,7 +87,7 @@ def _family_table(rows: Sequence[dict[str, Any]]) -> str:
                 "share of the gap in time [%]": _told(times["share_of_gap"], ".0f", 100.0),
             }
             for row in rows
-            if row["group"] == "promise" and row["arm"] == "predicted"
+            if row["group"] == PROMISE and row["arm"] == "predicted"
             for family, times in row.get("time_by_family", {}).items()
         ]
     )

@@ -217,7 +217,7 @@ def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -
     return float(binomtest(a, a + b).pvalue) if a + b else 1.0
 
 
-def realised_risk(results: Sequence[DriveResult]) -> dict[str, Any] | None:
+def promises_broken(results: Sequence[DriveResult]) -> dict[str, Any] | None:
     """Compute the share of broken promises, averaged over buildings; None without promises."""
     made, broken = Counter[str](), Counter[str]()
     for r in results:
