@@ -12,8 +12,9 @@ import pytest
 import torch
 
 from benchmarks.recording.own_buildings import OwnBuildings
+from benchmarks.recording.replay import replayed_with
 from benchmarks.recording.settings import DrivesConfig
-from benchmarks.recording.training_drives import _claim, seen_again
+from benchmarks.recording.training_drives import _claim
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
 from predictor.infra.command_line import UsageError
@@ -41,7 +42,7 @@ def some_drive(folder, seed):
     ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
     states = np.column_stack([task.waypoints, np.arctan2(ways[:, 1], ways[:, 0])])
     samples = []
-    for known, state in seen_again(task, states, 5.0, LidarConfig(), rng, 1):
+    for known, state in replayed_with(task, states, 5.0, LidarConfig(), rng, 1):
         crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
         around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
         samples.append(encoded(crop, truth_codes(*world.truth(crop.frame)), around, state[2]))

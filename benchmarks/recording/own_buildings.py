@@ -16,7 +16,7 @@ from predictor.data.bags import is_bag
 from predictor.data.carmen import ENDINGS
 from predictor.data.frames import RESOLUTION
 from predictor.data.laser_log import LaserLog, LogError
-from predictor.data.survey import REACH, frame_around, read_log
+from predictor.data.survey import REACH, frame_around, is_log, read_log
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
 from predictor.mapping.car_limits import CarLimits
@@ -111,11 +111,6 @@ class OwnBuildings:
         return {
             split: [list(one.hashes) for one in self.of(split)] for split in ("train", "validation")
         }
-
-
-def is_log(path: Path) -> bool:
-    """Return whether a path is that of a log, judging by its name."""
-    return is_bag(path) or path.name.removesuffix(".gz").endswith(ENDINGS)
 
 
 def world_of(path: Path) -> World:

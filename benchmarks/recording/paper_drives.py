@@ -133,7 +133,7 @@ def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str,
     ends = []
     for seed in range(drive.seed, drive.seed + TRIES):
         try:
-            recording, end = driven(world, seed, drive.count, config)
+            recording, end = frames_of_drive(world, seed, drive.count, config)
         except NoTaskError as error:
             ends.append(str(error))
             continue
@@ -150,7 +150,7 @@ def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str,
     raise DriveError(f"{drive.name}: no seed gave {drive.count} frames; the last: {ends[-1]}")
 
 
-def driven(
+def frames_of_drive(
     world: World, seed: int, count: int, config: SimulatedConfig
 ) -> tuple[Recording, str | None]:
     """Drive from goal to goal until there are enough frames.

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
+from benchmarks.recording.replay import drive_without_prediction, replayed_with
 from benchmarks.recording.settings import EvaluateConfig
-from benchmarks.recording.training_drives import driven, seen_again
 from benchmarks.runs.tasks import task_in
 from planner.navigator import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
@@ -62,9 +62,11 @@ def score_drive(
     similar: dict[str, list[float]] = {name: [] for name in (*predictors, BLANK)}
     taken: dict[str, list[float]] = {name: [] for name in predictors}
     side = NavigatorConfig(window=config.window, expansion=config.expansion).predicted_side
-    states = driven(task, config.window, 0.0, rng)
+    states = drive_without_prediction(task, config.window, 0.0, rng)
     moments: list[tuple[float, NDArray[np.uint8]]] = []
-    for known, state in seen_again(task, states, config.window, LidarConfig(), rng, config.every):
+    for known, state in replayed_with(
+        task, states, config.window, LidarConfig(), rng, config.every
+    ):
         square = known.frame.square(state[0], state[1], side)
         crop = known.crop(square)
         ring = rings_of(crop)

@@ -16,25 +16,23 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.recording.own_buildings import OwnBuildings, is_log, log_hash, world_of
+from benchmarks.recording.own_buildings import OwnBuildings, log_hash, world_of
+from benchmarks.recording.replay import drive_without_prediction, replayed_with
 from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from benchmarks.recording.settings import DrivesConfig
 from benchmarks.runs.tasks import task_in_world
-from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
-from predictor.data.survey import REACH, clipped, frame_around, read_log, surveyed
+from predictor.data.survey import REACH, clipped, frame_around, is_log, read_log, surveyed
 from predictor.infra.command_line import UsageError
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
-from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.context import SIDE as CONTEXT
 from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
-from sim import DubinsCar, Lidar, LidarConfig
-from sim.episode import EpisodeConfig, run_episode
+from sim import LidarConfig
 from sim.families import generate
 from sim.task import NoTaskError, sample_task
 from sim.variation import varied
@@ -44,8 +42,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from predictor.data.laser_log import LaserLog
-    from sim.lidar import LidarConfig
-    from sim.task import Task
     from sim.world import World
 
 SPLITS = {"train": 1_200_000, "validation": 520_000}
@@ -143,13 +139,13 @@ def _driven(
     task = task_in_world(world, seed, CarLimits())
     # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
     window, reliance = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
-    states = driven(task, window, reliance, rng, config.longest)
+    states = drive_without_prediction(task, window, reliance, rng, config.longest)
     for _ in range(config.views):
         window = float(rng.choice(WINDOWS))
         noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
         lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
         first = int(rng.integers(config.every))
-        for known, state in seen_again(task, states, window, lidar, rng, config.every, first):
+        for known, state in replayed_with(task, states, window, lidar, rng, config.every, first):
             side = SIDE * known.frame.resolution
             crop = known.crop(known.frame.square(state[0], state[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
@@ -229,64 +225,6 @@ def _replayed(
                 true = codes_of(truth.crop(square).cells)
                 around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT))
                 yield encoded(known.crop(square), true, around, float(pose[2])), pose
-
-
-def driven(
-    task: Task,
-    window: float,
-    reliance: float,
-    rng: np.random.Generator,
-    longest: float | None = None,
-) -> NDArray[np.float64]:
-    """Drive without prediction, and return the states (T, 4).
-
-    Args:
-        task: building, start and goal.
-        window: side of the square in which the LIDAR is used [m].
-        reliance: 0: unobserved cells count as occupied; 1: they count as free.
-        rng: generator of the LIDAR's noise.
-        longest: time after which the drive is stopped [s]; None: never.
-    """
-    import numpy as np
-
-    config = NavigatorConfig(window=window, reliance=reliance)
-    start, car, ending = np.array(task.start), DubinsCar(), EpisodeConfig()
-    if longest is not None:
-        ending = EpisodeConfig(timeout=longest * car.limits.v_max / task.path_length)
-    navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
-    episode = run_episode(task, navigator, car, Lidar(), ending, rng)
-    states: NDArray[np.float64] = episode.trace["states"][:-1]
-    return states
-
-
-def seen_again(
-    task: Task,
-    states: NDArray[np.float64],
-    window: float,
-    lidar: LidarConfig,
-    rng: np.random.Generator,
-    every: int,
-    first: int = 0,
-) -> Iterator[tuple[OccupancyGrid, NDArray[np.float64]]]:
-    """Replay a drive with another LIDAR, and yield the observed map and the state every few ticks.
-
-    The map is the same object each time, and changes; copy what must not change.
-
-    Args:
-        task: building and start.
-        states: states of the drive, (T, 4).
-        window: side of the square in which the LIDAR is used [m].
-        lidar: settings of the LIDAR.
-        rng: generator of the LIDAR's noise.
-        every: number of ticks from one yielded map to the next.
-        first: number of the first tick whose map is yielded, below `every`.
-    """
-    known, sensor = task.blank(window), Lidar(lidar)
-    known.mark_free(task.start, Body(), NavigatorConfig().start_margin)
-    for tick, state in enumerate(states):
-        known.integrate(sensor.scan(task.world, state, rng), state)
-        if tick % every == first:
-            yield known, state
 
 
 def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:

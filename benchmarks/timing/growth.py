@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.figures.palette import new_figure
-from benchmarks.recording.training_drives import seen_again
+from benchmarks.recording.replay import replayed_with
 from benchmarks.runs.tasks import task_in
 from benchmarks.timing import sized_maps as places
 from benchmarks.timing.timing import closed_loop, spread, timed
@@ -97,7 +97,7 @@ def believing(task: Task, window: float, expansion: float) -> Times:
     config = NavigatorConfig(window=window, expansion=expansion, reliance=0.05)
     poses = np.column_stack([places.along(task, REPEATS), np.zeros(REPEATS)])
     rng = np.random.default_rng(0)
-    (*_, (known, _)) = seen_again(task, poses, window, LidarConfig(), rng, 1)
+    (*_, (known, _)) = replayed_with(task, poses, window, LidarConfig(), rng, 1)
     squares = [known.frame.square(x, y, config.predicted_side) for x, y in poses[:, :2]]
     crops = [known.crop(square) for square in squares]
     predictor = load_predictor("compact")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.recording.training_drives import seen_again
+from benchmarks.recording.replay import replayed_with
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim import LidarConfig
 from sim.task import Task
@@ -30,7 +30,7 @@ def along(task: Task, count: int) -> NDArray[np.float64]:
 def crops_along(task: Task, count: int) -> list[Grid]:
     """Return the observed map of the 10 m square around each pose of a drive along a route."""
     states = np.column_stack([along(task, count), np.zeros(count)])
-    seen = seen_again(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
+    seen = replayed_with(task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1)
     return [known.crop(known.frame.square(s[0], s[1], 10.0)) for known, s in seen]
 
 

@@ -40,6 +40,11 @@ def site_of(path: Path) -> str:
     return name_of(path) if path.is_file() and not is_bag(path) else path.stem
 
 
+def is_log(path: Path) -> bool:
+    """Return whether a path is a bag, or has a name that ends as those of CARMEN logs do."""
+    return is_bag(path) or path.name.removesuffix(".gz").endswith(ENDINGS)
+
+
 def logs_in(paths: list[Path]) -> list[Path]:
     """Return the logs that some paths name.
 
@@ -57,11 +62,7 @@ def logs_in(paths: list[Path]) -> list[Path]:
         if not path.is_dir() or is_bag(path):
             found.append(path)
             continue
-        logs = [
-            one
-            for one in sorted(path.iterdir())
-            if is_bag(one) or one.name.removesuffix(".gz").endswith(ENDINGS)
-        ]
+        logs = [one for one in sorted(path.iterdir()) if is_log(one)]
         if not logs:
             raise LogError(f"{path} holds no log: no bag, and no file {', '.join(ENDINGS)}")
         found += logs
