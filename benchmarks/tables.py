@@ -28,7 +28,7 @@ TABLES = {
     "sweeps": "benchmarks.sweeps:table",
     "stages": "benchmarks.timing.tables:tables",
     "prediction": "benchmarks.prediction.tables:tables_of",
-    "evaluation": "benchmarks.recording.evaluation:table",
+    "evaluation": "benchmarks.recording.drive_scores:table",
     "calibration": "benchmarks.runs.calibration:table",
     "risk": "benchmarks.risk_study.tables:tables",
     "calibration drives": "benchmarks.runs.calibration:table_of_drives",

@@ -34,12 +34,12 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from benchmarks.recording.evaluation import Evaluation, table
+    from benchmarks.recording.drive_scores import DriveScores, table
     from predictor.infra.environment import several_states
 
-    evaluation = Evaluation(EvaluateConfig.of(args), args.out)
-    evaluation.run(args.jobs)
-    results = evaluation.finish()
+    scores = DriveScores(EvaluateConfig.of(args), args.out)
+    scores.run(args.jobs)
+    results = scores.finish()
     mixed = several_states(results["commits"], "drives")
     print(*filter(None, [table(results), mixed, str(args.out / "results.json")]), sep="\n\n")
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.recording.evaluation import group_of, table
+from benchmarks.recording.drive_scores import group_of, table
 from benchmarks.recording.scored_drive import score_drive
 from benchmarks.recording.settings import EvaluateConfig
 from predictor import Prediction

@@ -15,8 +15,8 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.prediction.contestants import BASELINES, Contestant, is_printed
 from benchmarks.prediction.evaluation import Evaluation, key_of
-from benchmarks.prediction.scoring import ScoringError
 from benchmarks.prediction.square import ScoredSquare
+from benchmarks.prediction.stretch_scores import ScoringError
 from predictor.compact import Compact
 from predictor.data.frames import Frames
 from predictor.fused import Fused

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import Contestant
-from benchmarks.prediction.scoring import Stretch, rates_of, score
-from benchmarks.prediction.store import Store
+from benchmarks.prediction.hashed_folder import HashedFolder
+from benchmarks.prediction.stretch_scores import Stretch, rates_of, score
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
 from predictor.infra.environment import commit
 from predictor.infra.resumable import Part
@@ -92,7 +92,7 @@ class Evaluation:
         folders = {"simulated": data, "physical": logs}
         self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
         self.drives = [drive for frames in self.sets.values() for drive in _drives(frames, apart)]
-        self.store = Store(out / "parts")
+        self.store = HashedFolder(out / "parts")
         self.rates = dict.fromkeys(expansions, UNTOLD)
         if data is not None:
             validation = Frames.load(data, "validation")

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from benchmarks.prediction.contestants import BASELINES, Contestant, entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation
-from benchmarks.prediction.scoring import Kept, drive_of
 from benchmarks.prediction.square import ScoredSquare
+from benchmarks.prediction.stretch_scores import Kept, drive_of
 from benchmarks.prediction.transients import with_transients
 from predictor.data.squares import TERNARY, codes_of
 from predictor.scoring.images import ssim

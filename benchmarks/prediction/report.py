@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.prediction.contestants import BASELINES, Contestant, reduced
 from benchmarks.prediction.cost import Cost
 from benchmarks.prediction.evaluation import BLOCK, SPLITS, Drive, Evaluation, key_of, sets_of
-from benchmarks.prediction.scoring import OF_A_FRAME, Kept
+from benchmarks.prediction.stretch_scores import OF_A_FRAME, Kept
 from benchmarks.prediction.transients import transients
 from benchmarks.runs.statistics import grouped_mean
 from predictor.infra.environment import machine

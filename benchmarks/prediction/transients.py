@@ -18,8 +18,8 @@ from scipy.ndimage import distance_transform_edt
 
 from benchmarks.prediction.contestants import Contestant, Entrant, entrant, prints
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
-from benchmarks.prediction.scoring import drive_of
 from benchmarks.prediction.square import ScoredSquare
+from benchmarks.prediction.stretch_scores import drive_of
 from predictor.data.frames import RESOLUTION
 from predictor.mapping.grid import OCCUPIED, Grid
 

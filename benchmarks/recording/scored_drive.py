@@ -33,8 +33,7 @@ AS_ROOM = " (room)"
 """Suffix of a predictor's name in a row that scores confidence · p_free, which the planner uses, as
 the probability that a cell lies in a free square as wide as the car."""
 
-
-MEASURES = 2
+VERSION = 2
 """Version of the measures, which changes with the definition of any of them."""
 
 

@@ -1,4 +1,4 @@
-"""The evaluation of predictors along drives: the folder of scores, the results, and the tables."""
+"""The scores of predictors along drives: their folder, the results, and the tables."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.scores import draw_evaluation
 from benchmarks.recording import scored_drive
-from benchmarks.recording.scored_drive import AS_ROOM, BLANK, MEASURES, rows_of
+from benchmarks.recording.scored_drive import AS_ROOM, BLANK, VERSION, rows_of
 from benchmarks.recording.settings import LEARNED, EvaluateConfig
 from benchmarks.runs.tasks import check_maps, sources
 from predictor.infra.command_line import UsageError
@@ -34,16 +34,16 @@ def group_of(place: str) -> str:
     return path.resolve().parent.name if path.suffix else place
 
 
-class Evaluation:
-    """An evaluation in a folder, with one part for the scores of each drive.
+class DriveScores:
+    """The scores of predictors along drives, in a folder with one part for each drive.
 
     Args:
         config: settings of the evaluation.
-        out: folder of the evaluation.
+        out: folder of the scores.
 
     Raises:
-        UsageError: if the folder holds an evaluation with other settings or weights, or a name is
-            given twice.
+        UsageError: if the folder holds scores with other settings or weights, or a name is given
+            twice.
     """
 
     def __init__(self, config: EvaluateConfig, out: Path) -> None:
@@ -55,7 +55,7 @@ class Evaluation:
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # The weights are compared, too, since a file of the same name may have changed.
         prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
-        kept = asdict(config) | {"weights": prints, "measures": MEASURES}
+        kept = asdict(config) | {"weights": prints, "measures": VERSION}
         self.settings = json.loads(json.dumps(kept))
         self.folder = ResumableFolder(out, self.settings)
 

@@ -1,4 +1,4 @@
-"""The scoring of contestants on a stretch (some frames) of a drive at one expansion."""
+"""The scores of contestants on a stretch (some frames) of a drive at one expansion."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.prediction.contestants import BASELINES, Contestant
-from benchmarks.prediction.scoring import Stretch
+from benchmarks.prediction.stretch_scores import Stretch
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import ResumableFolder
@@ -21,7 +21,7 @@ VERSION = 3
 """Version of the measures, which changes with the definition of any of them."""
 
 
-class Store(ResumableFolder):
+class HashedFolder(ResumableFolder):
     """A folder of parts whose names are hashes of what decides them."""
 
     def name(self, kind: str, *decided_by: Any) -> str:
