@@ -21,6 +21,7 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.recording.settings import DrivesConfig
 from predictor.infra.command_line import OneLineParser, between, run_command
@@ -30,6 +31,14 @@ from predictor.training.checkpoint import TrainError
 from predictor.training.compact_config import TUNING, TUNING_DRIVES, TrainConfig
 from predictor.training.image_arguments import NAMES, add_arguments, configured
 
+if TYPE_CHECKING:
+    from predictor.data.samples import Samples
+    from predictor.networks.compact_net import CompactNet
+
+Start = tuple["CompactNet", dict[str, Any]]
+"""A network to start from, and the facts of its training."""
+TRAINED = Path("results/train")
+"""Default folder of the results of a training from random weights."""
 TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
 """Default folders of the samples and of the results of a fine-tuning (--start)."""
 RECORDED = ("logs", "families", "world", "share")
@@ -65,53 +74,103 @@ def _images(args: argparse.Namespace) -> Path:
 
 
 def _compact(args: argparse.Namespace) -> Path:
-    from benchmarks.recording.training_drives import make
-    from predictor.training.compact_training import CompactTrainer
-
-    default, drives, start = TrainConfig(), DrivesConfig.of(args, *RECORDED), None
-    counts, data, out = (drives.train, drives.validation), drives.out, Path("results/train")
-    if args.start is not None:
-        default, counts = TUNING, TUNING_DRIVES
-        data, out = TUNED
-        from predictor.networks.compact_net import CompactNet
-        from predictor.weights import WeightsError, load_weights
-
-        try:
-            start = load_weights(args.start, CompactNet)
-        except WeightsError as error:
-            raise TrainError(f"--start: {error}") from None
-    data, out = args.data or data, args.out or out
-    drives = replace(
-        drives, out=data, train=args.train or counts[0], validation=args.validation or counts[1]
-    )
-    if args.start is not None and (out / "compact.safetensors").resolve() == args.start.resolve():
-        raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
-    # Made now, so that an unusable folder is reported before hours of drives.
-    out.mkdir(parents=True, exist_ok=True)
-    make(drives, args.jobs, frozenset(start[1].get("worlds", ())) if start else frozenset())
-    # Imported after the drives, since their processes do not need it.
+    """Train compact, on drives that are made first if they are missing."""
     import torch
 
+    from benchmarks.recording.training_drives import make
+    from predictor.training.compact_comparison import table
+    from predictor.training.compact_training import CompactTrainer
+
+    recorded = DrivesConfig.of(args, *RECORDED)
+    start = None if args.start is None else _start_of(args.start)
+    drives = _drives_of(args, recorded)
+    # Made now, so that an unusable folder is reported before hours of drives.
+    out = _made_folder(args)
+    make(drives, args.jobs, frozenset(start[1].get("worlds", ())) if start else frozenset())
+    torch.set_num_threads(args.jobs)
+    train, validation = _samples_of(drives)
+    path = CompactTrainer(_config_of(args, start), train, validation, out, start).run()
+    if start is not None:
+        print(table(args.start, path, validation))
+    return path
+
+
+def _start_of(path: Path) -> Start:
+    """Read the weights to start from.
+
+    Raises:
+        TrainError: if the file does not hold weights of compact.
+    """
+    from predictor.networks.compact_net import CompactNet
+    from predictor.weights import WeightsError, load_weights
+
+    try:
+        return load_weights(path, CompactNet)
+    except WeightsError as error:
+        raise TrainError(f"--start: {error}") from None
+
+
+def _drives_of(args: argparse.Namespace, recorded: DrivesConfig) -> DrivesConfig:
+    """Return the settings of the drives: folder and numbers as given, or else the defaults.
+
+    Args:
+        args: arguments of the command.
+        recorded: settings with the options of `RECORDED`, and defaults of a training from scratch.
+    """
+    out, train, validation = recorded.out, recorded.train, recorded.validation
+    if args.start is not None:
+        out, (train, validation) = TUNED[0], TUNING_DRIVES
+    return replace(
+        recorded,
+        out=args.data or out,
+        train=args.train or train,
+        validation=args.validation or validation,
+    )
+
+
+def _made_folder(args: argparse.Namespace) -> Path:
+    """Make the folder of the results, and return its path.
+
+    Raises:
+        TrainError: if the new weights would overwrite those that training starts from.
+    """
+    out: Path = args.out or (TRAINED if args.start is None else TUNED[1])
+    if args.start is not None and (out / "compact.safetensors").resolve() == args.start.resolve():
+        raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def _samples_of(drives: DrivesConfig) -> tuple[Samples, Samples]:
+    """Read the samples to train on, and those to validate on.
+
+    Raises:
+        SamplesError: if they cannot be read, or share a building.
+    """
     from predictor.data.samples import Samples, check_apart
 
-    torch.set_num_threads(args.jobs)
-    train = Samples.load(data / "train", drives.train)
-    validation = Samples.load(data / "validation", drives.validation)
+    train = Samples.load(drives.out / "train", drives.train)
+    validation = Samples.load(drives.out / "validation", drives.validation)
     check_apart({"train": train, "validation": validation})
-    config = replace(
+    return train, validation
+
+
+def _config_of(args: argparse.Namespace, start: Start | None) -> TrainConfig:
+    """Return the settings of the training: as given, or else the defaults.
+
+    Args:
+        args: arguments of the command.
+        start: what the training starts from; None: random weights.
+    """
+    default = TrainConfig() if start is None else TUNING
+    return replace(
         default,
         steps=args.steps or default.steps,
         batch=args.batch or default.batch,
         rate=args.rate or default.rate,
         seed=args.seed or default.seed,
-        start=start and start[1]["fingerprint"],
+        start=None if start is None else start[1]["fingerprint"],
     )
-    path = CompactTrainer(config, train, validation, out, start).run()
-    if start is not None:
-        from predictor.training.before_and_after import table
-
-        print(table(args.start, path, validation))
-    return path
 
 
 def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
@@ -156,7 +215,7 @@ def _parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="DIR",
         help="folder of checkpoint, log, curve and weights "
-        f"(default: results/train; with --start: {TUNED[1]}; or results/networks/ARCH-EXPANSION)",
+        f"(default: {TRAINED}; with --start: {TUNED[1]}; or results/networks/ARCH-EXPANSION)",
     )
     add(
         "--batch",

@@ -21,7 +21,7 @@ from predictor.mapping.resampling import resampled
 from predictor.networks.compact_net import CompactNet
 from predictor.provenance import fingerprint_of
 from predictor.runtime import RUNTIMES, runner
-from predictor.training.targets import known_of, losses, question, room_of
+from predictor.training.compact_targets import known_of, losses, question, room_of
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from predictor.networks.compact_net import CompactNet
 from predictor.prediction import BadPredictionError, asked
 from predictor.registry import PredictorError
 from predictor.runtime import RUNTIMES
-from predictor.training.targets import contexts_of
+from predictor.training.compact_targets import contexts_of
 from predictor.weights import load_weights, save_weights
 from sim.episode import EpisodeConfig
 

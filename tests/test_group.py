@@ -13,7 +13,7 @@ from predictor.networks.image_config import ImageConfig, ImageTraining
 from predictor.networks.image_net import ImageNet
 from predictor.networks.normalisation import BatchNorm
 from predictor.training.group import Group
-from predictor.training.learner import Adversary, Learner
+from predictor.training.image_learner import Adversary, Learner
 
 ARCHS = ("unet_ff", "gan")
 TRAINING = ImageTraining(batch=4, rate=1e-2)

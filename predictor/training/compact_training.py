@@ -20,8 +20,8 @@ from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_config import TrainConfig
+from predictor.training.compact_targets import NEAR, batch_of, contexts_of, known_of, losses
 from predictor.training.group import Group
-from predictor.training.targets import NEAR, batch_of, contexts_of, known_of, losses
 from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
 

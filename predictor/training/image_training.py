@@ -19,9 +19,9 @@ from predictor.networks.image_config import ImageConfig, ImageTraining, describe
 from predictor.networks.image_net import ImageNet
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.group import Group
+from predictor.training.image_learner import Adversary, Learner
+from predictor.training.image_targets import images_of
 from predictor.training.image_validation import fit, images_alike
-from predictor.training.learner import Adversary, Learner
-from predictor.training.targets import images_of
 from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
 

@@ -14,7 +14,7 @@ from predictor.networks.image import pixels_at_cells
 from predictor.networks.image_net import ImageNet
 from predictor.scoring.images import ssim
 from predictor.scoring.scores import RINGS, Scores
-from predictor.training.targets import images_of
+from predictor.training.image_targets import images_of
 
 VALIDATED, FITTED = 64, 1024
 """Number of frames of a validation, and of the calibration at the end, spread evenly over the

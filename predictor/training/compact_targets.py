@@ -1,8 +1,6 @@
-"""Batches of inputs and targets from samples and squares, and the losses of the compact network."""
+"""Batches of inputs and targets of the compact network, from samples, and its losses."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -10,11 +8,9 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from predictor.data.squares import NOTHING, Square, middle, parted
+from predictor.data.squares import NOTHING, middle, parted
 from predictor.mapping.context import CELLS
 from predictor.networks.compact_net import FREE, ROOM
-from predictor.networks.image import image_of
-from predictor.networks.image_config import ImageConfig
 from predictor.networks.room import REACH, question, widened
 
 
@@ -110,22 +106,3 @@ def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
     """Return the cells that truly have room, and those whose room is not known yet, (B, H, W)."""
     seen, truth = parted(codes)
     return widened((truth != FREE).byte()) == 0, question(seen)[1]
-
-
-def images_of(
-    squares: Sequence[Square], config: ImageConfig
-) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-    """Return the input and the target images of a network of the paper.
-
-    Args:
-        squares: squares of the network's expansion.
-        config: settings of the network.
-
-    Returns:
-        Input and target images, (B, 1, side, side) each.
-    """
-    given = np.stack(
-        [square.crop if config.given == "crop" else square.window for square in squares]
-    )
-    wanted = np.stack([square.truth for square in squares])
-    return image_of(given[:, None], config.side), image_of(wanted[:, None], config.side)

@@ -8,8 +8,8 @@ from predictor.data.samples import Samples
 from predictor.data.squares import NOTHING, joined
 from predictor.mapping.context import CELLS
 from predictor.networks.compact_net import ContextNet
+from predictor.training.compact_targets import losses, nearness
 from predictor.training.compact_training import KindOfBuilding
-from predictor.training.targets import losses, nearness
 
 
 def codes_with(seen_cell, side=64):
