@@ -12,6 +12,8 @@ WIDTH = (3.5, 10.0)
 """Narrowest and widest path [m], as in Katyal et al. 2018."""
 GAP = 2.5
 """Least solid ground between parallel paths [m]."""
+PITCH = WIDTH[1] + GAP + 5.0
+"""Distance between parallel paths that the canvas has room for [m], enough for every draw."""
 COLUMNS, ROWS = 4, 3
 """Number of columns and of rows of crossings."""
 LOOPS = 0.55
@@ -22,21 +24,12 @@ ASKEW = 0.25
 Node = tuple[int, int]
 
 
-def block_size() -> Point:
-    """Return the extents along x and y of a canvas that has room for every draw [m]."""
-    pitch = WIDTH[1] + GAP + 5.0
-    return pitch * COLUMNS + 2.0, pitch * ROWS + 2.0
-
-
-def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
-    """Carve paths that join crossings into a canvas of `block_size`.
+def draw_blocks(rng: np.random.Generator) -> Canvas:
+    """Draw paths that join crossings.
 
     Every crossing can be reached from every other; most can be reached from two sides.
-
-    Args:
-        canvas: canvas of solid ground.
-        rng: source of all that is drawn.
     """
+    canvas = Canvas(PITCH * COLUMNS + 2.0, PITCH * ROWS + 2.0)
     xs, wide_of_column = _lines(COLUMNS, rng)
     ys, wide_of_row = _lines(ROWS, rng)
     at: dict[Node, Point] = {}
@@ -58,6 +51,7 @@ def draw_blocks(canvas: Canvas, rng: np.random.Generator) -> None:
                 canvas.disc(at[node], 0.5 * width, free=True)
             else:
                 canvas.box(at[node], (width, width), free=True)
+    return canvas
 
 
 def _lines(count: int, rng: np.random.Generator) -> tuple[list[float], list[float]]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.canvas import Canvas, Point
 
@@ -69,6 +70,26 @@ class Segment:
         )
 
 
+CORRIDOR = NetworkConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
+"""Settings of the networks of the family `corridor`."""
+
+
+def draw_corridor(rng: np.random.Generator) -> Canvas:
+    """Draw a network of wide corridors, without anything in them."""
+    return draw_network(CORRIDOR, rng)[0]
+
+
+def draw_network(config: NetworkConfig, rng: np.random.Generator) -> tuple[Canvas, list[Segment]]:
+    """Draw a network of corridors, and return it on a canvas of its own, with its segments.
+
+    Raises:
+        ValueError: if no network fits in, as in a square that is too small.
+    """
+    canvas, segments = Canvas(config.size, config.size), grow(config, rng)
+    carve(canvas, segments)
+    return canvas, segments
+
+
 def grow(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
     """Grow a tree of segments; try again until it has the reach and half of the segments.
 
@@ -96,6 +117,22 @@ def carve(canvas: Canvas, segments: list[Segment]) -> None:
                 canvas.box(segment.end, size, segment.yaw, free=True)
             else:
                 canvas.disc(segment.end, 0.5 * max(segment.width, child.width), free=True)
+
+
+def is_solid(
+    canvas: Canvas,
+    config: NetworkConfig,
+    segment: Segment,
+    along: NDArray[np.float64],
+    aside: NDArray[np.float64],
+) -> bool:
+    """Return whether all points beside a segment lie in the square, in solid ground.
+
+    The points are all pairs of a distance `along` and a distance `aside` the segment [m].
+    """
+    points = [segment.at(s, a) for s in along for a in aside]
+    low, high = np.min(points), np.max(points)
+    return low > 0.5 and high < config.size - 0.5 and not any(canvas.is_free(*p) for p in points)
 
 
 def _grow_once(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:

@@ -10,6 +10,8 @@ import numpy as np
 
 from sim.canvas import Canvas, Point
 
+EXTENT = (36.0, 52.0), (24.0, 36.0)
+"""Smallest and largest extent of a building along x, and along y [m]."""
 WALL = 0.22
 """Thickness of a wall between rooms [m]. Towards a corridor it is half of that: over two cells."""
 DOOR = (0.85, 1.1)
@@ -32,14 +34,10 @@ class Room:
         return 0.5 * (self.low[0] + self.high[0]), 0.5 * (self.low[1] + self.high[1])
 
 
-def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
-    """Carve corridors, rooms and their doors into a canvas, and furnish the rooms.
-
-    Args:
-        canvas: canvas of solid ground, at least 1 m larger than the building along x and y.
-        size: extent of the building along x and along y [m].
-        rng: source of all that is drawn.
-    """
+def draw_office(rng: np.random.Generator) -> Canvas:
+    """Draw corridors, rooms beside them, their doors and their furniture."""
+    size = (rng.uniform(*EXTENT[0]), rng.uniform(*EXTENT[1]))
+    canvas = Canvas(size[0] + 1.0, size[1] + 1.0)
     edge = 0.5
     rows = _corridors(edge, edge + size[1], rng, between=(9.0, 13.0), ends=(4.0, 6.0))
     cols = _corridors(edge, edge + size[0], rng, between=(16.0, 26.0), ends=(7.0, 14.0))
@@ -64,6 +62,7 @@ def draw_office(canvas: Canvas, size: Point, rng: np.random.Generator) -> None:
             cuts = [edge, *(end for corridor in crossing for end in corridor), edge + size[0]]
             for left, right in zip(cuts[::2], cuts[1::2], strict=True):
                 _room_row(canvas, (left, right), span, side, rng)
+    return canvas
 
 
 def _corridors(
