@@ -1,8 +1,14 @@
 """Simulated drives for the commands of `predictor`: training samples, data sets, and scores.
 
-`training_drives` makes the samples of `predictor.drives` and `predictor.train`, `data_sets` the
-frames of `predictor.dataset`, and `drive_scores` the scores of `predictor.evaluate`. `replay`
-drives without prediction and repeats a drive with another LIDAR, for samples and for scores.
-`own_buildings` reads a user's own maps and logs. These modules are not in `predictor`, since they
-use the simulator and the planner.
+These modules are not in `predictor`, since they use the simulator and the planner.
+
+- `settings`: settings and options of all recorded drives.
+- `own_buildings`: reads a user's own maps and logs.
+- `replay`: drives without prediction, and repeats a drive with another LIDAR.
+- `robot_log`: simulates the log of a robot.
+- `training_drives`: the samples of `predictor.drives` and `predictor.train`, by these three.
+- `paper_drives`: the drives of the paper's simulated data set.
+- `data_sets`: the frames of `predictor.dataset`, of these drives or of real logs.
+- `scored_drive`: the scores of predictors along one drive, which is replayed for them.
+- `drive_scores`: the scores of `predictor.evaluate`, of all drives.
 """

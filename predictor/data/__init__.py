@@ -1,1 +1,14 @@
-"""Data sets: frames of simulated drives and of real logs, and samples to learn from."""
+"""Data sets: frames of simulated drives and of real logs, and samples to learn from.
+
+In the order of the data:
+
+- `laser_log`: the scans of a real robot, and the pose of each.
+- `carmen`: reads such a log from a text of the CARMEN toolkit.
+- `bags`: reads such a log from a bag of ROS.
+- `transforms`: gives the poses in a bag.
+- `survey`: makes the map of a log, and its frames with this map as truth.
+- `frame_set`: records the frames of a drive or a log, and writes them into a data set.
+- `frames`: reads the frames of a data set.
+- `samples`: writes and reads the samples of drives.
+- `squares`: codes of the observed and the true map, in frames and samples alike.
+"""

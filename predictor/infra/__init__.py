@@ -1,1 +1,15 @@
-"""Infrastructure: command lines, worker processes, atomic files, resumable folders, parsers."""
+"""Infrastructure: command lines, worker processes, atomic files, resumable folders, parsers.
+
+From the command line to the results:
+
+- `errors`: error messages of one line, used by most of the others.
+- `command_line`: parsers of arguments, and commands that report each error in one line.
+- `options`: classes of settings whose fields are options of a command.
+- `plain_json`, `plain_yaml`: read files that nobody has checked.
+- `workers`: parallel work, in processes or on a cluster.
+- `atomic_file`: writes a file whole or not at all.
+- `resumable`: the folder of a computation that continues after an interruption.
+- `environment`: machine, packages and commit that results were made with.
+- `results_file`: writes and reads the results of a command.
+- `markdown`: tables of results.
+"""

@@ -1,5 +1,24 @@
 """Training of networks: batches, steps, validation, checkpoints and weights.
 
-`trainer.Trainer` is the training loop. `compact_training` trains the compact network, and
-`image_training` trains the paper's networks, one by one or as a study in `parallel_trainings`.
+For all networks:
+
+- `group`: the processes that train one network together.
+- `checkpoint`: the state of a training on disk.
+- `trainer`: the training loop.
+
+For the compact network:
+
+- `compact_config`: settings of its training.
+- `compact_targets`: its batches and losses.
+- `compact_training`: its training.
+- `compact_comparison`: its scores before and after a fine-tuning.
+
+For the paper's networks:
+
+- `image_arguments`: settings of their training on the command line.
+- `image_targets`: their input and target images.
+- `image_learner`: one step, with or without an adversary.
+- `image_validation`: their validation, and the calibration of their greys.
+- `image_training`: the training of one network.
+- `parallel_trainings`: several trainings at a time, for `predictor.study`.
 """
