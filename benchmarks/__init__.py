@@ -1,8 +1,9 @@
 """Comparisons of drives with and without prediction, and all other measurements.
 
-Each module in this folder is a command, `python -m benchmarks.NAME`; `foresee` lists them. The
-subpackages do the work. `runs` has the settings, drives and results of a comparison, `figures` its
-plots, and `risk_study` the groups of drives of `benchmarks.risk`.
+The modules in this folder are commands, `python -m benchmarks.NAME`, which `foresee` lists, and
+`compare`, the interface in Python. The subpackages do the work. `runs` has the settings, drives and
+results of a comparison, `figures` its plots, `recording` drives that become samples or scores,
+`risk_study` and `prediction` the two studies, and the others what their names say.
 """
 
 import sys

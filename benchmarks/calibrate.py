@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from benchmarks.runs.calibration import calibrate, table
+    from benchmarks.runs.learn_then_test import calibrate, table
     from benchmarks.runs.tasks import check_maps
 
     settings, asked = Settings.of(args, *DRIVEN), CalibrateSettings.of(args)

@@ -1,6 +1,6 @@
 """Compare drives with and without a predicted map, through buildings that are unknown to the car.
 
-This is the main command. `benchmarks.runs` drives and summarises, `benchmarks.figures.all_figures`
+This is the main command. `benchmarks.runs` drives and summarises, `benchmarks.figures.run_figures`
 draws the figures.
 
 python -m benchmarks.corridor --help
@@ -89,7 +89,7 @@ def _run(argv: list[str] | None) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.figures.all_figures import draw_all
+    from benchmarks.figures.run_figures import draw_all
     from benchmarks.runs.certified import at_risk
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store

@@ -70,8 +70,8 @@ def _run(options: argparse.Namespace) -> None:
 
     runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
     # Imported after loading, so that a bad run is reported without waiting for slow imports.
-    from benchmarks.figures.all_figures import draw_run, save_figures
     from benchmarks.figures.animation import Animation
+    from benchmarks.figures.run_figures import draw_run, save_figures
     from benchmarks.figures.speed_profile import speed_profile
 
     kind = kind_for(options.format) if options.animate else ""

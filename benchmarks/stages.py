@@ -52,7 +52,7 @@ def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Mea
     """
     from benchmarks.timing import growth, rates, throughput
     from benchmarks.timing.measurements import Measurement, installed
-    from benchmarks.timing.timing import closed_loop, spread
+    from benchmarks.timing.stage_times import closed_loop, spread
 
     def arm(name: str) -> dict[str, dict[str, float]]:
         times = closed_loop(name, args.drives, args.seed)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from benchmarks import calibrate, tables
-from benchmarks.runs import calibration
+from benchmarks.runs import learn_then_test
 from benchmarks.runs.calibration_settings import CalibrateSettings
 from benchmarks.runs.certified import at_risk, conditions_of
 from benchmarks.runs.drive_file import read_drives
@@ -156,8 +156,8 @@ LEVELS = CalibrateSettings(levels=(0.001, 0.02, 0.2, 0.0001), drives=600)
 
 
 def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monkeypatch):
-    monkeypatch.setattr(calibration, "_driven", collides(1.0))
-    found = calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
+    found = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
     assert found["certified"] == {"0.02": 0.001, "0.05": 0.02}
     assert [entry["level"] for entry in found["levels"]] == [0.0001, 0.001, 0.02, 0.2]
     assert (found["sequence"], found["most_drives"]) == ([0.0001, 0.001, 0.02, 0.2], 600)
@@ -166,20 +166,20 @@ def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monke
     assert found["levels"][3]["drives"] < 600
     loaded = Calibration.load(tmp_path / "calibration.json")
     assert loaded.levels == {0.02: 0.001, 0.05: 0.02}
-    again = calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    again = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
     assert again["levels"] == found["levels"]
 
 
 def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(calibration, "_driven", collides(1.0))
-    few = calibration.calibrate(SETTINGS, LEVELS, tmp_path / "few", jobs=1)
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
+    few = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "few", jobs=1)
     # As many workers leave them.
-    decided = calibration._end
-    monkeypatch.setattr(calibration, "_end", lambda *_: None)
-    calibration.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
-    monkeypatch.setattr(calibration, "_end", decided)
-    assert len(read_drives(tmp_path / "all/level-0.2.json", calibration.KINDS)["drives"]) == 600
-    again = calibration.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
+    decided = learn_then_test._end
+    monkeypatch.setattr(learn_then_test, "_end", lambda *_: None)
+    learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
+    monkeypatch.setattr(learn_then_test, "_end", decided)
+    assert len(read_drives(tmp_path / "all/level-0.2.json", learn_then_test.KINDS)["drives"]) == 600
+    again = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
     assert again["levels"] == few["levels"]
     assert again["certified"] == few["certified"]
 
@@ -193,28 +193,28 @@ def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monk
     ],
 )
 def test_a_folder_accepts_no_other_levels_later(change, named, tmp_path, monkeypatch):
-    monkeypatch.setattr(calibration, "_driven", collides(1.0))
-    calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
+    learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
     with pytest.raises(UsageError, match=named):
-        calibration.calibrate(SETTINGS, replace(LEVELS, **change), tmp_path, jobs=1)
-    calibration.calibrate(SETTINGS, replace(LEVELS, drives=700), tmp_path, jobs=1)
+        learn_then_test.calibrate(SETTINGS, replace(LEVELS, **change), tmp_path, jobs=1)
+    learn_then_test.calibrate(SETTINGS, replace(LEVELS, drives=700), tmp_path, jobs=1)
 
 
 def test_a_folder_accepts_no_drives_of_another_planner(tmp_path, monkeypatch):
-    monkeypatch.setattr(calibration, "_driven", collides(1.0))
-    calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
+    learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
     other = conditions_of(SETTINGS) | {"planner": "other"}
-    monkeypatch.setattr(calibration, "conditions_of", lambda _: other)
+    monkeypatch.setattr(learn_then_test, "conditions_of", lambda _: other)
     with pytest.raises(UsageError, match="planner"):
-        calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+        learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
 
 
 def test_the_kind_of_building_is_drawn_anew_for_each_drive(monkeypatch):
     def attempted(settings, weights, item):
         return f"{settings.world} {settings.seed}"
 
-    monkeypatch.setattr(calibration, "attempt", attempted)
-    drives = [calibration._driven(replace(SETTINGS, seed=100), None, i) for i in range(400)]
+    monkeypatch.setattr(learn_then_test, "attempt", attempted)
+    drives = [learn_then_test._driven(replace(SETTINGS, seed=100), None, i) for i in range(400)]
     assert drives[7]["note"] == f"('{drives[7]['place']}',) 107"
     corridors = [drive["place"] == "corridor" for drive in drives]
     assert 160 < sum(corridors) < 240
@@ -224,26 +224,26 @@ def test_the_kind_of_building_is_drawn_anew_for_each_drive(monkeypatch):
 
 def test_buildings_that_the_predictor_has_learned_from_are_refused(tmp_path, monkeypatch):
     driven = collides(0.0)
-    monkeypatch.setattr(calibration, "_driven", lambda *a: driven(*a) | {"learned": True})
+    monkeypatch.setattr(learn_then_test, "_driven", lambda *a: driven(*a) | {"learned": True})
     with pytest.raises(UsageError, match="has learned from these buildings"):
-        calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+        learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
 
 
 def test_buildings_without_a_drive_are_said_to_be_so(tmp_path, monkeypatch):
     none = {"place": "x", "outcome": "no task", "note": "too small"}
-    monkeypatch.setattr(calibration, "_driven", lambda s, w, index: none | {"index": index})
+    monkeypatch.setattr(learn_then_test, "_driven", lambda s, w, index: none | {"index": index})
     with pytest.raises(UsageError, match="no drive is possible"):
-        calibration.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+        learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
 
 
 def test_collisions_are_told_for_each_kind_of_building(tmp_path, monkeypatch):
-    monkeypatch.setattr(calibration, "_driven", collides(1.0))
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
     asked = CalibrateSettings(risks=(0.3,), levels=(0.1,), drives=100)
-    (entry,) = calibration.calibrate(SETTINGS, asked, tmp_path, jobs=1)["levels"]
+    (entry,) = learn_then_test.calibrate(SETTINGS, asked, tmp_path, jobs=1)["levels"]
     assert entry["by_world"].keys() == {"corridor", "narrow"}
     assert sum(drives for _, drives in entry["by_world"].values()) == entry["drives"]
     assert sum(bad for bad, _ in entry["by_world"].values()) == entry["collided"]
-    assert "| 0.1" in calibration.table({"levels": [entry], "certified": {"0.3": 0.1}})
+    assert "| 0.1" in learn_then_test.table({"levels": [entry], "certified": {"0.3": 0.1}})
 
 
 def test_too_few_drives_to_certify_anything_are_refused_before_any_is_made(tmp_path, capsys):

@@ -7,10 +7,10 @@ from drive_results import a_result
 from PIL import Image
 
 from benchmarks import plot
-from benchmarks.figures.all_figures import draw_all
 from benchmarks.figures.animation import Animation, roll_out
 from benchmarks.figures.moment import moment
 from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
+from benchmarks.figures.run_figures import draw_all
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
 from benchmarks.runs.saved_run import Run, RunError

@@ -11,8 +11,8 @@ from test_calibration import written
 
 from benchmarks import corridor, risk, tables
 from benchmarks.risk_study import series as study
+from benchmarks.risk_study.contact_test import touches
 from benchmarks.risk_study.figures import draw
-from benchmarks.risk_study.geometry import touches
 from benchmarks.risk_study.recalibration import BLOCK, recalibrations
 from benchmarks.risk_study.report import _barn, _by_family, _times_by_family, exceeds_its_risk
 from benchmarks.risk_study.saved_drives import saved_drives

@@ -11,10 +11,10 @@ import torch
 from benchmarks import stages
 from benchmarks.stages import main
 from benchmarks.tables import main as show
-from benchmarks.timing import growth, rates, throughput, timing
+from benchmarks.timing import growth, rates, stage_times, throughput
 from benchmarks.timing import sized_maps as places
+from benchmarks.timing.stage_times import spread, timed
 from benchmarks.timing.tables import measures_table, table
-from benchmarks.timing.timing import spread, timed
 
 
 def test_spread_is_of_the_times():
@@ -83,12 +83,12 @@ def quick(monkeypatch):
         ("REPEATS", 3),
     ):
         monkeypatch.setattr(rates, name, few)
-    plain = timing.closed_loop
+    plain = stage_times.closed_loop
 
     def short(arm, drives, seed, v_max=4.0):
         return plain("known" if arm == "oracle" else arm, drives, seed, v_max)
 
-    monkeypatch.setattr(timing, "closed_loop", short)
+    monkeypatch.setattr(stage_times, "closed_loop", short)
     monkeypatch.setattr(growth, "closed_loop", short)
     monkeypatch.setattr("sim.episode.EpisodeConfig.__init__.__defaults__", (0.1, 0.5, 0.3, 0.2, 10))
 

@@ -1,6 +1,6 @@
 """Figures of saved runs and of predictors' scores.
 
-`all_figures` lists the plots of `benchmarks.corridor`, each drawn by a module of its name;
+`run_figures` lists the plots of `benchmarks.corridor`, each drawn by a module of its name;
 `animation` and `video` make the video, `palette` has the common styles, and `scores` has the plots
 of `predictor.evaluate` and `benchmarks.prediction`.
 """

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.figures.all_figures import save_figures
 from benchmarks.figures.palette import INK, bare, new_figure, predictor_colour
+from benchmarks.figures.run_figures import save_figures
 from predictor.scoring.scores import EDGES, RINGS, Scores
 
 ENOUGH, SHARE = 1000, 5e-4

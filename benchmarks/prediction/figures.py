@@ -17,8 +17,8 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from benchmarks.figures import palette, scores
-from benchmarks.figures.all_figures import save_figures
 from benchmarks.figures.palette import INK
+from benchmarks.figures.run_figures import save_figures
 from benchmarks.figures.video import kind_for, write_video
 from benchmarks.prediction.pictures import GIVEN, NOTHING, TRUE, Row, Sheets, shown
 from benchmarks.prediction.tables import kind_of, names_of, places_of

@@ -8,16 +8,15 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.risk_study.geometry import touches
+from benchmarks.risk_study.contact_test import touches
 from benchmarks.risk_study.series import Series
 from benchmarks.runs.drive import attempt
-from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.saved_run import frame_of
 from benchmarks.runs.settings import Settings
 from predictor.mapping.body import Body
@@ -29,8 +28,6 @@ Drives = Mapping[str, Sequence[dict[str, Any]]]
 """Name of each series → its drives."""
 KIND = "risk drives"
 """Kind, in the sense of `results_file`, of the files with the drives of a series."""
-NO_TASK = "no task"
-"""Outcome in a building without a route that the car can drive."""
 
 
 def drive_all(
@@ -69,19 +66,10 @@ def drive_all(
                 lambda: time.monotonic() > end,
             )
     found = {
-        series.name: _in_order(files[series.name], series.settings.episodes)
-        for series in all_series
+        series.name: files[series.name].unbroken(series.settings.episodes) for series in all_series
     }
     missing = sum(series.settings.episodes - len(found[series.name]) for series in all_series)
     return found, missing
-
-
-def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
-    """Return the drives up to the first missing one.
-
-    Drives after it would be a biased sample: short drives end first, and collisions are short.
-    """
-    return [file.drives[i] for i in takewhile(lambda i: i in file.drives, range(most))]
 
 
 def _file(series: Series, out: Path) -> DriveFile:

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any
 
-from benchmarks.risk_study.drives import NO_TASK, Drives
+from benchmarks.risk_study.drives import Drives
 from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
 from benchmarks.runs import statistics
 from benchmarks.runs.betting import capital
+from benchmarks.runs.drive_file import NO_TASK
 
 BLOCK = 75
 """Number of buildings in a block. Without a collision, 70 drives certify a risk of 0.05."""

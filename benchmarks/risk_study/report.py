@@ -9,9 +9,10 @@ from typing import Any
 
 from scipy.stats import chi2
 
-from benchmarks.risk_study.drives import NO_TASK, Drives
+from benchmarks.risk_study.drives import Drives
 from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
 from benchmarks.runs import statistics
+from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
 from predictor.mapping.family_names import FAMILIES

@@ -9,7 +9,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.risk_study.geometry import touches
+from benchmarks.risk_study.contact_test import touches
 from benchmarks.risk_study.series import Series
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import ARMS, Settings

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.robustness.hostile_predictors import DEADLINE, KINDS, Hostile
 from benchmarks.runs.drive import car_of, navigator_for
+from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.settings import ARMS, VEHICLES, Settings
 from benchmarks.runs.tasks import task_of
 from predictor.infra.environment import commit
@@ -63,7 +64,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
     try:
         task = task_of(settings, 0)
     except NoTaskError as error:
-        return found | {"outcome": "no task", "error": None, "note": str(error)}
+        return found | {"outcome": NO_TASK, "error": None, "note": str(error)}
     driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), DEADLINE)
     car, lidar = DubinsCar(car_of(settings)), Lidar(LidarConfig())
     config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
@@ -88,7 +89,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
 def table(found: dict[str, Any]) -> str:
     """Return a Markdown table of drives, collisions and faults for each hostile predictor."""
     rows = []
-    drives = [d for d in found["drives"] if d["outcome"] != "no task"]
+    drives = [d for d in found["drives"] if d["outcome"] != NO_TASK]
     for name in (*KINDS, "all"):
         mine = [d for d in drives if name in ("all", d["kind"])]
         if not mine:

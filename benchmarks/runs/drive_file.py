@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Hashable, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +16,8 @@ from predictor.infra.results_file import COMMANDS, read_results
 from predictor.infra.resumable import refuse_other_settings
 from predictor.infra.workers import LostError, finished
 
+NO_TASK = "no task"
+"""Outcome in a building without a route that the car can drive."""
 Item = TypeVar("Item", bound=Hashable)
 
 
@@ -122,6 +125,13 @@ class DriveFile:
     def first(self, count: int) -> list[dict[str, Any]]:
         """Return the drives whose number is below `count`, as far as they have been made."""
         return [self.drives[index] for index in range(count) if index in self.drives]
+
+    def unbroken(self, count: int) -> list[dict[str, Any]]:
+        """Return the drives whose number is below `count`, up to the first missing one.
+
+        Drives after it would be a biased sample: short drives end first, and collisions are short.
+        """
+        return [self.drives[i] for i in takewhile(lambda i: i in self.drives, range(count))]
 
     def _write(self) -> None:
         # One line for each drive, so that differences between files are easy to see.

@@ -13,10 +13,11 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from predictor.infra.markdown import DASH, figure, interval, markdown
+from sim.episode import Outcome
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 """Sources of the paths that were followed, as in `planner.motion.path.Path.source`."""
-OUTCOMES = ("reached", "collided", "timed_out", "stuck")
+OUTCOMES = tuple(map(str, Outcome))
 
 
 def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:

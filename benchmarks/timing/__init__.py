@@ -1,5 +1,5 @@
 """The measurements of `benchmarks.stages`: times of stages and of other libraries, and throughput.
 
-`timing` times stages in drives, `growth` varies sizes, `rates` and `throughput` measure rates, and
-`peers…` and `hall…` compare with other libraries.
+`stage_times` times stages in drives, `growth` varies sizes, `rates` and `throughput` measure rates,
+and `peers…` and `hall…` compare with other libraries.
 """

@@ -11,7 +11,7 @@ from benchmarks.figures.palette import new_figure
 from benchmarks.recording.replay import replayed_with
 from benchmarks.runs.tasks import task_in
 from benchmarks.timing import sized_maps as places
-from benchmarks.timing.timing import closed_loop, spread, timed
+from benchmarks.timing.stage_times import closed_loop, spread, timed
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
 from predictor.mapping.car_limits import CarLimits

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks.runs.tasks import task_in
 from benchmarks.timing.sized_maps import along, crops_along
-from benchmarks.timing.timing import OURS, beside_ours
+from benchmarks.timing.stage_times import OURS, beside_ours
 from planner.risk.distance_transform import distance_field
 from predictor.compact import Compact
 from predictor.mapping.car_limits import CarLimits

@@ -22,7 +22,7 @@ from benchmarks.timing.hall import Drive, Solve, Solver, Tick, drive, pursuit, s
 from benchmarks.timing.peers_casadi import general
 from benchmarks.timing.peers_do_mpc import do_mpc
 from benchmarks.timing.peers_mppi import mppi
-from benchmarks.timing.timing import OURS, beside_ours
+from benchmarks.timing.stage_times import OURS, beside_ours
 from planner.mpc.mpc import MPC, MPCConfig
 from planner.navigator import AFRESH
 

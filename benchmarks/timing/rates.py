@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation
 from benchmarks.runs.tasks import task_in
 from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
-from benchmarks.timing.timing import Measure, measure, timed
+from benchmarks.timing.stage_times import Measure, measure, timed
 from planner.risk.distance_transform import distance_field
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
-from benchmarks.timing.timing import Measure, measure
+from benchmarks.timing.stage_times import Measure, measure
 from predictor.infra.workers import WorkersError, follow_parent
 from sim.task import NoTaskError
 

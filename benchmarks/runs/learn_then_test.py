@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from benchmarks.runs.betting import capital
 from benchmarks.runs.calibration_settings import CalibrateSettings
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.drive import attempt
-from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import wilson
 from benchmarks.runs.tasks import sources
@@ -187,9 +186,7 @@ def _losses(drives: list[dict[str, Any]]) -> list[float]:
 
 def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
     """Return the first drives without a gap, except for those in buildings without a task."""
-    there = takewhile(lambda index: index in file.drives, range(most))
-    drives = [file.drives[index] for index in there]
-    return [drive for drive in drives if drive["outcome"] != "no task"]
+    return [drive for drive in file.unbroken(most) if drive["outcome"] != NO_TASK]
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:
@@ -204,7 +201,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     one = replace(settings, world=(place,), seed=seed, episodes=1)
     driven = attempt(one, weights, (0, ARM))
     if isinstance(driven, str):
-        return told | {"outcome": "no task", "note": driven}
+        return told | {"outcome": NO_TASK, "note": driven}
     result, _ = driven
     return told | {name: getattr(result, name) for name in KEPT}
 
@@ -235,7 +232,7 @@ def table_of_drives(found: dict[str, Any]) -> str:
     Args:
         found: contents of a file of drives of a calibration.
     """
-    drives = [drive for drive in found["drives"] if drive["outcome"] != "no task"]
+    drives = [drive for drive in found["drives"] if drive["outcome"] != NO_TASK]
     tested = Tested(found["settings"]["level"], drives, {})
     return table({"levels": [_summary(tested)], "certified": {}})
 
