@@ -82,7 +82,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
     kinds = list(dict.fromkeys(_kind(r) for r in compared if r["arm"] == "optimistic"))
     if not kinds:
         return None
-    columns = min(4, len(kinds))
+    columns = min(3, len(kinds))
     rows = math.ceil(len(kinds) / columns)
     figure = Figure(figsize=(3.2 * columns, 3.0 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
@@ -105,6 +105,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
         place = first["world"][0] if len(first["world"]) == 1 else "mixture"
         axes.set_title(f"{place}\n{car}", fontsize=9)
         axes.set(xlabel="collisions [% of drives]")
+        axes.tick_params(labelbottom=True)
         axes.legend(fontsize=7, loc="upper right")
     for axes in panels[::columns]:
         axes.set(ylabel="SCT", ylim=(0, 1))
