@@ -1,4 +1,4 @@
-"""A sham predictor, as a control: it is sure of every cell as of one just ahead in a corridor."""
+"""A sham predictor, as a control: all cells have the probability of one just ahead of the car."""
 
 from __future__ import annotations
 
