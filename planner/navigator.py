@@ -221,7 +221,8 @@ class Navigator:
             clock.lap("path")
             first_path = self.guide.plan_ms
         self.guide.update(self._tick, driven, risk)
-        now = Situation(driven, risk, self.guide.path, self.guide.segment, faults)
+        guide = self.guide
+        now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, faults)
         choice = self.chooser.choose(now, self._tick % AFRESH == 0 or self.guide.is_new)
         clock.lap("mpc")
         clock.total("cycle", first_path)
@@ -296,6 +297,8 @@ class Navigator:
         if gear != self._gear:
             self._gear, self.chooser = gear, self._choosers[gear]
             self.chooser.forget()
+            # The new leg has just begun: a search now would discard it.
+            self._lingered = 0
 
     def _plan_next_path(
         self,

@@ -1,6 +1,7 @@
 """Drives of a car with a reverse gear, out of places that forward alone it cannot leave."""
 
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -141,6 +142,16 @@ def test_in_reverse_it_is_never_faster_than_that_gear_allows(place):
     states = driven(place)[0].trace["states"]
     assert states[:, 3].min() >= -FASTEST_BACK - 1e-9
     assert states[:, 3].min() < -0.2
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_it_backs_up_without_a_stop_on_the_way(place):
+    trace = driven(place)[0].trace
+    gears, speeds = trace["gears"].astype(int), trace["states"][:, 3]
+    changes = [0, *(np.flatnonzero(np.diff(gears)) + 1), len(gears)]
+    for begin, end in itertools.pairwise(changes):
+        if gears[begin] < 0:
+            assert (speeds[begin + 1 : end] < -1e-6).all()
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planner.motion.path import SPACING, Path
 from planner.motion.plan import Plan
-from planner.mpc.initial_guess import pursue, shifted
+from planner.mpc.initial_guess import LOOK, pursue, shifted
 from planner.mpc.mpc import MPC
 from planner.navigator import AHEAD
 from planner.risk.risk_map import RiskMap
@@ -98,6 +98,7 @@ def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.floa
             car.braking,
             car.lateral_acceleration,
             car.max_curvature,
+            LOOK,
             1e6,
         )
     )

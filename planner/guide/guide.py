@@ -88,6 +88,7 @@ class Guide:
         counts: number of paths adopted, by source, and of other events.
         plan_ms: duration of the last planning, which is no part of the control cycle [ms].
         gear: gear to drive in, 1 or -1.
+        on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
     """
 
     def __init__(
@@ -112,7 +113,7 @@ class Guide:
         self._pending: tuple[int, Path] | None = None
         self._requested = -(10**9)
         self._legs: list[tuple[int, Path]] = []
-        self._on_leg = False
+        self.on_leg = False
         self._stuck = np.empty((0, 2))
 
     def change_gear(self, state: NDArray[np.float64]) -> int:
@@ -213,7 +214,7 @@ class Guide:
         self._legs += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
         self._stuck = stuck
         self._requested = tick
-        self._on_leg, self._pending = False, None
+        self.on_leg, self._pending = False, None
         self.counts["manoeuvre"] += bool(self._legs)
         self.plan_ms = 1e3 * (time.perf_counter() - started)
 
@@ -222,15 +223,15 @@ class Guide:
         self.counts[path.source] += 1
 
     def _change_leg(self, state: NDArray[np.float64]) -> None:
-        if self._on_leg:
+        if self.on_leg:
             if math.dist(self._legs[0][1].points[-1], state[:2]) > self.config.leg_end:
                 return
             del self._legs[0]
         self.gear, path = self._legs[0]
         self._adopt(path)
-        self._on_leg = len(self._legs) > 1
+        self.on_leg = len(self._legs) > 1
         # The last leg is an ordinary path.
-        if not self._on_leg:
+        if not self.on_leg:
             self._legs = []
 
     def _is_held(self) -> bool:

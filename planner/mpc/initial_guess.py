@@ -10,9 +10,14 @@ from planner.motion.dynamics import pose_along
 from planner.motion.path import SPACING, project
 from predictor.mapping.kernels import njit
 
+LOOK = 0.7
+"""Distance of the point on a path that pure pursuit aims at, at low speed [m]."""
+
 
 @njit(cache=True, nogil=True)
-def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, max_curvature, free):  # type: ignore[no-untyped-def]
+def pursue(  # type: ignore[no-untyped-def]
+    points, segment, state, stages, dt, v_max, accel, braking, lateral, max_curvature, nearest, free
+):
     """Return the controls (stages, 2) of a car that follows a path and stops within `free` [m].
 
     Pure pursuit (Coulter 1992) gives the curvature. The speed is the highest that keeps to the
@@ -29,6 +34,7 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
         braking: maximum deceleration [m/s²].
         lateral: maximum lateral acceleration [m/s²].
         max_curvature: maximum curvature [1/m].
+        nearest: distance of the point to aim at, at least [m].
         free: distance within which the car is to stop [m].
     """
     controls = np.zeros((stages, 2))
@@ -36,7 +42,7 @@ def pursue(points, segment, state, stages, dt, v_max, accel, braking, lateral, m
     travelled = 0.0
     for k in range(stages):
         segment, _, _ = project(points, x, y, segment - 3, segment + 12)
-        look = max(0.7, 0.4 * v)
+        look = max(nearest, 0.4 * v)
         target = min(segment + int(look / SPACING) + 1, points.shape[0] - 1)
         dx, dy = points[target, 0] - x, points[target, 1] - y
         along = dx * math.cos(yaw) + dy * math.sin(yaw)

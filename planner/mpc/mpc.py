@@ -263,12 +263,16 @@ class MPC:
         problem = _Problem(plan.states[0], path, segment, risk, last_curvature)
         return self._merit(problem, plan.states, plan.controls)
 
+    def lag(self, plan: Plan, path: Path, segment: int) -> float:
+        """Return the part of a plan's cost that depends on its distance and progress on a path."""
+        return float(self._references(path, segment, plan.states[1:])[1].sum())
+
     def _references(
-        self, problem: _Problem, states: NDArray[np.float64]
+        self, path: Path, segment: int, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        c, points = self.config, problem.path.points
+        c = self.config
         refs, costs = references(
-            points, problem.segment, states, self._reach, c.progress, c.contour, *c.final
+            path.points, segment, states, self._reach, c.progress, c.contour, *c.final
         )
         return refs, costs
 
@@ -286,7 +290,7 @@ class MPC:
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> float:
         c = self.config
-        _, costs = self._references(problem, states[1:])
+        _, costs = self._references(problem.path, problem.segment, states[1:])
         value, _ = self._clearances(problem, states[1:])
         weights = c.comfort, c.effort, c.smoothness, c.closeness, c.violation
         return condense.merit(
@@ -400,7 +404,7 @@ class MPC:
         c, io, n = self.config, self._io, self.stages
         io["z"][:, :4] = states
         io["z"][:n, 4:] = controls
-        io["reference"][1:], _ = self._references(problem, states[1:])
+        io["reference"][1:], _ = self._references(problem.path, problem.segment, states[1:])
         io["reference"][0] = 0.0
         io["multiplier"][:] = 0.0
         self._evaluate()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.motion.goal import GOES_ON, PLAN_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan
-from planner.mpc.initial_guess import pursue, shifted
+from planner.mpc.initial_guess import LOOK, pursue, shifted
 from planner.mpc.mpc import MPC, MPCConfig, stop_controls
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
@@ -21,6 +21,10 @@ from predictor.mapping.car_limits import CarLimits
 SLOW = 0.3
 """Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may
 stand still [m/s]."""
+LEG_LOOK = 0.3
+"""Distance of the point on a leg that pure pursuit aims at [m]."""
+LEG_END = 0.05
+"""Distance from a leg's end within which the car stops at once [m], so that it does not creep."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
@@ -34,6 +38,7 @@ class Situation:
         risk: newest risk map around the car.
         path: path to follow, or None.
         segment: index of the path's segment near which the car is.
+        on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
         faults: list to which the kinds of failures are appended.
     """
 
@@ -41,6 +46,7 @@ class Situation:
     risk: RiskMap
     path: Path | None
     segment: int
+    on_leg: bool
     faults: list[str]
 
 
@@ -126,6 +132,9 @@ class PlanChooser:
                 return safe[-1], False
             return self.resort.brake(now.state, rest, now.risk), True
 
+        if now.on_leg:
+            return self._along_leg(now, path, rest, safe)
+
         def cost(plan: Plan) -> float:
             return self.mpc.evaluate(plan, path, now.risk, now.segment, self._curvature)
 
@@ -155,10 +164,29 @@ class PlanChooser:
         moving = (plan for plan in others if plan.states[:, 3].max() > 0.1)
         return next((plan for plan in moving if self.goes_on(plan, now.risk)), best), False
 
+    def _along_leg(
+        self, now: Situation, leg: Path, rest: Plan, safe: list[Plan]
+    ) -> tuple[Plan, bool]:
+        """Choose the plan that follows a leg of a recovery manoeuvre, as `_decide` does for a path.
+
+        The MPC has no part in it: legs pass closer to walls than it prefers, so it would rather let
+        the car wait.
+        """
+        left = np.vstack([now.state[:2], leg.points[now.segment + 1 :]])
+        length = float(np.hypot(*np.diff(left, axis=0).T).sum())
+        pursued = self.mpc.roll(now.state, self._pursuit(now, leg, LEG_LOOK, length))
+        if self.checker.is_safe(pursued, now.risk):
+            safe = [pursued, *safe]
+        if not safe:
+            return self.resort.brake(now.state, rest, now.risk), True
+        if math.dist(safe[-1].states[-1, :2], leg.points[-1]) < LEG_END:
+            return safe[-1], False
+        return min(safe, key=lambda plan: self.mpc.lag(plan, leg, now.segment)), False
+
     def _fallbacks(self, now: Situation) -> tuple[Plan, list[Plan]]:
         """Return the rest of the last plan, and the safe ones among the plans that need no solver.
 
-        These are the last resort, the rest of the last plan, and braking.
+        These are the last resort, the rest of the last plan, and braking, in this order.
         """
         mpc, braking = self.mpc, self.mpc.limits.braking
         stop = mpc.roll(now.state, stop_controls(mpc.stages, braking, self._curvature))
@@ -221,11 +249,19 @@ class PlanChooser:
                 solved.append(solution.plan)
         return solved
 
-    def _pursuit(self, now: Situation, path: Path) -> NDArray[np.float64]:
-        """Return pure-pursuit controls (N, 2) along a path, which stop before an unsafe cell."""
+    def _pursuit(
+        self, now: Situation, path: Path, look: float = LOOK, free: float = math.inf
+    ) -> NDArray[np.float64]:
+        """Return pure-pursuit controls (N, 2) along a path, which stop before an unsafe cell.
+
+        Args:
+            now: situation of the tick.
+            path: path to follow.
+            look: distance of the point to aim at, at least [m].
+            free: distance within which the car is to stop [m].
+        """
         mpc, car = self.mpc, self.mpc.limits
         limits = car.v_max, car.acceleration, car.braking, car.lateral_acceleration
-        free = math.inf
         controls = np.zeros((mpc.stages, 2))
         for _ in range(2):
             controls = pursue(
@@ -236,11 +272,12 @@ class PlanChooser:
                 mpc.config.dt,
                 *limits,
                 car.max_curvature,
+                look,
                 min(free, 1e6),
             )
             rolled = mpc.roll(now.state, controls)
             met = self.checker.contact(rolled, ~now.risk.safe, now.risk.frame)
             if met is None:
                 break
-            free = max(met[0] - 0.1, 0.0)
+            free = min(free, max(met[0] - 0.1, 0.0))
         return controls
