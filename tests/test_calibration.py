@@ -163,7 +163,7 @@ def test_levels_are_certified_from_safe_to_bold_until_one_is_not(tmp_path, monke
     assert (found["sequence"], found["most_drives"]) == ([0.0001, 0.001, 0.02, 0.2], 600)
     # A safe level needs few drives; a hopeless one is given up early.
     assert found["levels"][0]["drives"] == 177
-    assert found["levels"][3]["drives"] < 600
+    assert found["levels"][3]["drives"] < 60
     loaded = Calibration.load(tmp_path / "calibration.json")
     assert loaded.levels == {0.02: 0.001, 0.05: 0.02}
     again = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)

@@ -33,6 +33,9 @@ from predictor.registry import load_predictor
 ARM = "predicted"
 KINDS = "calibration drives"
 """Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
+LOST = 0.25
+"""Capital below which the test of a level is given up, to save drives in which it would seldom
+recover. This makes no false certificate more probable."""
 KEPT = (
     "world",
     "seed",
@@ -165,8 +168,8 @@ def _test(
 def _end(drives: list[dict[str, Any]], risk: float, most: int, wanted: float) -> int | None:
     """Return the number of drives after which the test of a risk is decided; None: not yet.
 
-    It is decided as soon as the gambler's capital suffices, or can no longer suffice even if none
-    of the remaining drives collides.
+    It is decided as soon as the gambler's capital suffices, is lost, or can no longer suffice even
+    if none of the remaining drives collides.
 
     Args:
         drives: drives so far.
@@ -176,7 +179,7 @@ def _end(drives: list[dict[str, Any]], risk: float, most: int, wanted: float) ->
     """
     money = capital(_losses(drives), risk)
     best = money * (1.0 + risk / (1.0 - risk)) ** (most - 1.0 - np.arange(len(money)))
-    clear = (money >= wanted) | (best < wanted)
+    clear = (money >= wanted) | (money < LOST) | (best < wanted)
     return int(np.argmax(clear)) + 1 if clear.any() else None
 
 
