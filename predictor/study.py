@@ -19,16 +19,14 @@ from pathlib import Path
 from typing import Any
 
 from predictor.infra.command_line import OneLineParser, between, run_command
-from predictor.networks import ARCHITECTURES
+from predictor.networks import PAPER, PROPOSED
 from predictor.networks.image_config import EXPANSIONS
 from predictor.training.image_arguments import add_arguments, configured
 
 FIRST = (1.1, 1.3, 2.0)
 """Most important expansions, which are trained first."""
 OTHERS = tuple(x for x in EXPANSIONS if x not in FIRST)
-LEADING = tuple(arch for arch in ARCHITECTURES if arch != "mlp")
-"""Architectures that are trained before the baseline."""
-ORDER = (*product(LEADING, FIRST), *product(LEADING, OTHERS), *product(("mlp",), EXPANSIONS))
+ORDER = (*product(PROPOSED, FIRST), *product(PROPOSED, OTHERS), *product(("mlp",), EXPANSIONS))
 """All trainings, the most important first."""
 
 
@@ -44,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
         "data": "folder of frames that predictor.dataset has made (default: %(default)s)",
         "out": "folder of results, with a folder for each training: checkpoint, log, curve, "
         "weights (default: results/study-PRESET)",
-        "archs": f"architectures to train, of {', '.join(ARCHITECTURES)} (default: all)",
+        "archs": f"architectures to train, of {', '.join(PAPER)} (default: all)",
         "expansions": "width of the predicted square divided by the 5 m of the crop, of "
         f"{', '.join(map(str, EXPANSIONS))} (default: all)",
         "jobs": "number of trainings at a time, with one thread each (default: one for each core; "
@@ -52,7 +50,7 @@ def main(argv: list[str] | None = None) -> int:
         "minutes": "stop after this many minutes; the same command continues (default: no limit)",
         "seed": "seed of the first weights and of the frames' order (default: 0)",
     }
-    archs: dict[str, Any] = {"nargs": "+", "choices": ARCHITECTURES, "default": ARCHITECTURES}
+    archs: dict[str, Any] = {"nargs": "+", "choices": PAPER, "default": PAPER}
     expansions: dict[str, Any] = {
         "nargs": "+",
         "type": float,

@@ -90,7 +90,7 @@ def study(tmp_path_factory):
 def one_whole_network():
     """Of the paper's networks one is timed whole, once: a quarter of a second."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("benchmarks.prediction.cost.ARCHITECTURES", ("unet_ff",))
+        patch.setattr("benchmarks.prediction.cost.PAPER", ("unet_ff",))
         patch.setattr("benchmarks.prediction.cost.PRINTED", 1)
         yield
 

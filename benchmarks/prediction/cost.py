@@ -24,7 +24,7 @@ from predictor.image_predictor import ImagePredictor
 from predictor.infra.environment import machine
 from predictor.infra.errors import one_line
 from predictor.mapping.context import CELLS
-from predictor.networks import ARCHITECTURES
+from predictor.networks import PAPER
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet
@@ -73,7 +73,7 @@ def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
 
     return {
         arch: evaluation.store.once(partial(_printed, arch), "cost", "printed", arch, machine())
-        for arch in tqdm(ARCHITECTURES, desc="cost as printed", unit="network")
+        for arch in tqdm(PAPER, desc="cost as printed", unit="network")
     }
 
 
@@ -109,7 +109,7 @@ def _examples(evaluation: Evaluation, expansion: float) -> list[ScoredSquare]:
 
 
 def _printed(arch: str) -> dict[str, Any]:
-    """Measure the cost of an architecture of `ARCHITECTURES` in the paper's size."""
+    """Measure the cost of an architecture of `PAPER` in the paper's size."""
     net = ImageNet(ImageConfig(arch)).eval()
     size = _counted(net, (1, net.config.side, net.config.side))
     given = torch.zeros(1, 1, net.config.side, net.config.side)

@@ -111,7 +111,7 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
                 }
                 scores.line(axis, list(points), list(points.values()), name)
         printed = paper[kind_of(place)]
-        for name in ("unet_ff", "resnet_ff", "gan"):
+        for name in names_of(printed):
             values = [values[name] for values in printed.values()]
             style = {"color": palette.predictor_colour(name), "linestyle": ":", "linewidth": 1.0}
             row[0].plot([*map(float, printed)], values, label=f"the paper's {name}", **style)

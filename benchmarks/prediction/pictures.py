@@ -16,6 +16,7 @@ from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.stretch_scores import Kept, drive_of
 from benchmarks.prediction.transients import with_transients
 from predictor.data.squares import TERNARY, codes_of
+from predictor.networks import PROPOSED
 from predictor.scoring.images import ssim
 
 SHOWN, COLUMNS = 5, 8
@@ -27,7 +28,7 @@ LASTS = 240
 STRAIGHT, STEP = 0.35, 20
 """Largest change of heading in the video [rad], and number of frames between two candidates for its
 start."""
-LEADERS = ("unet_ff", "resnet_ff", "gan", "compact")
+LEADERS = (*PROPOSED, "compact")
 """Candidates for the predictor whose worst and typical squares are shown, in order: the first one
 that is compared."""
 NOTHING = (*BASELINES, "none")

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.prediction.contestants import BASELINES
 from predictor.infra.markdown import DASH, interval, markdown
-from predictor.networks import ARCHITECTURES
+from predictor.networks import PAPER
 
 Rows = dict[str, dict[str, Any]]
 """Predictor → measures."""
@@ -80,7 +80,7 @@ def tables_of(results: dict[str, Any]) -> str:
     for place, entry in places_of(results).items():
         printed = results["paper"][kind_of(place)]
         paper = {expansion: printed.get(expansion) for expansion in entry}
-        networks = list(dict.fromkeys(name for rows in printed.values() for name in rows))
+        networks = names_of(printed)
         parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
         parts.append(f"\n### In short\n\n{_in_short(entry, paper, networks)}")
         names = names_of(entry)
@@ -147,7 +147,7 @@ def _size(entry: dict[str, Rows]) -> str:
 
 def _best(measured: Rows) -> str | None:
     """Return the best of the paper's networks by SSIM; None if none was compared."""
-    networks = [name for name in measured if name in ARCHITECTURES]
+    networks = [name for name in measured if name in PAPER]
     return max(networks, key=lambda name: measured[name]["ssim"]) if networks else None
 
 

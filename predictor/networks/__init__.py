@@ -4,5 +4,9 @@ The paper's networks take a grey image (B, 1, side, side) of the observed map, a
 predicted map: free +1, unknown 0, occupied -1. `image_net.ImageNet` makes each of them by name.
 """
 
-ARCHITECTURES = ("unet_ff", "resnet_ff", "gan", "mlp")
-"""Names of the paper's architectures."""
+PROPOSED = ("unet_ff", "resnet_ff", "gan")
+"""Architectures that the paper proposes."""
+PAPER = (*PROPOSED, "mlp")
+"""All architectures of the paper: those that it proposes, and its baseline, a perceptron."""
+ARCHITECTURES = PAPER
+"""Architectures of grey-image networks that can be trained; another one is appended here."""
