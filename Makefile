@@ -59,7 +59,7 @@ beyond: setup
 	$(BIN)/python -m predictor.dataset --noise 0.03 --out data/noise
 	$(BIN)/python -m predictor.dataset --people 0.03 --out data/people
 	$(BIN)/python -m predictor.dataset --clutter 0.15 --noise 0.03 --people 0.03 --out data/all-three
-	$(BIN)/python -m predictor.drives --logs 1 --train 75 --validation 10 --out data/few-logs
+	$(BIN)/python -m predictor.drives --simulated-logs 1 --train 75 --validation 10 --out data/few-logs
 	$(BIN)/python -m predictor.drives --train 125 --validation 15 --out data/few-drives
 	for of in $(CHANGED); do $(UNET) --data data/$$of --out $(BEYOND)/$$of || exit; done
 	$(UNET) --sigma 0.2 --out $(BEYOND)/sigma-0.2

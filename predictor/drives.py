@@ -3,8 +3,8 @@
 The car drives with the project's own planner, without prediction. Each drive is then replayed with
 LIDARs of other windows and other noise, which takes a tenth of the time of driving.
 
-    python -m predictor.drives                              the truth is the whole building
-    python -m predictor.drives --logs 1 --out data/logs     the truth is the map of a simulated log
+    python -m predictor.drives                        the truth is the whole building
+    python -m predictor.drives --simulated-logs 1     the truth is the map of a simulated log
 """
 
 from __future__ import annotations

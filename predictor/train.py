@@ -41,7 +41,7 @@ TRAINED = Path("results/train")
 """Default folder of the results of a training from random weights."""
 TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
 """Default folders of the samples and of the results of a fine-tuning (--start)."""
-RECORDED = ("logs", "families", "world", "share")
+RECORDED = ("simulated_logs", "families", "world", "share")
 """Fields of `DrivesConfig` that are also options of this command."""
 COMPACT = ("train", "validation", "steps", "start", *RECORDED)
 """Options that are valid for compact alone."""
@@ -183,7 +183,7 @@ def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
     for name in IMAGES if compact else COMPACT:
         if getattr(args, name) != parser.get_default(name):
             whose = "the paper's networks'" if compact else "compact's"
-            raise TrainError(f"--{name} is {whose}, not {args.arch}'s")
+            raise TrainError(f"--{name.replace('_', '-')} is {whose}, not {args.arch}'s")
 
 
 def _parser() -> argparse.ArgumentParser:

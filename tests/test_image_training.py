@@ -295,6 +295,7 @@ def test_one_command_trains_and_writes_weights(tmp_path, capsys):
     ("wrong", "message"),
     [
         (["--arch", "unet_ff", "--steps", "4"], "--steps is compact's, not unet_ff's"),
+        (["--arch", "gan", "--simulated-logs", "1"], "--simulated-logs is compact's, not gan's"),
         (["--epochs", "4"], "--epochs is the paper's networks', not compact's"),
         (["--arch", "gan", "--expansion", "0"], "--expansion is 0"),
         (["--arch", "gan", "--width", "9"], "--width is 9"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from benchmarks.recording.robot_log import ROBOT, LogConfig, poses_along, simulated_log
+from benchmarks.recording.simulated_log import ROBOT, SimulatedLogConfig, poses_along, simulated_log
 from benchmarks.recording.training_drives import (
     APART,
     SPLITS,
@@ -20,7 +20,7 @@ from predictor.infra.command_line import UsageError
 from sim.families import generate
 from sim.task import sample_task
 
-CLEAN = LogConfig(noise=(0.0,), dropout=(0.0,), people=(0.0,), misplaced=(0.0,))
+CLEAN = SimulatedLogConfig(noise=(0.0,), dropout=(0.0,), people=(0.0,), misplaced=(0.0,))
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def task():
 
 
 def test_a_log_has_a_scan_of_180_degrees_at_every_pose(task):
-    log = simulated_log([task], np.random.default_rng(0), LogConfig(apart=(0.4, 0.4)))
+    log = simulated_log([task], np.random.default_rng(0), SimulatedLogConfig(apart=(0.4, 0.4)))
     assert len(log) == len(log.poses)
     for scan in log.scans:
         assert scan.angle_min == pytest.approx(-np.pi / 2)
@@ -80,7 +80,7 @@ def test_ways_through_one_building_follow_on_each_other(task):
 
 
 def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
-    config = DrivesConfig(tmp_path, train=1, validation=1, logs=1.0, families=("narrow",))
+    config = DrivesConfig(tmp_path, train=1, validation=1, simulated_logs=1.0, families=("narrow",))
     make(config, 1)
     samples = Samples.load(tmp_path / "train")
     assert samples.about[0]["family"] == "narrow"
@@ -99,7 +99,7 @@ def test_the_truth_of_a_sample_is_what_the_log_maps(tmp_path):
 def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monkeypatch):
     ways = 4
     monkeypatch.setattr("benchmarks.recording.training_drives.JOURNEYS", (ways,))
-    config = DrivesConfig(tmp_path, train=1, validation=1, views=1, logs=1.0)
+    config = DrivesConfig(tmp_path, train=1, validation=1, views=1, simulated_logs=1.0)
     make(config, 1)
     count = len(Samples.load(tmp_path / "train"))
     task = [
@@ -111,6 +111,6 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
 
 
 def test_logs_and_drives_do_not_share_a_folder(tmp_path):
-    make(DrivesConfig(tmp_path, train=1, validation=1, logs=1.0), 1)
+    make(DrivesConfig(tmp_path, train=1, validation=1, simulated_logs=1.0), 1)
     with pytest.raises(UsageError, match="holds a run with"):
         make(DrivesConfig(tmp_path, train=1, validation=1), 1)

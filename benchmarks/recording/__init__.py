@@ -5,7 +5,7 @@ These modules are not in `predictor`, since they use the simulator and the plann
 - `settings`: settings and options of all recorded drives.
 - `own_buildings`: reads a user's own maps and logs.
 - `replay`: drives without prediction, and repeats a drive with another LIDAR.
-- `robot_log`: simulates the log of a robot.
+- `simulated_log`: simulates the log of a robot.
 - `training_drives`: the samples of `predictor.drives` and `predictor.train`, by these three.
 - `paper_drives`: the drives of the paper's simulated data set.
 - `data_sets`: the frames of `predictor.dataset`, of these drives or of real logs.

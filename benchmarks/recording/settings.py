@@ -36,7 +36,7 @@ class DrivesConfig(Options):
     longest: float = 16.0
     views: int = 2
     every: int = 6
-    logs: float = option(
+    simulated_logs: float = option(
         0.0,
         "share of the drives in generated buildings that are logs of a simulated robot, with a "
         "LIDAR of 180°, scans up to a metre apart, people, and the map of all scans as truth",

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 from benchmarks.recording.own_buildings import OwnBuildings, log_hash, world_of
 from benchmarks.recording.replay import drive_without_prediction, replayed_with
-from benchmarks.recording.robot_log import ROBOT, LogConfig, simulated_log
 from benchmarks.recording.settings import DrivesConfig
+from benchmarks.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
 from benchmarks.runs.tasks import task_in_world
 from predictor.data.frames import MANIFEST
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
@@ -89,7 +89,7 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
         if path is None and rng.random() < 0.5:
             world = varied(world, rng)
         driven_through = world_hash(world.grid.cells)
-        logged = path is None and rng.random() < config.logs
+        logged = path is None and rng.random() < config.simulated_logs
         made = (_logged if logged else _driven)(config, world, seed, rng)
     samples, why = [], ""
     try:
@@ -324,8 +324,8 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
         "windows": WINDOWS,
         "longest": config.longest,
         "every": config.every,
-        "logs": config.logs,
-        "log": asdict(LogConfig()),
+        "logs": config.simulated_logs,
+        "log": asdict(SimulatedLogConfig()),
         "journeys": JOURNEYS,
         "apart": APART,
     }

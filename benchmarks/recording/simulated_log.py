@@ -28,7 +28,7 @@ LOOK = 0.2
 
 
 @dataclass(frozen=True)
-class LogConfig:
+class SimulatedLogConfig:
     """Settings of simulated logs; each log draws its own values from them at random.
 
     Attributes:
@@ -51,7 +51,7 @@ class LogConfig:
 
 
 def simulated_log(
-    tasks: list[Task], rng: np.random.Generator, config: LogConfig | None = None
+    tasks: list[Task], rng: np.random.Generator, config: SimulatedLogConfig | None = None
 ) -> LaserLog:
     """Move a robot through a building, and return the log of its LIDAR.
 
@@ -60,7 +60,7 @@ def simulated_log(
         rng: generator of all random values.
         config: settings from which values are drawn; None: the defaults.
     """
-    config = config or LogConfig()
+    config = config or SimulatedLogConfig()
     lidar = Lidar(
         LidarConfig(
             fov=math.pi,
