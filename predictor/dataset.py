@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.recording.settings import SimulatedConfig
+from predictor.data import LOG_FORMATS
 from predictor.infra.command_line import OneLineParser, run_command
 
 SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
@@ -46,8 +47,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         nargs="+",
         type=Path,
         metavar="PATH",
-        help="logs with corrected poses, or folders "
-        "of them: CARMEN (.log, .log.gz), ROS 1 (.bag), ROS 2 (the bag's folder)",
+        help=f"logs with corrected poses, or folders of them: {LOG_FORMATS}",
     )
     add("--scans", metavar="TOPIC", help="topic of a bag's LaserScans (default: the only one)")
     add(
@@ -69,7 +69,7 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
 def _run(args: argparse.Namespace) -> None:
     from benchmarks.recording.data_sets import make_physical, make_simulated
     from predictor.data.bags import BagConfig
-    from predictor.data.survey import logs_in
+    from predictor.data.log_files import logs_in
 
     folder = args.out or (PHYSICAL if args.log else SIMULATED)
     if args.log:

@@ -8,16 +8,9 @@ import pytest
 
 from predictor.data.frames import Frames
 from predictor.data.laser_log import LaserLog, LogError
+from predictor.data.log_files import logs_in, site_of, sources_of
 from predictor.data.squares import cells_of
-from predictor.data.survey import (
-    clipped,
-    frame_around,
-    logs_in,
-    record,
-    site_of,
-    sources_of,
-    surveyed,
-)
+from predictor.data.survey import clipped, frame_around, record, surveyed
 from predictor.mapping.grid import GridFrame, world_hash
 from predictor.mapping.scan import Scan
 from sim import Lidar, LidarConfig, generate

@@ -112,7 +112,7 @@ def _logs(args: argparse.Namespace) -> Path | None:
     from benchmarks.recording.data_sets import make_physical
     from predictor.data.bags import BagConfig
     from predictor.data.frames import MANIFEST
-    from predictor.data.survey import logs_in
+    from predictor.data.log_files import logs_in
 
     logs: list[Path] = args.logs or [PHYSICAL]
     if len(logs) == 1 and (logs[0] / MANIFEST).is_file():

@@ -12,7 +12,8 @@ from benchmarks.recording.paper_drives import check_apart, drives_of, make_drive
 from benchmarks.recording.settings import SimulatedConfig
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import FrameSet
-from predictor.data.survey import make_log, site_of, sources_of
+from predictor.data.log_files import site_of, sources_of
+from predictor.data.survey import make_log
 from predictor.data.survey import settings_of as settings_of_logs
 from predictor.infra.workers import finished
 
@@ -52,7 +53,7 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
 
     Args:
         folder: folder of the set.
-        paths: paths of the logs: CARMEN, or bags of ROS 1 or 2.
+        paths: paths of the logs.
         config: topics to read from a bag.
         jobs: number of processes.
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.runs.tasks import task_in_world
-from predictor.data.bags import is_bag
-from predictor.data.carmen import ENDINGS
+from predictor.data import LOG_FORMATS
 from predictor.data.frames import RESOLUTION
 from predictor.data.laser_log import LaserLog, LogError
-from predictor.data.survey import REACH, frame_around, is_log, read_log
+from predictor.data.log_files import is_folder, is_log, read_log
+from predictor.data.survey import REACH, frame_around
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
 from predictor.mapping.car_limits import CarLimits
@@ -157,9 +157,9 @@ def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
     """
     found: list[list[Path]] = []
     for path in map(Path, names):
-        if path.is_dir() and not is_bag(path):
+        if is_folder(path):
             inside = [[one] for one in _files(path)]
-            folders = [one for one in sorted(path.iterdir()) if one.is_dir() and not is_bag(one)]
+            folders = [one for one in sorted(path.iterdir()) if is_folder(one)]
             inside += [files for files in map(_files, folders) if files]
             if not inside:
                 raise UsageError(f"--world: the folder {path} holds neither a .yaml map nor a log")
@@ -170,8 +170,8 @@ def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
             found.append([path])
         else:
             raise UsageError(
-                f"--world: {path} is neither a .yaml map, nor a log ({', '.join(ENDINGS)}, a bag), "
-                "nor a folder of such files"
+                f"--world: {path} is neither a .yaml map, nor a log, nor a folder of such files; "
+                f"logs are {LOG_FORMATS}"
             )
     return found
 

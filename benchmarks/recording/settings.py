@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from predictor.data import LOG_FORMATS
 from predictor.infra.options import Options, option
 from predictor.mapping.family_names import FAMILIES
 
@@ -52,8 +53,8 @@ class DrivesConfig(Options):
     )
     world: tuple[str, ...] = option(
         (),
-        "your own buildings: map_server .yaml files, logs of robots (CARMEN, ROS bags), or folders "
-        "of such files. A quarter of the buildings is held out for validation",
+        "your own buildings: map_server .yaml files, logs of robots, or folders of such files. A "
+        f"quarter of the buildings is held out for validation. Logs are {LOG_FORMATS}",
         "W",
     )
     share: float = option(

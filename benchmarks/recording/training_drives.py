@@ -22,9 +22,10 @@ from benchmarks.recording.settings import DrivesConfig
 from benchmarks.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
 from benchmarks.runs.tasks import task_in_world
 from predictor.data.frames import MANIFEST
+from predictor.data.log_files import is_log, read_log
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
-from predictor.data.survey import REACH, clipped, frame_around, is_log, read_log, surveyed
+from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.infra.command_line import UsageError
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import ResumableFolder

@@ -6,9 +6,20 @@ In the order of the data:
 - `carmen`: reads such a log from a text of the CARMEN toolkit.
 - `bags`: reads such a log from a bag of ROS.
 - `transforms`: gives the poses in a bag.
+- `log_files`: tells which files are such logs, and reads each with its reader.
 - `survey`: makes the map of a log, and its frames with this map as truth.
 - `frame_set`: records the frames of a drive or a log, and writes them into a data set.
 - `frames`: reads the frames of a data set.
 - `samples`: writes and reads the samples of drives.
 - `squares`: codes of the observed and the true map, in frames and samples alike.
 """
+
+CARMEN = (".log", ".clf", ".carmen")
+"""Endings of CARMEN logs, before .gz."""
+BAGS = (".bag", ".mcap", ".db3")
+"""Endings of ROS bags; a bag of ROS 2 may also be a folder."""
+LOG_FORMATS = (
+    f"CARMEN ({', '.join(CARMEN)}, also compressed: .gz), "
+    f"ROS ({', '.join(BAGS)}, or the folder of a ROS 2 bag)"
+)
+"""The formats of logs, as messages name them."""

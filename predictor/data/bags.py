@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.data import BAGS
 from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.data.transforms import Transforms
 from predictor.infra.plain_yaml import read_yaml
@@ -56,8 +57,8 @@ class BagConfig:
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a bag: a file .bag, .mcap or .db3, or a folder of ROS 2."""
-    return path.suffix in (".bag", ".mcap", ".db3") or (path / "metadata.yaml").is_file()
+    """Return whether a path is a bag: a file with one of its endings, or a folder of ROS 2."""
+    return path.suffix in BAGS or (path / "metadata.yaml").is_file()
 
 
 def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:

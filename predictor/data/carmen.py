@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.data import CARMEN
 from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.infra.plain_json import loads
 from predictor.mapping.scan import Scan
@@ -35,8 +36,6 @@ NO_RETURN = 80.0
 """Range at or above which a beam of a SICK had no return [m]."""
 HALF_DEGREE = 300
 """Number of beams at or above which they are half a degree apart instead of one degree."""
-ENDINGS = (".log", ".clf", ".carmen")
-"""Endings of a log's file before .gz; in a folder of logs all such files are logs."""
 COMMON = (180, 181, 360, 361)
 """Usual numbers of beams of a SICK's scan."""
 ANGLES = ("angle_min_deg", "angle_inc_deg")
@@ -87,7 +86,7 @@ class Sidecar:
 def name_of(path: Path) -> str:
     """Return the name of a log without endings."""
     name = path.name.removesuffix(".gz")
-    for ending in (*ENDINGS, ".txt"):
+    for ending in (*CARMEN, ".txt"):
         name = name.removesuffix(ending)
     return name
 

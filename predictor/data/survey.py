@@ -9,7 +9,6 @@ grazing angle are crossed more often than hit.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from predictor.data.bags import BagConfig, is_bag, read_bag
-from predictor.data.carmen import ENDINGS, name_of, read_carmen, sidecar_of
+from predictor.data.bags import BagConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
-from predictor.data.frames import RESOLUTION, checksum
+from predictor.data.frames import RESOLUTION
 from predictor.data.laser_log import LaserLog, LogError
+from predictor.data.log_files import read_log, site_of
 from predictor.data.squares import cells_of, truth_codes
 from predictor.mapping.grid import GridFrame, OccupancyGrid, marks_of, world_hash
 from predictor.mapping.scan import Scan
@@ -35,58 +34,9 @@ LARGEST = 1000.0
 """Largest extent of a log's poses [m]; the map then takes 0.4 GB."""
 
 
-def site_of(path: Path) -> str:
-    """Return the name of a log: the name of its file or folder without endings."""
-    return name_of(path) if path.is_file() and not is_bag(path) else path.stem
-
-
-def is_log(path: Path) -> bool:
-    """Return whether a path is a bag, or has a name that ends as those of CARMEN logs do."""
-    return is_bag(path) or path.name.removesuffix(".gz").endswith(ENDINGS)
-
-
-def logs_in(paths: list[Path]) -> list[Path]:
-    """Return the logs that some paths name.
-
-    A folder stands for the bags in it, and for its files whose names end with one of `ENDINGS`,
-    with or without .gz.
-
-    Args:
-        paths: paths of logs and of folders of logs.
-
-    Raises:
-        LogError: if a folder holds no log.
-    """
-    found: list[Path] = []
-    for path in paths:
-        if not path.is_dir() or is_bag(path):
-            found.append(path)
-            continue
-        logs = [one for one in sorted(path.iterdir()) if is_log(one)]
-        if not logs:
-            raise LogError(f"{path} holds no log: no bag, and no file {', '.join(ENDINGS)}")
-        found += logs
-    return found
-
-
 def settings_of(bag: BagConfig) -> dict[str, Any]:
     """Return all settings that decide the frames of a log."""
     return {"reach": REACH, "window": WINDOW, "hits": HITS, "bag": asdict(bag)}
-
-
-def sources_of(paths: list[Path]) -> dict[str, str]:
-    """Return the name and the fingerprint of each log.
-
-    Raises:
-        LogError: if a log does not exist, or two have one name.
-    """
-    for path in paths:
-        if not path.exists():
-            raise LogError(f"{path}: no such file")
-    logs = {site_of(path): _fingerprint(path) for path in paths}
-    if len(logs) < len(paths):
-        raise LogError("--log wants each site once, and a name of its own for each")
-    return logs
 
 
 def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
@@ -113,15 +63,6 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
         "skipped": log.skipped,
     }
     return write_trajectory(folder, site_of(path), recording.arrays(), about)
-
-
-def read_log(path: Path, bag: BagConfig | None = None) -> LaserLog:
-    """Read a log: a ROS bag or a CARMEN log.
-
-    Raises:
-        LogError: if it cannot be read.
-    """
-    return read_bag(path, bag) if is_bag(path) else read_carmen(path)
 
 
 def record(log: LaserLog) -> Recording:
@@ -196,11 +137,3 @@ def frame_around(poses: NDArray[np.float64], reach: float) -> GridFrame:
 def clipped(scan: Scan, reach: float) -> Scan:
     """Return a scan with a smaller sensor range [m]; beams with longer ranges are free up to it."""
     return replace(scan, range_max=min(reach, scan.range_max))
-
-
-def _fingerprint(path: Path) -> str:
-    """Return the SHA-256 of a log: of its file or folder, and of the file beside it."""
-    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    beside = sidecar_of(path)
-    digests = [checksum(file) for file in [*files, *([beside] if beside.is_file() else [])]]
-    return hashlib.sha256("".join(digests).encode()).hexdigest()

@@ -1,0 +1,86 @@
+"""The files of robots' logs: which there are, and the reader of each format."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from predictor.data import CARMEN, LOG_FORMATS
+from predictor.data.bags import BagConfig, is_bag, read_bag
+from predictor.data.carmen import name_of, read_carmen, sidecar_of
+from predictor.data.frames import checksum
+from predictor.data.laser_log import LaserLog, LogError
+
+
+def site_of(path: Path) -> str:
+    """Return the name of a log: the name of its file or folder without endings."""
+    return name_of(path) if path.is_file() and not is_bag(path) else path.stem
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a path is a bag, or has a name that ends as those of CARMEN logs do."""
+    return is_bag(path) or path.name.removesuffix(".gz").endswith(CARMEN)
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether a path is a folder that is not itself a log."""
+    return path.is_dir() and not is_bag(path)
+
+
+def logs_in(paths: list[Path]) -> list[Path]:
+    """Return the logs that some paths name.
+
+    A folder stands for the logs in it, see `is_log`.
+
+    Args:
+        paths: paths of logs and of folders of logs.
+
+    Raises:
+        LogError: if a folder holds no log.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not is_folder(path):
+            found.append(path)
+            continue
+        logs = [one for one in sorted(path.iterdir()) if is_log(one)]
+        if not logs:
+            raise LogError(f"{path} holds no log; logs are {LOG_FORMATS}")
+        found += logs
+    return found
+
+
+def read_log(path: Path, bag: BagConfig | None = None) -> LaserLog:
+    """Read a log of any format.
+
+    Args:
+        path: path of the log.
+        bag: topics to read from a bag.
+
+    Raises:
+        LogError: if it cannot be read.
+    """
+    return read_bag(path, bag) if is_bag(path) else read_carmen(path)
+
+
+def sources_of(paths: list[Path]) -> dict[str, str]:
+    """Return the name and the fingerprint of each log.
+
+    Raises:
+        LogError: if a log does not exist, or two have one name.
+    """
+    for path in paths:
+        if not path.exists():
+            raise LogError(f"{path}: no such file")
+    logs = {site_of(path): _fingerprint(path) for path in paths}
+    if len(logs) < len(paths):
+        raise LogError("--log wants each site once, and a name of its own for each")
+    return logs
+
+
+def _fingerprint(path: Path) -> str:
+    """Return the SHA-256 of a log: of its file or folder, and of the file beside it."""
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    beside = sidecar_of(path)
+    digests = [checksum(file) for file in [*files, *([beside] if beside.is_file() else [])]]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
