@@ -7,7 +7,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.conventions import TICK
+from predictor.mapping.conventions import RESOLUTION, TICK
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from predictor.prediction import (
     BadPredictionError,
@@ -91,7 +91,7 @@ def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]
     rng = np.random.default_rng(seed)
     questions = []
     for length in (side, 0.55 * side):
-        n = round(length / 0.05)
+        n = round(length / RESOLUTION)
         clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
         for cells in (
             np.full((n, n), FREE, np.int8),
@@ -99,7 +99,7 @@ def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]
             clutter,
         ):
             origin = (float(rng.integers(-9, 9)), float(rng.integers(-9, 9)))
-            known = Grid(GridFrame(0.05, origin, (n, n)), cells)
+            known = Grid(GridFrame(RESOLUTION, origin, (n, n)), cells)
             pose = np.array([*known.frame.centre(n / 2, n / 2), rng.uniform(-np.pi, np.pi)])
             questions.append((known, pose))
     return questions

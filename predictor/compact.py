@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
 from predictor.mapping.context import CELLS, SIDE, context_of
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import Grid
 from predictor.mapping.resampling import resampled
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
@@ -28,8 +29,6 @@ SHIPPED, LOGS, PAPER = (
 )
 """Files of weights in this package: for driving, fine-tuned on simulated robot logs, and fine-tuned
 on buildings as in the paper alone. The .md file beside each describes it."""
-RESOLUTION = 0.05
-"""Resolution of the maps that the network was trained on [m]; others are resampled to it."""
 SUREST = 0.9999
 """Highest confidence in an unobserved cell: a planner would take 1 as certain."""
 

@@ -13,10 +13,8 @@ import sys
 from pathlib import Path
 
 from benchmarks.recording.settings import SimulatedConfig
-from predictor.data import LOG_FORMATS
+from predictor.data import LOG_FORMATS, PHYSICAL, SIMULATED
 from predictor.infra.command_line import OneLineParser, run_command
-
-SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -12,10 +12,11 @@ from torch import Tensor, nn
 
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
+from predictor.mapping.conventions import CROP_SIDE
 from predictor.mapping.grid import Grid, GridFrame, paste
 from predictor.networks.grey_map import level_of
 from predictor.networks.image import image_of, pixels_at_cells
-from predictor.networks.image_config import WINDOW, ImageConfig
+from predictor.networks.image_config import ImageConfig
 from predictor.networks.image_net import ImageNet
 from predictor.prediction import Prediction, check_question, with_observed
 from predictor.runtime import Run, runner
@@ -87,9 +88,9 @@ class ImagePredictor:
         """Return the predicted square, and the greys of the network there."""
         check_question(known, pose)
         x, y = float(pose[0]), float(pose[1])
-        square = known.frame.square(x, y, WINDOW * self.config.expansion)
+        square = known.frame.square(x, y, CROP_SIDE * self.config.expansion)
         if self.config.given == "crop":
-            known = known.crop(known.frame.square(x, y, WINDOW))
+            known = known.crop(known.frame.square(x, y, CROP_SIDE))
         given = known.crop(square)
         turns = quarters(float(pose[2])) if self.config.turned else 0
         image = image_of(np.rot90(codes_of(given.cells), turns), self.config.side)

@@ -18,6 +18,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from predictor.data import SIMULATED
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import PAPER, PROPOSED
 from predictor.networks.image_config import EXPANSIONS
@@ -59,7 +60,7 @@ def main(argv: list[str] | None = None) -> int:
     }
     minutes = between(1e-3, math.inf)
     add = parser.add_argument
-    add("--data", type=Path, default=Path("data/simulated"), metavar="DIR", help=told["data"])
+    add("--data", type=Path, default=SIMULATED, metavar="DIR", help=told["data"])
     add("--out", type=Path, metavar="DIR", help=told["out"])
     add("--archs", metavar="A", help=told["archs"], **archs)
     add("--expansions", metavar="X", help=told["expansions"], **expansions)

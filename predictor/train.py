@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.recording.settings import DrivesConfig
+from predictor.data import SIMULATED
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
@@ -70,7 +71,7 @@ def _images(args: argparse.Namespace) -> Path:
     expansion = EXPANSIONS[0] if args.expansion is None else args.expansion
     config, training = configured(args, args.arch, expansion)
     out = args.out or Path("results/networks") / f"{args.arch}-{expansion:g}"
-    return train_images(config, training, args.data or Path("data/simulated"), out, args.jobs)
+    return train_images(config, training, args.data or SIMULATED, out, args.jobs)
 
 
 def _compact(args: argparse.Namespace) -> Path:
@@ -208,7 +209,7 @@ def _parser() -> argparse.ArgumentParser:
         help="folder of the training data. For compact: drives, "
         f"which are made first if they are missing (default: {drives.out}; with --start: "
         f"{TUNED[0]}). For the paper's networks: frames of predictor.dataset or drives "
-        "(default: data/simulated)",
+        f"(default: {SIMULATED})",
     )
     add(
         "--out",

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
-RESOLUTION = 0.05
-"""Side of a cell [m]."""
 WALL = 3
 """Thickness of the walls around free space [cells]."""
 

@@ -10,11 +10,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from predictor.data import PHYSICAL, SIMULATED
 from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks.image_config import EXPANSIONS
 
-SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
-"""Folders of the default data sets; one that is missing is left out."""
 PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
 """Default predictors."""
 DESCRIPTION = """\

@@ -24,6 +24,7 @@ from predictor.image_predictor import ImagePredictor
 from predictor.infra.environment import machine
 from predictor.infra.errors import one_line
 from predictor.mapping.context import CELLS
+from predictor.mapping.conventions import CROP_CELLS
 from predictor.networks import PAPER
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.image_config import ImageConfig
@@ -139,7 +140,7 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
     weights = [Path(contestant.spec)]
     if isinstance(predictor, Fused):
         # Only the networks that the square needs are run, the narrowest first.
-        narrower = sum(100 * part.config.expansion < n - 1e-6 for part in predictor.parts)
+        narrower = sum(CROP_CELLS * part.config.expansion < n - 1e-6 for part in predictor.parts)
         weights = predictor.weights[: narrower + 1]
     elif not isinstance(predictor, ImagePredictor):
         return {"parameters": None, "macs": None}

@@ -22,9 +22,10 @@ from benchmarks.figures.run_figures import save_figures
 from benchmarks.figures.video import kind_for, write_video
 from benchmarks.prediction.pictures import GIVEN, NOTHING, TRUE, Row, Sheets, shown
 from benchmarks.prediction.tables import kind_of, names_of, places_of
-from predictor.data.frames import CROP, RESOLUTION, Frames
+from predictor.data.frames import Frames
 from predictor.data.squares import NOTHING as UNKNOWN
 from predictor.data.squares import cells_of
+from predictor.mapping.conventions import CROP_CELLS, RESOLUTION
 from predictor.mapping.grid import GridFrame
 
 TITLES = {
@@ -161,10 +162,12 @@ def squares(rows: list[Row]) -> tuple[Figure, NDArray[Any]]:
     columns = [*(name for name in names if name != TRUE), TRUE]
     figure, axes = scores.sheet([row.images for row in rows], columns)
     for row, beside in zip(rows, axes, strict=True):
-        edge = (len(row.images[GIVEN]) - CROP) / 2
+        edge = (len(row.images[GIVEN]) - CROP_CELLS) / 2
         for axis in beside:
             if axis.images:
-                axis.add_patch(Rectangle((edge, edge), CROP, CROP, linewidth=0.7, **OUTLINE))
+                axis.add_patch(
+                    Rectangle((edge, edge), CROP_CELLS, CROP_CELLS, linewidth=0.7, **OUTLINE)
+                )
         annotate(beside, columns, row)
     return figure, axes
 

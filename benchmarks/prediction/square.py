@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.data.frames import RESOLUTION, SIDE, Frames
+from predictor.data.frames import SIDE, Frames
 from predictor.data.squares import NOTHING, TERNARY, cells_of
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import Grid, GridFrame
 from predictor.scoring.images import beyond_crop
 from predictor.scoring.scores import rings_of

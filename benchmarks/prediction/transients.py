@@ -20,7 +20,7 @@ from benchmarks.prediction.contestants import Contestant, Entrant, entrant, prin
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.stretch_scores import drive_of
-from predictor.data.frames import RESOLUTION
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import OCCUPIED, Grid
 
 RADIUS, CLEAR = 0.15, 0.6

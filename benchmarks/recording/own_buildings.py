@@ -13,13 +13,13 @@ import numpy as np
 
 from benchmarks.runs.tasks import task_in_world
 from predictor.data import LOG_FORMATS
-from predictor.data.frames import RESOLUTION
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.log_files import is_folder, is_log, read_log
 from predictor.data.survey import REACH, frame_around
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import world_hash
 from predictor.mapping.resampling import resampled
 from sim.map_server import MapError, load_world

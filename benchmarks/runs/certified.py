@@ -13,14 +13,12 @@ from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
 from benchmarks.runs.tasks import sources
 from planner.risk.calibration import Calibration
 from predictor.infra.command_line import UsageError
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.family_names import FAMILIES
 from predictor.mapping.grid import world_hash
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 from sim.map_server import load_world
-
-RESOLUTION = 0.05
-"""Resolution of maps for which the planner's settings are hashed [m]."""
 
 
 def conditions_of(settings: Settings) -> dict[str, Any]:

@@ -16,10 +16,11 @@ from planner.mpc.mpc import MPC
 from planner.navigator import AHEAD
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 
-SIDE, RESOLUTION = 200, 0.05
-"""Side of the risk map of a tick [cells], and side of a cell [m]."""
+SIDE = 200
+"""Side of the risk map of a tick [cells]."""
 LENGTH, WIDTH = 40.0, 8.0
 """Length and width of the hall [m]."""
 POSTS = 14

@@ -13,8 +13,9 @@ from typing import Any
 
 import casadi as ca
 
-from benchmarks.timing.hall import BEHIND, RESOLUTION, SIDE
+from benchmarks.timing.hall import BEHIND, SIDE
 from planner.mpc.mpc import MPC
+from predictor.mapping.conventions import RESOLUTION
 
 X, U = ca.SX.sym("x", 4), ca.SX.sym("u", 2)
 """Symbols of the state (4,) and the control (2,) of a stage."""

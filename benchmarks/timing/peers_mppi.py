@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.timing.hall import BEHIND, RESOLUTION, SIDE, Solve, Solver, Tick
+from benchmarks.timing.hall import BEHIND, SIDE, Solve, Solver, Tick
 from planner.mpc.mpc import MPC
+from predictor.mapping.conventions import RESOLUTION
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.recording.replay import replayed_with
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim import LidarConfig
 from sim.task import Task
@@ -75,14 +76,14 @@ def cluttered(side: int, seed: int) -> World:
     """Return a square hall with one box per 6 m² of floor.
 
     Args:
-        side: side of the hall, in cells of 0.05 m.
+        side: side of the hall, in cells.
         seed: seed of the boxes.
     """
     rng = np.random.default_rng(seed)
     cells = np.full((side, side), FREE, dtype=np.int8)
-    for _ in range(round((0.05 * side) ** 2 / 6)):
+    for _ in range(round((RESOLUTION * side) ** 2 / 6)):
         row, col = rng.integers(side, size=2)
         high, wide = rng.integers(3, 25, size=2)
         cells[row : row + high, col : col + wide] = OCCUPIED
     cells[[0, -1]] = cells[:, [0, -1]] = OCCUPIED
-    return World(f"hall-{side}", Grid(GridFrame(0.05, (0.0, 0.0), (side, side)), cells))
+    return World(f"hall-{side}", Grid(GridFrame(RESOLUTION, (0.0, 0.0), (side, side)), cells))

@@ -14,6 +14,10 @@ In the order of the data:
 - `squares`: codes of the observed and the true map, in frames and samples alike.
 """
 
+from pathlib import Path
+
+SIMULATED, PHYSICAL = Path("data/simulated"), Path("data/physical")
+"""Default folders of the two data sets of `predictor.dataset`."""
 CARMEN = (".log", ".clf", ".carmen")
 """Endings of CARMEN logs, before .gz."""
 BAGS = (".bag", ".mcap", ".db3")

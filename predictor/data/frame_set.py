@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 
 from predictor.data.frames import (
     ARRAYS,
-    CROP,
     FORMAT,
     MANIFEST,
-    RESOLUTION,
     SIDE,
     FramesError,
     checksum,
@@ -26,6 +24,7 @@ from predictor.data.squares import codes_of, middle
 from predictor.infra.atomic_file import write_whole
 from predictor.infra.environment import commit
 from predictor.infra.resumable import ResumableFolder, refuse_other_settings, write_arrays
+from predictor.mapping.conventions import CROP_CELLS, RESOLUTION
 from predictor.mapping.grid import GridFrame, OccupancyGrid
 
 WINDOW = 5.0
@@ -141,7 +140,7 @@ class Recording:
         """
         square = self.frame.square(float(state[0]), float(state[1]), SIDE * RESOLUTION)
         row = {
-            "estimated": middle(codes_of(whole.crop(square).cells), CROP),
+            "estimated": middle(codes_of(whole.crop(square).cells), CROP_CELLS),
             "remembered": codes_of(near.crop(square).cells),
             "states": state,
             "actions": action,

@@ -38,15 +38,14 @@ from predictor.data.squares import NOTHING, Square
 from predictor.infra.errors import LineError
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import UNREADABLE
+from predictor.mapping.conventions import CROP_CELLS
 
 FORMAT = 1
 MANIFEST = "manifest.json"
-RESOLUTION = 0.05
-"""Side of a cell [m]."""
-CROP, SIDE = 100, 200
-"""Sides of the smallest and the largest square [cells]: 5 m and 10 m."""
+SIDE = 2 * CROP_CELLS
+"""Side of the largest square [cells]: 10 m."""
 ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
-    "estimated": ("|u1", (CROP, CROP)),
+    "estimated": ("|u1", (CROP_CELLS, CROP_CELLS)),
     "remembered": ("|u1", (SIDE, SIDE)),
     "states": ("<f8", (4,)),
     "actions": ("<f8", (2,)),
@@ -151,8 +150,8 @@ class Frames:
         Raises:
             FramesError: if there is no such square.
         """
-        side = round(100 * expansion)
-        if side % 2 or not CROP <= side <= SIDE or abs(side - 100 * expansion) > 1e-6:
+        side = round(CROP_CELLS * expansion)
+        if side % 2 or not CROP_CELLS <= side <= SIDE or abs(side - CROP_CELLS * expansion) > 1e-6:
             raise FramesError(f"expansion is {expansion}, it must be 1.00, 1.02, … or 2.00")
         chosen = np.arange(len(self))[index]
         out = np.empty((*chosen.shape, side, side), dtype=np.uint8)

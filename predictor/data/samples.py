@@ -32,6 +32,7 @@ from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import UNREADABLE, as_bytes, write_arrays
 from predictor.mapping.context import CELLS, context_of
+from predictor.mapping.conventions import CROP_CELLS
 from predictor.mapping.grid import Grid
 
 FORMAT = 3
@@ -40,8 +41,6 @@ RECIPE = "recipe.json"
 with."""
 SIDE = 280
 """Side of a sample [cells]: 14 m at 0.05 m, as much as a car with a top speed of 4 m/s can use."""
-CROP = 100
-"""Side of the 5 m square that the paper's networks are given [cells]."""
 
 
 class SamplesError(LineError):
@@ -183,7 +182,9 @@ class Samples:
             SamplesError: if the sample is damaged.
         """
         seen, truth = parted(self[index])
-        return Square.of(middle(seen, CROP), seen, middle(truth, round(CROP * expansion)))
+        return Square.of(
+            middle(seen, CROP_CELLS), seen, middle(truth, round(CROP_CELLS * expansion))
+        )
 
     @cached_property
     def _families(self) -> dict[str, int]:

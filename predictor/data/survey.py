@@ -19,10 +19,10 @@ from scipy.ndimage import binary_dilation
 
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
-from predictor.data.frames import RESOLUTION
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.log_files import read_log, site_of
 from predictor.data.squares import cells_of, truth_codes
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import GridFrame, OccupancyGrid, marks_of, world_hash
 from predictor.mapping.scan import Scan
 

@@ -1,6 +1,12 @@
-"""Constants that the planner and the simulator share: control period and radius of the goal."""
+"""Constants that all parts share: control period, goal, and the sizes of cells and of the crop."""
 
 TICK = 0.1
 """Control period: each control is applied for this long [s]. 10 Hz, as in Katyal et al. 2018."""
 GOAL_RADIUS = 0.5
 """Distance of the car's centre from the goal at which a drive ends, at any speed [m]."""
+RESOLUTION = 0.05
+"""Side of a cell of generated buildings, frames and samples [m]."""
+CROP_SIDE = 5.0
+"""Side of the crop [m], the square around the car that the paper's networks expand."""
+CROP_CELLS = round(CROP_SIDE / RESOLUTION)
+"""Side of the crop [cells]."""

@@ -19,8 +19,6 @@ OVER = ("image", "batch")
 """Ways to normalise channels, see `predictor.networks.normalisation`."""
 EXPANSIONS = (1.1, 1.3, 1.5, 1.7, 2.0)
 """Expansions that the paper trains for."""
-WINDOW = 5.0
-"""Side of the crop that is expanded [m]."""
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 from skimage.restoration import denoise_tv_chambolle
 
-from predictor.data.frames import CROP, RESOLUTION
 from predictor.data.squares import TERNARY, codes_of
+from predictor.mapping.conventions import CROP_CELLS, RESOLUTION
 from predictor.mapping.grid import Grid
 from predictor.prediction import Prediction
 
@@ -131,7 +131,7 @@ def similarity(
 def beyond_crop(n: int) -> NDArray[np.float64]:
     """Return the distance of each cell's centre from the 5 m crop, (n, n) [m]; negative inside."""
     from_middle = abs(np.arange(n) + 0.5 - n / 2)
-    return np.asarray((np.maximum.outer(from_middle, from_middle) - CROP / 2) * RESOLUTION)
+    return np.asarray((np.maximum.outer(from_middle, from_middle) - CROP_CELLS / 2) * RESOLUTION)
 
 
 def _averaged(image: NDArray[np.float64], block: int) -> NDArray[np.float64]:
