@@ -76,8 +76,8 @@ class Fused:
             name: [world for facts in every for world in facts.get(name, ())]
             for name in ("worlds", "validation_worlds")
         }
-        prints = "+".join(facts["fingerprint"] for facts in every)
-        return {"fingerprint": prints, "runtime": every[0]["runtime"], **worlds}
+        fingerprint = "+".join(facts["fingerprint"] for facts in every)
+        return {"fingerprint": fingerprint, "runtime": every[0]["runtime"], **worlds}
 
     def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
         """Predict the unobserved part of a window.
@@ -85,17 +85,17 @@ class Fused:
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
-        return believed(known, self.printed(known, pose))
+        return believed(known, self.grey_layers(known, pose))
 
-    def printed(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Return the layers of `ImagePredictor.printed`, each cell from the smallest square.
+    def grey_layers(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the layers of `ImagePredictor.grey_layers`, each cell from the smallest square.
 
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
         out = np.zeros((4, *known.frame.shape), dtype=np.float32)
         for part in self.parts:
-            out = np.where(out[3] > 0, out, part.printed(known, pose))
+            out = np.where(out[3] > 0, out, part.grey_layers(known, pose))
             if out[3].all():
                 break
         return out

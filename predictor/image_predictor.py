@@ -52,7 +52,7 @@ class ImagePredictor:
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
-        return believed(known, self.printed(known, pose))
+        return believed(known, self.grey_layers(known, pose))
 
     @property
     def given(self) -> str:
@@ -65,10 +65,10 @@ class ImagePredictor:
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
-        square, grey = self._printed(known, pose)
+        square, grey = self._grey(known, pose)
         return paste(square, grey, known.frame, np.float32(0.0))
 
-    def printed(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
+    def grey_layers(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the greys of the network and their meaning on the frame of `known`.
 
         Returns:
@@ -78,11 +78,11 @@ class ImagePredictor:
         Raises:
             ValueError: if the window is empty or the pose not finite.
         """
-        square, grey = self._printed(known, pose)
+        square, grey = self._grey(known, pose)
         layers = (grey, *self._chances[:, level_of(grey)], np.ones_like(grey))
         return np.stack([paste(square, layer, known.frame, np.float32(0.0)) for layer in layers])
 
-    def _printed(
+    def _grey(
         self, known: Grid, pose: NDArray[np.float64]
     ) -> tuple[GridFrame, NDArray[np.float32]]:
         """Return the predicted square, and the greys of the network there."""
@@ -94,23 +94,23 @@ class ImagePredictor:
         given = known.crop(square)
         turns = quarters(float(pose[2])) if self.config.turned else 0
         image = image_of(np.rot90(codes_of(given.cells), turns), self.config.side)
-        printed = pixels_at_cells(self._run(image[None])[0], square.shape[0])
-        return square, np.rot90(printed, -turns)
+        grey = pixels_at_cells(self._run(image[None])[0], square.shape[0])
+        return square, np.rot90(grey, -turns)
 
 
-def believed(known: Grid, printed: NDArray[np.float32]) -> Prediction:
-    """Make a prediction of the layers of `ImagePredictor.printed`; observed cells are kept.
+def believed(known: Grid, layers: NDArray[np.float32]) -> Prediction:
+    """Make a prediction of the layers of `ImagePredictor.grey_layers`; observed cells are kept.
 
     Args:
         known: map of all that was observed.
-        printed: layers (4, rows, columns).
+        layers: (4, rows, columns).
     """
-    _, p_free, p_occupied, said = printed
+    _, p_free, p_occupied, said = layers
     sure = said * np.float32(0.0 if known.unknown.all() else SUREST)
     return with_observed(known, p_free, p_occupied, sure)
 
 
-class _Printed(nn.Module):
+class _RuntimeNet(nn.Module):
     """The network as one module for a runtime, with whole greys as input."""
 
     def __init__(self, net: ImageNet) -> None:
@@ -130,5 +130,5 @@ def _loaded(
     """Return a function that runs the network, its configuration, meaning of greys, and facts."""
     # Cached, since each drive makes a predictor of its own.
     net, facts = load_weights(weights, ImageNet)
-    run, runs_on = runner(_Printed(net).eval(), runtime, (net.config.side, net.config.side))
+    run, runs_on = runner(_RuntimeNet(net).eval(), runtime, (net.config.side, net.config.side))
     return run, net.config, net.chances.numpy(), facts | {"runtime": runs_on}

@@ -42,12 +42,12 @@ def alone(study, expansion):
 
 
 def test_of_each_cell_speaks_the_network_of_the_smallest_square_that_holds_it(study):
-    fused = load_predictor(f"fused:{study}/unet_ff").printed(known(), POSE)
+    fused = load_predictor(f"fused:{study}/unet_ff").grey_layers(known(), POSE)
     beyond = np.maximum.outer(*2 * [abs(np.arange(200) + 0.5 - 100)])
     for low, expansion in ((0, 1.1), (55, 1.5), (75, 2.0)):
         ring = (beyond > low) & (beyond < 50 * expansion)
         np.testing.assert_array_equal(
-            fused[:, ring], alone(study, expansion).printed(known(), POSE)[:, ring]
+            fused[:, ring], alone(study, expansion).grey_layers(known(), POSE)[:, ring]
         )
 
 

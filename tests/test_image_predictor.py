@@ -65,7 +65,7 @@ def test_every_architecture_keeps_the_contract(folder, arch):
 
 
 @pytest.mark.parametrize("arch", ARCHITECTURES)
-def test_openvino_prints_what_torch_prints(folder, arch):
+def test_openvino_returns_what_torch_returns(folder, arch):
     pytest.importorskip("openvino")
     path = folder / f"{arch}.safetensors"
     fast, plain = (ImagePredictor(path, name).image(seen(), POSE) for name in RUNTIMES)
@@ -121,7 +121,7 @@ def test_given_the_crop_it_does_not_see_beyond_it(tmp_path):
 @pytest.mark.parametrize("expansion", [1.3, 2.0])
 def test_what_it_prints_lies_where_it_was_seen_at_every_resolution(tmp_path, resolution, expansion):
     predictor = ImagePredictor(write(tmp_path / "net.safetensors", side=256, expansion=expansion))
-    # A network that prints what it is given.
+    # A network that returns what it is given.
     predictor._run = lambda images: images.astype(np.float32)
     known = seen(round(10 / resolution), resolution)
     image = predictor.image(known, POSE)

@@ -56,8 +56,8 @@ def test_told_to_stop_it_leaves_a_checkpoint_and_ends_as_if_it_had_not(tmp_path)
             trainer(tmp_path / "stopped").run(stopping)
         assert trainer(tmp_path / "stopped").step == step
     path = trainer(tmp_path / "stopped").run()
-    prints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
-    assert prints[0] == prints[1]
+    fingerprints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
+    assert fingerprints[0] == fingerprints[1]
 
 
 def test_other_frames_are_another_training(tmp_path):
@@ -89,8 +89,8 @@ def test_a_killed_training_ends_as_if_it_had_not_been(tmp_path, monkeypatch, arc
     assert again.step == middle
     path = again.run()
     assert log_of(tmp_path / "whole") == log_of(tmp_path / "killed")
-    prints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
-    assert prints[0] == prints[1]
+    fingerprints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
+    assert fingerprints[0] == fingerprints[1]
 
 
 @pytest.mark.parametrize("arch", ["unet_ff", "resnet_ff", "mlp"])
@@ -208,7 +208,7 @@ def test_a_building_is_not_learned_from_and_validated_on(tmp_path):
 
 @pytest.mark.parametrize("arch", ARCHITECTURES)
 def test_twenty_steps_of_the_papers_own_schedule(tmp_path, arch):
-    """As printed but for the width, on 20 frames of its 200 epochs' millions."""
+    """As published but for the width, on 20 frames of its 200 epochs' millions."""
     paper = PRESETS["paper"]
     assert (paper.width, paper.side, paper.training.batch) == (1.0, 256, 1)
     config = ImageConfig(arch, 1.1, width=1 / 64, side=paper.side)

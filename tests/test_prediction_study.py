@@ -9,7 +9,7 @@ from generated_frames import generated, write_frames
 
 from benchmarks.prediction import tables
 from benchmarks.prediction.__main__ import main
-from benchmarks.prediction.contestants import _contestant, contestants, entrant, reduced
+from benchmarks.prediction.contestants import _contestant, contestants, entrant, given_to, reduced
 from benchmarks.prediction.cost import _size
 from benchmarks.prediction.evaluation import spaced
 from benchmarks.prediction.pictures import straight
@@ -91,7 +91,7 @@ def one_whole_network():
     """Of the paper's networks one is timed whole, once: a quarter of a second."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("benchmarks.prediction.cost.PAPER", ("unet_ff",))
-        patch.setattr("benchmarks.prediction.cost.PRINTED", 1)
+        patch.setattr("benchmarks.prediction.cost.PUBLISHED", 1)
         yield
 
 
@@ -162,6 +162,16 @@ def test_the_cost_of_a_shipped_network_is_counted(name):
     size = _size(_contestant(name, name), predictor, 200)
     assert size["parameters"] > 1_000_000
     assert size["macs"] > 100_000_000
+
+
+@pytest.mark.parametrize("given", ["crop", "window"])
+def test_a_network_is_given_what_it_was_trained_on(given, sets, tmp_path):
+    net = ImageNet(ImageConfig("mlp", 1.3, given=given, width=1 / 16, side=64))
+    save_weights(tmp_path / "mlp.safetensors", net, {})
+    square = ScoredSquare.of(Frames.load(sets / "simulated", "test"), 2, 1.3)
+    predictor = load_predictor(str(tmp_path / "mlp.safetensors"))
+    assert given_to(predictor, square) is getattr(square, given)
+    assert given_to(load_predictor("none"), square) is square.window
 
 
 def test_far_off_a_shift_by_a_cell_costs_less_at_a_coarser_resolution():
@@ -249,7 +259,7 @@ def test_results_have_all_that_was_asked(done):
     assert facts["network"]["side"] == 64
     assert results["simulated"]["1.10"]["unet_ff"]["cost"]["macs"] > 0
     assert results["simulated"]["1.10"]["copy"]["cost"] is None
-    assert results["printed"]["unet_ff"]["parameters"] == 54_408_385
+    assert results["published"]["unet_ff"]["parameters"] == 54_408_385
     assert results["transients"]["simulated"]["1.10"]["mlp"]["cells"] > 0
     assert results["transients"]["hall"]["1.10"]["mlp"]["filtered"] is None
 
@@ -267,9 +277,9 @@ def test_baselines_say_what_unseen_cells_are_on_the_validation_drives(done):
 def test_tables_have_the_papers_numbers_beside(done):
     out, _, _ = done
     text = (out / "tables.md").read_text()
-    for network, printed in SSIM["simulated"]["1.30"].items():
+    for network, published in SSIM["simulated"]["1.30"].items():
         line = next(line for line in text.splitlines() if f"the paper's {network}" in line)
-        assert f"{printed:.3f}" in line
+        assert f"{published:.3f}" in line
 
 
 def test_sites_are_counted_where_both_differences_are_above_zero_for_certain():
@@ -399,7 +409,7 @@ def test_networks_stand_at_their_own_expansion_alone(study):
         contestants([str(study)], (2.0,))
 
 
-def test_a_training_as_printed_is_not_reduced():
+def test_a_training_as_published_is_not_reduced():
     from dataclasses import asdict
 
     from predictor.networks.image_config import ImageTraining

@@ -246,11 +246,11 @@ def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_w
     subprocess.run([*command, "--out", out], check=True, capture_output=True)
     logs = [(tmp_path / name / "log.jsonl").read_text() for name in ("whole", "killed")]
     assert logs[0] == logs[1]
-    prints = [
+    fingerprints = [
         load_weights(tmp_path / name / "compact.safetensors", CompactNet)[1]["fingerprint"]
         for name in ("whole", "killed")
     ]
-    assert prints[0] == prints[1]
+    assert fingerprints[0] == fingerprints[1]
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
 DESCRIPTION = """\
 Compare predictors on the data sets of the prediction study, simulated and from real logs: by the
 similarity of their images to the truth (SSIM) and by scores of their probabilities on unobserved
-cells, at each expansion of the 5 m crop. The values of the paper are printed beside them. Two
+cells, at each expansion of the 5 m crop. The values of the paper are shown beside them. Two
 baselines are always included: `copy`, the unchanged input, and `grey`, an image that is all grey.
 Interrupted, it continues when the same command is given again. Predictors and expansions can be
 added to a folder at any time.
@@ -74,7 +74,7 @@ def _run(args: argparse.Namespace) -> None:
     import torch
 
     from benchmarks.prediction.contestants import contestants
-    from benchmarks.prediction.cost import costs_of, printed_costs
+    from benchmarks.prediction.cost import costs_of, published_costs
     from benchmarks.prediction.evaluation import Evaluation
     from benchmarks.prediction.figures import draw, write_hallway
     from benchmarks.prediction.pictures import leader, pictures
@@ -93,9 +93,9 @@ def _run(args: argparse.Namespace) -> None:
         data = SIMULATED
     evaluation = Evaluation(args.out, data, logs, expansions, args.apart, who)
     # Costs are measured first: they need an idle machine, and reveal invalid predictors early.
-    costs, printed = costs_of(evaluation), printed_costs(evaluation)
+    costs, published = costs_of(evaluation), published_costs(evaluation)
     evaluation.run(args.jobs)
-    results = report(evaluation, costs, printed)
+    results = report(evaluation, costs, published)
     write_whole(args.out / "tables.md", tables_of(results).encode())
     sheets = pictures(evaluation)
     leading = leader(one.name for one in who)

@@ -18,6 +18,7 @@ from predictor.data.frames import checksum
 from predictor.data.squares import TERNARY, codes_of
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
+from predictor.mapping.grid import Grid
 from predictor.networks.image_config import PRESETS
 from predictor.prediction import BadPredictionError, Predictor, asked
 from predictor.provenance import fingerprint_of
@@ -88,7 +89,7 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
         facts: facts of the weights of a network of the paper.
     """
     paper = PRESETS["paper"]
-    printed = asdict(paper.training) | {
+    published = asdict(paper.training) | {
         "width": paper.width,
         "side": paper.side,
         "given": "crop",
@@ -98,7 +99,7 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
     theirs = facts.get("config", {}) | facts.get("network", {}) | {"frames": facts.get("frames")}
     other = {
         name: theirs.get(name)
-        for name, value in printed.items()
+        for name, value in published.items()
         if name != "seed" and theirs.get(name) != value
     }
     return other or None
@@ -186,19 +187,25 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
     if contestant.name in BASELINES:
         return partial(_of_baseline, contestant.name, rates)
     predictor = _loaded(contestant.spec)
-    if is_printed(predictor):
+    if is_grey(predictor):
         return partial(_of_network, predictor)
     return partial(_of_predictor, predictor)
 
 
-def is_printed(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
-    """Return whether a predictor consists of networks of the paper, which return a grey image."""
+def is_grey(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
+    """Return whether a predictor consists of networks that return a grey image, as the paper's."""
     return isinstance(predictor, ImagePredictor | Fused)
 
 
-def prints(contestant: Contestant) -> bool:
-    """Return whether a contestant consists of networks of the paper, which return a grey image."""
-    return contestant.name not in BASELINES and is_printed(_loaded(contestant.spec))
+def answers_in_grey(contestant: Contestant) -> bool:
+    """Return whether a contestant is such a predictor, see `is_grey`."""
+    return contestant.name not in BASELINES and is_grey(_loaded(contestant.spec))
+
+
+def given_to(predictor: Predictor, square: ScoredSquare) -> Grid:
+    """Return the observed map that a predictor is given: the crop alone, or the whole window."""
+    alone = is_grey(predictor) and predictor.given == "crop"
+    return square.crop if alone else square.window
 
 
 _loaded = lru_cache(maxsize=8)(load_predictor)
@@ -214,10 +221,10 @@ def _of_baseline(name: str, rates: tuple[float, float], square: ScoredSquare) ->
 
 def _of_network(predictor: ImagePredictor | Fused, square: ScoredSquare) -> Answer:
     """Answer with the raw image of a network of the paper, and the probabilities of its greys."""
-    known = square.crop if predictor.given == "crop" else square.window
-    grey, p_free, p_occupied, _ = predictor.printed(known, square.pose)
+    known = given_to(predictor, square)
+    grey, p_free, p_occupied, _ = predictor.grey_layers(known, square.pose)
     if not np.isfinite(grey).all():
-        raise BadPredictionError("the network printed numbers that are not finite")
+        raise BadPredictionError("the network returned numbers that are not finite")
     image = 0.5 + 0.5 * grey.astype(np.float64)
     kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
     return Answer(image, kept, p_free, p_occupied)

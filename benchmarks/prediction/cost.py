@@ -13,7 +13,7 @@ import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.prediction.contestants import BASELINES, Contestant, is_printed
+from benchmarks.prediction.contestants import BASELINES, Contestant, given_to
 from benchmarks.prediction.evaluation import Evaluation, key_of
 from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.stretch_scores import ScoringError
@@ -35,7 +35,7 @@ from predictor.weights import load_weights
 
 TIMED, BEFORE = 100, 3
 """Number of timed predictions, and of predictions before them to warm up."""
-PRINTED = 10
+PUBLISHED = 10
 """Number of timed runs of a network in the paper's size, which take a second or more each."""
 SQUARES = 20
 """Number of squares that predictors are asked about in turn."""
@@ -63,7 +63,7 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     return out
 
 
-def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
+def published_costs(evaluation: Evaluation) -> dict[str, Any]:
     """Measure the cost of the networks in the paper's size, once on each machine.
 
     Their weights are random, which does not change the time. They run on one thread. Only the time
@@ -72,9 +72,10 @@ def printed_costs(evaluation: Evaluation) -> dict[str, Any]:
     """
     from tqdm import tqdm
 
+    # "printed" is the key in folders of earlier versions.
     return {
-        arch: evaluation.store.once(partial(_printed, arch), "cost", "printed", arch, machine())
-        for arch in tqdm(PAPER, desc="cost as printed", unit="network")
+        arch: evaluation.store.once(partial(_published, arch), "cost", "printed", arch, machine())
+        for arch in tqdm(PAPER, desc="cost as published", unit="network")
     }
 
 
@@ -86,7 +87,7 @@ def _cost(evaluation: Evaluation, contestant: Contestant, expansion: float) -> C
     squares = _examples(evaluation, expansion)
     taken = []
     for square in islice(cycle(squares), BEFORE + TIMED):
-        known = square.crop if is_printed(predictor) else square.window
+        known = given_to(predictor, square)
         begin = time.perf_counter()
         try:
             prediction = predictor.predict(known, square.pose)
@@ -109,19 +110,19 @@ def _examples(evaluation: Evaluation, expansion: float) -> list[ScoredSquare]:
     return [ScoredSquare.of(frames, int(index), expansion) for index in chosen]
 
 
-def _printed(arch: str) -> dict[str, Any]:
+def _published(arch: str) -> dict[str, Any]:
     """Measure the cost of an architecture of `PAPER` in the paper's size."""
     net = ImageNet(ImageConfig(arch)).eval()
     size = _counted(net, (1, net.config.side, net.config.side))
     given = torch.zeros(1, 1, net.config.side, net.config.side)
     taken = []
     with torch.inference_mode():
-        for _ in range(1 + PRINTED):
+        for _ in range(1 + PUBLISHED):
             begin = time.perf_counter()
             net(given)
             taken.append(1e3 * (time.perf_counter() - begin))
     cost = {"ms_median": float(np.median(taken[1:])), "ms_most": max(taken[1:])}
-    return cost | {"predictions": PRINTED, "threads": 1} | size
+    return cost | {"predictions": PUBLISHED, "threads": 1} | size
 
 
 def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:

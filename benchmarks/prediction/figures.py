@@ -111,11 +111,11 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
                     float(x): rows[name][measure] for x, rows in entry.items() if name in rows
                 }
                 scores.line(axis, list(points), list(points.values()), name)
-        printed = paper[kind_of(place)]
-        for name in names_of(printed):
-            values = [values[name] for values in printed.values()]
+        published = paper[kind_of(place)]
+        for name in names_of(published):
+            values = [values[name] for values in published.values()]
             style = {"color": palette.predictor_colour(name), "linestyle": ":", "linewidth": 1.0}
-            row[0].plot([*map(float, printed)], values, label=f"the paper's {name}", **style)
+            row[0].plot([*map(float, published)], values, label=f"the paper's {name}", **style)
     scores.legend(figure, axes)
     return figure
 

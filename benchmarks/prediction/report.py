@@ -48,14 +48,14 @@ SUMMED = ("brier", "nll")
 
 
 def report(
-    evaluation: Evaluation, costs: dict[tuple[str, str], Cost], printed: dict[str, Any]
+    evaluation: Evaluation, costs: dict[tuple[str, str], Cost], published: dict[str, Any]
 ) -> dict[str, Any]:
     """Compute all results of an evaluation whose frames are all scored, and write results.json.
 
     Args:
         evaluation: the evaluation.
         costs: results of `costs_of`.
-        printed: results of `printed_costs`.
+        published: results of `published_costs`.
     """
     commits: set[str] = set()
     places = {
@@ -80,7 +80,7 @@ def report(
         "machine": machine(),
         "predictors": _facts(evaluation.contestants),
         "paper": SSIM,
-        "printed": printed,
+        "published": published,
         "transients": transients(evaluation),
         "simulated": places.pop("simulated", {}),
         "physical": places,

@@ -69,7 +69,7 @@ def summary(results: dict[str, Any]) -> str:
             "\n## The networks\n",
             _trainings(results["predictors"]),
             "\n## What the paper's networks cost, whole\n",
-            _printed(results["printed"]),
+            _published(results["published"]),
         )
     )
 
@@ -78,9 +78,9 @@ def tables_of(results: dict[str, Any]) -> str:
     """Return all tables of a results.json of `benchmarks.prediction`."""
     parts = [summary(results)]
     for place, entry in places_of(results).items():
-        printed = results["paper"][kind_of(place)]
-        paper = {expansion: printed.get(expansion) for expansion in entry}
-        networks = names_of(printed)
+        published = results["paper"][kind_of(place)]
+        paper = {expansion: published.get(expansion) for expansion in entry}
+        networks = names_of(published)
         parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
         parts.append(f"\n### In short\n\n{_in_short(entry, paper, networks)}")
         names = names_of(entry)
@@ -135,7 +135,7 @@ def _in_short(entry: dict[str, Rows], paper: dict[str, Any], networks: list[str]
         taken = [ms for ms in _along(entry, name, "cost", "ms_median") if ms is not None]
         rows.append([f"`{name}`", *found, _number(max(taken), ".1f") if taken else ""])
     for name in networks:
-        rows.append([f"{name} as printed", side_by_side(_along(paper, name)), *[""] * len(SHORT)])
+        rows.append([f"{name} as published", side_by_side(_along(paper, name)), *[""] * len(SHORT)])
     return markdown(rows)
 
 
@@ -206,12 +206,12 @@ def _trainings(predictors: dict[str, Any]) -> str:
         for expansion, facts in entry.items():
             if isinstance(facts, dict) and "reduced" in facts:
                 other = (facts["reduced"] or {}).items()
-                told = ", ".join(f"{what} {value}" for what, value in other) or "as printed"
+                told = ", ".join(f"{what} {value}" for what, value in other) or "as published"
                 rows.append([f"`{name}`", expansion, told, facts["fingerprint"][:12]])
     return markdown(rows) if len(rows) > 1 else "None."
 
 
-def _printed(costs: dict[str, Any]) -> str:
+def _published(costs: dict[str, Any]) -> str:
     """Return the cost of the networks in the paper's size."""
     rows = [["network", "parameters", "multiply-adds [M]", "median [ms]", "most [ms]"]]
     rows += [[f"`{name}`", *_cost(cost, "ms_most")] for name, cost in costs.items()]

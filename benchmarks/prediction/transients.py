@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from benchmarks.prediction.contestants import Contestant, Entrant, entrant, prints
+from benchmarks.prediction.contestants import Contestant, Entrant, answers_in_grey, entrant
 from benchmarks.prediction.evaluation import Drive, Evaluation, key_of
 from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.stretch_scores import drive_of
@@ -139,7 +139,7 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
         for x in evaluation.expansions
         for place in out
         for one in evaluation.who(x)
-        if prints(one)
+        if answers_in_grey(one)
     ]
     for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
         frames = chosen[place]

@@ -54,8 +54,8 @@ class DriveScores:
             raise UsageError("--world and --predictors want each name once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # The weights are compared, too, since a file of the same name may have changed.
-        prints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
-        kept = asdict(config) | {"weights": prints, "measures": VERSION}
+        fingerprints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
+        kept = asdict(config) | {"weights": fingerprints, "measures": VERSION}
         self.settings = json.loads(json.dumps(kept))
         self.folder = ResumableFolder(out, self.settings)
 
