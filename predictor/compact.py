@@ -20,7 +20,7 @@ from predictor.mapping.resampling import resampled
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
 from predictor.networks.room import question, widened
 from predictor.prediction import Prediction, check_question, with_observed
-from predictor.runtime import Run, runner
+from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 
 SHIPPED, LOGS, PAPER = (
@@ -147,7 +147,7 @@ class _Answers(nn.Module):
 @lru_cache(maxsize=4)
 def _loaded(
     weights: Path, changed: int, runtime: str | None
-) -> tuple[Run, CompactConfig, dict[str, Any]]:
+) -> tuple[Runner, CompactConfig, dict[str, Any]]:
     """Return a function that runs the network, the network's shape, and its facts."""
     # Cached, since each drive makes a predictor of its own.
     net, facts = load_weights(weights, CompactNet)

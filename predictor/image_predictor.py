@@ -15,11 +15,11 @@ from predictor.data.squares import codes_of
 from predictor.mapping.conventions import CROP_SIDE
 from predictor.mapping.grid import Grid, GridFrame, paste
 from predictor.networks.grey_map import level_of
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image import image_of, pixels_at_cells
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.image_net import ImageNet
 from predictor.prediction import Prediction, check_question, with_observed
-from predictor.runtime import Run, runner
+from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 
 SUREST = 0.9999
@@ -113,7 +113,7 @@ def believed(known: Grid, layers: NDArray[np.float32]) -> Prediction:
 class _RuntimeNet(nn.Module):
     """The network as one module for a runtime, with whole greys as input."""
 
-    def __init__(self, net: ImageNet) -> None:
+    def __init__(self, net: GreyNet) -> None:
         super().__init__()
         self.net = net.net
 
@@ -126,9 +126,9 @@ class _RuntimeNet(nn.Module):
 @lru_cache(maxsize=4)
 def _loaded(
     weights: Path, changed: int, runtime: str | None
-) -> tuple[Run, ImageConfig, NDArray[np.float32], dict[str, Any]]:
+) -> tuple[Runner, ImageConfig, NDArray[np.float32], dict[str, Any]]:
     """Return a function that runs the network, its configuration, meaning of greys, and facts."""
     # Cached, since each drive makes a predictor of its own.
-    net, facts = load_weights(weights, ImageNet)
+    net, facts = load_weights(weights, GreyNet)
     run, runs_on = runner(_RuntimeNet(net).eval(), runtime, (net.config.side, net.config.side))
     return run, net.config, net.chances.numpy(), facts | {"runtime": runs_on}

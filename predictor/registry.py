@@ -17,7 +17,7 @@ from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.infra.errors import LineError, one_line
 from predictor.networks.compact_net import CompactNet
-from predictor.networks.image_net import ImageNet
+from predictor.networks.grey_net import GreyNet
 from predictor.prediction import BadPredictionError, Predictor, context_side
 from predictor.weights import WeightsError, facts_of
 
@@ -102,9 +102,9 @@ def _of_weights(path: Path) -> Predictor:
     architecture, _ = facts_of(path)
     if architecture in CompactNet.ARCHITECTURES:
         return Compact(path)
-    if architecture in ImageNet.ARCHITECTURES:
+    if architecture in GreyNet.ARCHITECTURES:
         return ImagePredictor(path)
-    known = ", ".join((*CompactNet.ARCHITECTURES, *ImageNet.ARCHITECTURES))
+    known = ", ".join((*CompactNet.ARCHITECTURES, *GreyNet.ARCHITECTURES))
     raise WeightsError(f"{path} holds weights of {architecture!r}, known are {known}")
 
 

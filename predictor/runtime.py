@@ -17,14 +17,14 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-Run = Callable[..., NDArray[np.float32]]
+Runner = Callable[..., NDArray[np.float32]]
 RUNTIMES = ("openvino", "torch")
 """Names of the runtimes, the fastest first."""
 MOST_SIZES = 8
 """Number of input sizes for which compiled networks are kept."""
 
 
-def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> tuple[Run, str]:
+def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> tuple[Runner, str]:
     """Return a function that runs a network, and the name and version of the runtime.
 
     OpenVINO uses one core, PyTorch as many as `torch.set_num_threads` allows.
@@ -47,7 +47,7 @@ def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> 
     return run, f"{runtime} {version(runtime)}"
 
 
-def _torch(module: nn.Module) -> Run:
+def _torch(module: nn.Module) -> Runner:
     module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def run(*arrays: NDArray[np.int8]) -> NDArray[np.float32]:
@@ -57,7 +57,7 @@ def _torch(module: nn.Module) -> Run:
     return run
 
 
-def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Run:
+def _openvino(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Runner:
     import openvino as ov
 
     with _held_back_interrupt():

@@ -75,19 +75,19 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from predictor.training.image_training import frames_of
-    from predictor.training.parallel_trainings import Run, Study
+    from predictor.training.parallel_trainings import Study, Training
 
     out = args.out or Path("results") / f"study-{args.preset or 'paper'}"
     train, validation = frames_of(args.data)
     digests = train.digest, validation.digest
-    runs = [
-        Run(*configured(args, arch, x), args.data, digests, out / f"{arch}-{x:.1f}")
+    trainings = [
+        Training(*configured(args, arch, x), args.data, digests, out / f"{arch}-{x:.1f}")
         for arch, x in ORDER
         if arch in args.archs and x in args.expansions
     ]
     # Free their memory for the trainings.
     del train, validation
-    study = Study(runs, out)
+    study = Study(trainings, out)
     study.train(args.jobs or _at_a_time(), args.minutes)
     print(study.table())
     return 1 if study.failures() else 0

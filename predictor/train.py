@@ -29,7 +29,7 @@ from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import TUNING, TUNING_DRIVES, TrainConfig
+from predictor.training.compact_config import TUNING, TUNING_DRIVES, CompactTraining
 from predictor.training.image_arguments import NAMES, add_arguments, configured
 
 if TYPE_CHECKING:
@@ -156,14 +156,14 @@ def _samples_of(drives: DrivesConfig) -> tuple[Samples, Samples]:
     return train, validation
 
 
-def _config_of(args: argparse.Namespace, start: Start | None) -> TrainConfig:
+def _config_of(args: argparse.Namespace, start: Start | None) -> CompactTraining:
     """Return the settings of the training: as given, or else the defaults.
 
     Args:
         args: arguments of the command.
         start: what the training starts from; None: random weights.
     """
-    default = TrainConfig() if start is None else TUNING
+    default = CompactTraining() if start is None else TUNING
     return replace(
         default,
         steps=args.steps or default.steps,
@@ -188,7 +188,7 @@ def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    default, drives = TrainConfig(), DrivesConfig()
+    default, drives = CompactTraining(), DrivesConfig()
     paper, short = PRESETS["paper"], PRESETS["short"]
     parser = OneLineParser(
         prog="predictor.train",

@@ -1,7 +1,7 @@
 """Simulator: buildings, tasks, the LIDAR, the car, and the closed loop of a drive.
 
 A `world` is the true map of a building. `families` generates buildings: `corridor_network`,
-`narrow`, `trap`, `blocks`, `office`, `floor_plan`, `maze` and `obstacle_field` draw them on a
+`narrow`, `trap`, `paper`, `office`, `floor_plan`, `maze` and `obstacle_field` draw them on a
 `canvas`. `map_server` reads and writes maps as files; `variation` turns, scales and clutters a
 building. `task` draws a start and a goal, between which `arc_search` finds a way. In an `episode`,
 `lidar` takes a scan, a driver (`driver_protocol`) decides, and `car` moves, in each tick;

@@ -12,7 +12,7 @@ from sim.canvas import Canvas, Point
 
 
 @dataclass(frozen=True)
-class NetworkConfig:
+class CorridorsConfig:
     """Settings of a network's growth.
 
     Attributes:
@@ -70,7 +70,7 @@ class Segment:
         )
 
 
-CORRIDOR = NetworkConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
+CORRIDOR = CorridorsConfig(62.0, (3.5, 10.0), (9.0, 22.0), 14, oblique=0.35, reach=45.0)
 """Settings of the networks of the family `corridor`."""
 
 
@@ -79,7 +79,7 @@ def draw_corridor(rng: np.random.Generator) -> Canvas:
     return draw_network(CORRIDOR, rng)[0]
 
 
-def draw_network(config: NetworkConfig, rng: np.random.Generator) -> tuple[Canvas, list[Segment]]:
+def draw_network(config: CorridorsConfig, rng: np.random.Generator) -> tuple[Canvas, list[Segment]]:
     """Draw a network of corridors, and return it on a canvas of its own, with its segments.
 
     Raises:
@@ -90,7 +90,7 @@ def draw_network(config: NetworkConfig, rng: np.random.Generator) -> tuple[Canva
     return canvas, segments
 
 
-def grow(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
+def grow(config: CorridorsConfig, rng: np.random.Generator) -> list[Segment]:
     """Grow a tree of segments; try again until it has the reach and half of the segments.
 
     Raises:
@@ -121,7 +121,7 @@ def carve(canvas: Canvas, segments: list[Segment]) -> None:
 
 def is_solid(
     canvas: Canvas,
-    config: NetworkConfig,
+    config: CorridorsConfig,
     segment: Segment,
     along: NDArray[np.float64],
     aside: NDArray[np.float64],
@@ -135,7 +135,7 @@ def is_solid(
     return low > 0.5 and high < config.size - 0.5 and not any(canvas.is_free(*p) for p in points)
 
 
-def _grow_once(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]:
+def _grow_once(config: CorridorsConfig, rng: np.random.Generator) -> list[Segment]:
     """Grow segments from the ends of others, until there are enough or no end is left."""
     first = _first(config, rng)
     segments, open_ends = [first], [0]
@@ -152,7 +152,7 @@ def _grow_once(config: NetworkConfig, rng: np.random.Generator) -> list[Segment]
     return segments
 
 
-def _first(config: NetworkConfig, rng: np.random.Generator) -> Segment:
+def _first(config: CorridorsConfig, rng: np.random.Generator) -> Segment:
     """Draw the first segment, which starts at a side of the square and leads inwards."""
     tilt = rng.uniform(-math.pi / 4, math.pi / 4) if rng.random() < config.oblique else 0.0
     length, width = rng.uniform(*config.length), rng.uniform(*config.width)
@@ -162,7 +162,7 @@ def _first(config: NetworkConfig, rng: np.random.Generator) -> Segment:
     return Segment(start[side], side * math.pi / 2 + tilt, length, width, -1, length)
 
 
-def _turns(config: NetworkConfig, rng: np.random.Generator) -> list[float]:
+def _turns(config: CorridorsConfig, rng: np.random.Generator) -> list[float]:
     """Draw the turns [rad] of the corridors that go on from an end; none at a dead end."""
     right = math.pi / 2
     kind = rng.choice(6, p=[0.34, 0.14, 0.2, 0.16, 0.12, 0.04])
@@ -175,7 +175,7 @@ def _turns(config: NetworkConfig, rng: np.random.Generator) -> list[float]:
 
 
 def _child(
-    config: NetworkConfig,
+    config: CorridorsConfig,
     rng: np.random.Generator,
     segments: list[Segment],
     index: int,
@@ -193,7 +193,7 @@ def _child(
     return None
 
 
-def _fits(config: NetworkConfig, segments: list[Segment], child: Segment) -> bool:
+def _fits(config: CorridorsConfig, segments: list[Segment], child: Segment) -> bool:
     """Return whether a segment lies in the square and keeps its distance from the others."""
     edge = 0.5 * child.width + 0.5
     if not all(edge <= value <= config.size - edge for value in child.end):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from predictor.mapping.family_names import FAMILIES
-from sim.blocks import draw_blocks
 from sim.canvas import Canvas
 from sim.corridor_network import draw_corridor
 from sim.floor_plan import draw_floor_plan
@@ -13,6 +12,7 @@ from sim.maze import draw_maze
 from sim.narrow import draw_narrow
 from sim.obstacle_field import draw_obstacle_field
 from sim.office import draw_office
+from sim.paper import draw_paper
 from sim.trap import draw_trap
 from sim.world import World
 
@@ -37,7 +37,7 @@ def generate(family: str, seed: int) -> World:
         "narrow": draw_narrow,
         "office": draw_office,
         "trap": draw_trap,
-        "paper": draw_blocks,
+        "paper": draw_paper,
         "floor_plan": draw_floor_plan,
         "maze": draw_maze,
         "obstacle_field": draw_obstacle_field,

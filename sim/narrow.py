@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from sim.canvas import Canvas
-from sim.corridor_network import NetworkConfig, Segment, draw_network, is_solid
+from sim.corridor_network import CorridorsConfig, Segment, draw_network, is_solid
 
-NETWORK = NetworkConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, reach=45.0)
+NETWORK = CorridorsConfig(46.0, (1.5, 3.0), (5.0, 13.0), 22, oblique=0.1, gap=1.2, reach=45.0)
 """Settings of the network of corridors."""
 
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from sim.canvas import Canvas
-from sim.corridor_network import NetworkConfig, Segment, draw_network, is_solid
+from sim.corridor_network import CorridorsConfig, Segment, draw_network, is_solid
 
-NETWORK = NetworkConfig(60.0, (2.4, 4.5), (8.0, 16.0), 16, oblique=0.15, gap=1.0, reach=50.0)
+NETWORK = CorridorsConfig(60.0, (2.4, 4.5), (8.0, 16.0), 16, oblique=0.15, gap=1.0, reach=50.0)
 """Settings of the network of corridors."""
 PASSAGE = 1.5
 """Width that an obstacle leaves open beside it [m]."""

@@ -178,7 +178,8 @@ def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monk
     monkeypatch.setattr(learn_then_test, "_end", lambda *_: None)
     learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
     monkeypatch.setattr(learn_then_test, "_end", decided)
-    assert len(read_drives(tmp_path / "all/level-0.2.json", learn_then_test.KINDS)["drives"]) == 600
+    path = tmp_path / "all/level-0.2.json"
+    assert len(read_drives(path, learn_then_test.KIND_OF_DRIVES)["drives"]) == 600
     again = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
     assert again["levels"] == few["levels"]
     assert again["certified"] == few["certified"]

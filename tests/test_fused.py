@@ -7,8 +7,8 @@ import torch
 from predictor import UNKNOWN, Grid, GridFrame, PredictorError, check_predictor, load_predictor
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.image_net import ImageNet
 from predictor.provenance import fingerprint_of
 from predictor.weights import WeightsError, save_weights
 
@@ -25,7 +25,7 @@ def study(tmp_path_factory):
 
 def write(folder, expansion, seed=0, **changes):
     torch.manual_seed(seed)
-    net = ImageNet(ImageConfig("unet_ff", expansion, width=1 / 16, side=64, **changes))
+    net = GreyNet(ImageConfig("unet_ff", expansion, width=1 / 16, side=64, **changes))
     path = folder / f"unet_ff-{expansion}{changes.get('given', '')}" / "unet_ff.safetensors"
     path.parent.mkdir()
     save_weights(path, net, {"worlds": [str(seed)], "validation_worlds": []})

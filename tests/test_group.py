@@ -9,8 +9,8 @@ import torch.distributed as dist
 import torch.multiprocessing as mp
 from torch import nn
 
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig, ImageTraining
-from predictor.networks.image_net import ImageNet
 from predictor.networks.normalisation import BatchNorm
 from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
@@ -47,7 +47,7 @@ def _joined(rank, port, work, args):
 def stepped(group, arch):
     """Weights and losses after a step without dropout, in double precision."""
     torch.manual_seed(0)
-    net = ImageNet(ImageConfig(arch, width=1 / 16, side=64, over="batch")).double()
+    net = GreyNet(ImageConfig(arch, width=1 / 16, side=64, over="batch")).double()
     for module in net.modules():
         if isinstance(module, nn.Dropout):
             module.p = 0.0

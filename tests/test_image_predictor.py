@@ -22,8 +22,8 @@ from predictor.image_predictor import SUREST, ImagePredictor
 from predictor.mapping.grid import world_hash
 from predictor.networks import ARCHITECTURES
 from predictor.networks.compact_net import CompactNet
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.image_net import ImageNet
 from predictor.provenance import fingerprint_of, has_learned
 from predictor.runtime import RUNTIMES
 from predictor.weights import WeightsError, load_weights, save_weights
@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
 
 def write(path, arch="unet_ff", **changes):
     torch.manual_seed(0)
-    net = ImageNet(ImageConfig(arch, **{"expansion": 1.5, "width": 1 / 16, "side": 64} | changes))
+    net = GreyNet(ImageConfig(arch, **{"expansion": 1.5, "width": 1 / 16, "side": 64} | changes))
     grey = torch.linspace(0.1, 0.5, net.chances.shape[1])
     net.chances.copy_(torch.stack([grey, 0.55 - grey]))
     save_weights(path, net, {"worlds": [world_hash(CELLS)], "validation_worlds": []})
@@ -209,13 +209,13 @@ def test_truncated_and_changed_weights(folder, tmp_path):
     path = tmp_path / "unet_ff.safetensors"
     path.write_bytes(data[:5000])
     with pytest.raises(WeightsError, match="damaged"):
-        load_weights(path, ImageNet)
+        load_weights(path, GreyNet)
     header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])["__metadata__"]
     tensors = load(data)
     tensors["chances"][0, 0] += 0.1
     path.write_bytes(save(tensors, header))
     with pytest.raises(WeightsError, match="not those that were written"):
-        load_weights(path, ImageNet)
+        load_weights(path, GreyNet)
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_a_header_of_an_impossible_network(folder, tmp_path, change):
     path = tmp_path / "odd.safetensors"
     path.write_bytes(save(load(data), header))
     with pytest.raises(WeightsError, match="broken header"):
-        load_weights(path, ImageNet)
+        load_weights(path, GreyNet)
 
 
 def test_weights_of_compact_come_back_through_the_same_door(tmp_path):

@@ -13,8 +13,8 @@ from benchmarks.prediction.contestants import reduced
 from predictor.data.samples import Samples, write_samples
 from predictor.mapping.context import CELLS
 from predictor.networks import ARCHITECTURES
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import PRESETS, ImageConfig, ImageTraining
-from predictor.networks.image_net import ImageNet
 from predictor.train import main
 from predictor.training.checkpoint import TrainError
 from predictor.training.group import Group
@@ -56,7 +56,7 @@ def test_told_to_stop_it_leaves_a_checkpoint_and_ends_as_if_it_had_not(tmp_path)
             trainer(tmp_path / "stopped").run(stopping)
         assert trainer(tmp_path / "stopped").step == step
     path = trainer(tmp_path / "stopped").run()
-    fingerprints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
+    fingerprints = [load_weights(each, GreyNet)[1]["fingerprint"] for each in (whole, path)]
     assert fingerprints[0] == fingerprints[1]
 
 
@@ -89,7 +89,7 @@ def test_a_killed_training_ends_as_if_it_had_not_been(tmp_path, monkeypatch, arc
     assert again.step == middle
     path = again.run()
     assert log_of(tmp_path / "whole") == log_of(tmp_path / "killed")
-    fingerprints = [load_weights(each, ImageNet)[1]["fingerprint"] for each in (whole, path)]
+    fingerprints = [load_weights(each, GreyNet)[1]["fingerprint"] for each in (whole, path)]
     assert fingerprints[0] == fingerprints[1]
 
 
@@ -155,7 +155,7 @@ def test_every_frame_is_learnt_from_once_an_epoch(tmp_path, monkeypatch):
 
 def test_the_weights_say_how_and_on_what_they_were_trained(tmp_path):
     path = trainer(tmp_path, "gan", epochs=0.4).run()
-    net, facts = load_weights(path, ImageNet)
+    net, facts = load_weights(path, GreyNet)
     assert facts["network"] == {
         "arch": "gan",
         "expansion": 1.3,
@@ -174,7 +174,7 @@ def test_the_weights_say_how_and_on_what_they_were_trained(tmp_path):
 
 def test_what_greys_mean_is_fitted_on_cells_not_seen(tmp_path):
     path = trainer(tmp_path, epochs=4.0).run()
-    net, facts = load_weights(path, ImageNet)
+    net, facts = load_weights(path, GreyNet)
     free, occupied = net.chances.numpy()
     assert (np.diff(free) >= -1e-6).all()
     assert (np.diff(occupied) <= 1e-6).all()
@@ -245,7 +245,7 @@ def test_twenty_steps_of_the_papers_own_u_net(tmp_path):
         )
         == 0
     )
-    net, facts = load_weights(out / "unet_ff.safetensors", ImageNet)
+    net, facts = load_weights(out / "unet_ff.safetensors", GreyNet)
     assert facts["steps"] == 20
     assert reduced(facts) == {"epochs": 2.0, "frames": 10}
     assert sum(values.numel() for values in net.parameters()) > 54e6
@@ -286,7 +286,7 @@ def test_one_command_trains_and_writes_weights(tmp_path, capsys):
     assert main(command) == 0
     path = out / "unet_ff.safetensors"
     assert capsys.readouterr().out.strip() == str(path)
-    net, _ = load_weights(path, ImageNet)
+    net, _ = load_weights(path, GreyNet)
     assert (net.config.expansion, net.config.width) == (1.5, 0.0625)
     assert {"checkpoint.pt", "log.jsonl", "curve.png"} <= {each.name for each in out.iterdir()}
 
@@ -331,7 +331,7 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
     (tmp_path / "drives" / "recipe.json").write_text("{}")
     config = ImageConfig("unet_ff", 1.3, given=given, **TINY)
     path = train_images(config, ImageTraining(epochs=1), tmp_path / "drives", tmp_path / "out", 1)
-    net, facts = load_weights(path, ImageNet)
+    net, facts = load_weights(path, GreyNet)
     assert net.config.turned
     assert facts["worlds"] == ["train"]
     samples, frames = Samples.load(tmp_path / "drives" / "train"), generated(3, 1)
@@ -363,4 +363,4 @@ def test_weights_name_every_commit_that_made_a_step(tmp_path, monkeypatch):
         trainer(tmp_path).run(stopping)
     monkeypatch.setattr("predictor.training.trainer.commit", lambda: "two")
     path = trainer(tmp_path).run()
-    assert load_weights(path, ImageNet)[1]["commit"] == "one two"
+    assert load_weights(path, GreyNet)[1]["commit"] == "one two"

@@ -6,8 +6,8 @@ from torch import nn
 
 from predictor.networks import ARCHITECTURES
 from predictor.networks.gan import Discriminator, judged
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.image_net import ImageNet
 from predictor.networks.initialisation import initialise
 from predictor.networks.mlp import MLP
 from predictor.networks.resnet_ff import BLOCKS, Block, ResNet
@@ -46,7 +46,7 @@ def test_they_are_as_large_as_their_files_say(make, count):
 @pytest.mark.parametrize("arch", ARCHITECTURES)
 @pytest.mark.parametrize("side", [64, 128, 256])
 def test_an_image_becomes_an_image(arch, side):
-    net = ImageNet(ImageConfig(arch, width=1 / 16, side=side)).eval()
+    net = GreyNet(ImageConfig(arch, width=1 / 16, side=side)).eval()
     with torch.inference_mode():
         image = net(torch.ones(2, 1, side, side))
     assert image.shape == (2, 1, side, side)
@@ -126,7 +126,7 @@ def test_first_weights_are_normal(sigma):
 @pytest.mark.parametrize("arch", ["unet_ff", "resnet_ff"])
 def test_with_a_batch_of_one_an_image_alone_decides_its_answer(arch):
     torch.manual_seed(0)
-    net = ImageNet(ImageConfig(arch, width=1 / 16, side=64)).eval()
+    net = GreyNet(ImageConfig(arch, width=1 / 16, side=64)).eval()
     images = torch.randn(3, 1, 64, 64)
     with torch.inference_mode():
         together = net(images)
@@ -136,7 +136,7 @@ def test_with_a_batch_of_one_an_image_alone_decides_its_answer(arch):
 
 def test_a_batch_of_one_is_normalised_alike_in_training_and_after_it():
     torch.manual_seed(0)
-    net = ImageNet(ImageConfig("unet_ff", width=1 / 16, side=64))
+    net = GreyNet(ImageConfig("unet_ff", width=1 / 16, side=64))
     for module in net.modules():
         if isinstance(module, nn.Dropout):
             module.p = 0.0

@@ -19,8 +19,8 @@ from benchmarks.prediction.transients import Count, found, with_transients
 from benchmarks.runs.statistics import grouped_mean
 from predictor import Prediction, PredictorError
 from predictor.data.frames import Frames
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.image_net import ImageNet
 from predictor.registry import load_predictor
 from predictor.scoring.images import LEVELS, beyond_crop, similarity
 from predictor.weights import save_weights
@@ -79,7 +79,7 @@ def study(tmp_path_factory):
     for arch in ("unet_ff", "mlp"):
         for expansion in (1.1, 1.3):
             torch.manual_seed(0)
-            net = ImageNet(ImageConfig(arch, expansion, width=1 / 16, side=64))
+            net = GreyNet(ImageConfig(arch, expansion, width=1 / 16, side=64))
             (folder / f"{arch}-{expansion}").mkdir()
             path = folder / f"{arch}-{expansion}" / f"{arch}.safetensors"
             save_weights(path, net, {"network": vars(net.config), "config": {"epochs": 1.0}})
@@ -166,7 +166,7 @@ def test_the_cost_of_a_shipped_network_is_counted(name):
 
 @pytest.mark.parametrize("given", ["crop", "window"])
 def test_a_network_is_given_what_it_was_trained_on(given, sets, tmp_path):
-    net = ImageNet(ImageConfig("mlp", 1.3, given=given, width=1 / 16, side=64))
+    net = GreyNet(ImageConfig("mlp", 1.3, given=given, width=1 / 16, side=64))
     save_weights(tmp_path / "mlp.safetensors", net, {})
     square = ScoredSquare.of(Frames.load(sets / "simulated", "test"), 2, 1.3)
     predictor = load_predictor(str(tmp_path / "mlp.safetensors"))

@@ -7,12 +7,12 @@ import signal
 import pytest
 from generated_frames import generated, write_frames
 
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining
-from predictor.networks.image_net import ImageNet
 from predictor.study import ORDER, main
 from predictor.training import parallel_trainings
 from predictor.training.image_training import frames_of
-from predictor.training.parallel_trainings import Run, Study
+from predictor.training.parallel_trainings import Study, Training
 from predictor.weights import save_weights
 
 TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]
@@ -25,10 +25,10 @@ def data(tmp_path_factory):
     return folder
 
 
-def run_of(data, out, arch="mlp", expansion=1.1):
+def training_of(data, out, arch="mlp", expansion=1.1):
     config = ImageConfig(arch, expansion, width=1 / 16, side=64)
     digests = tuple(frames.digest for frames in frames_of(data))
-    return Run(config, ImageTraining(epochs=0.2), data, digests, out / f"{arch}-{expansion}")
+    return Training(config, ImageTraining(epochs=0.2), data, digests, out / f"{arch}-{expansion}")
 
 
 def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
@@ -97,7 +97,7 @@ def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
     assert main(command) == 0
 
 
-class Endless(Run):
+class Endless(Training):
     """A training that comes to no end."""
 
     def train(self, parent):
@@ -108,18 +108,18 @@ class Endless(Run):
 
 @pytest.mark.slow
 def test_when_time_is_up_it_stops_and_goes_on_another_time(data, tmp_path):
-    runs = [run_of(data, tmp_path, expansion=expansion) for expansion in (1.1, 1.3)]
-    endless = Endless(**vars(runs[0]))
-    begun = Study([endless, runs[1]], tmp_path)
+    trainings = [training_of(data, tmp_path, expansion=expansion) for expansion in (1.1, 1.3)]
+    endless = Endless(**vars(trainings[0]))
+    begun = Study([endless, trainings[1]], tmp_path)
     begun.train(jobs=1, minutes=0.02)
     assert [line.split()[1] for line in begun.table().splitlines()] == ["stopped", "waiting"]
     assert (tmp_path / "status.txt").read_text().splitlines() == begun.table().splitlines()
-    again = Study(runs, tmp_path)
+    again = Study(trainings, tmp_path)
     again.train(jobs=1)
     assert list(again.state.values()) == ["finished", "finished"]
 
 
-class Dying(Run):
+class Dying(Training):
     """A training whose process is killed."""
 
     def train(self, parent):
@@ -130,7 +130,7 @@ class Dying(Run):
 
 @pytest.mark.slow
 def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
-    one, other = run_of(data, tmp_path), run_of(data, tmp_path, expansion=1.3)
+    one, other = training_of(data, tmp_path), training_of(data, tmp_path, expansion=1.3)
     dying = Dying(**vars(one))
     both = Study([dying, other], tmp_path)
     both.train(jobs=1)
@@ -146,16 +146,16 @@ def test_a_folder_without_frames_is_named_before_any_training(tmp_path, capsys):
 
 
 def test_weights_of_another_schedule_are_not_passed_over_in_silence(data, tmp_path, capsys):
-    one = run_of(data, tmp_path)
+    one = training_of(data, tmp_path)
     one.out.mkdir(parents=True)
     facts = {"config": dataclasses.asdict(ImageTraining()), "network": {}}
-    save_weights(one.out / "mlp.safetensors", ImageNet(one.config), facts)
+    save_weights(one.out / "mlp.safetensors", GreyNet(one.config), facts)
     assert main(["--data", str(data), "--out", str(tmp_path), *TINY]) == 2
     assert "was trained in another way" in capsys.readouterr().err
 
 
 def test_damaged_weights_are_named(data, tmp_path, capsys):
-    one = run_of(data, tmp_path)
+    one = training_of(data, tmp_path)
     one.out.mkdir(parents=True)
     (one.out / "mlp.safetensors").write_bytes(b"short")
     assert main(["--data", str(data), "--out", str(tmp_path), *TINY]) == 2
@@ -183,19 +183,19 @@ def test_arguments_that_make_no_sense_are_refused(data, wrong, tmp_path, capsys)
 
 @pytest.mark.slow
 def test_ctrl_c_is_the_studys_and_not_a_trainings_even_while_it_starts(data, tmp_path):
-    run = run_of(data, tmp_path)
-    process = run.start()
+    training = training_of(data, tmp_path)
+    process = training.start()
     os.kill(process.pid, signal.SIGINT)
-    assert run.outcome(process) == "finished"
+    assert training.outcome(process) == "finished"
 
 
 @pytest.mark.slow
 def test_a_training_on_a_full_disk_ends_without_a_traceback(data, tmp_path, capfd):
-    run = run_of(data, tmp_path)
-    run.out.mkdir()
+    training = training_of(data, tmp_path)
+    training.out.mkdir()
     # Every write to it fails as on a full disk.
-    (run.out / "output.txt").symlink_to("/dev/full")
-    (run.out / "log.jsonl").mkdir()
-    outcome = run.outcome(run.start())
+    (training.out / "output.txt").symlink_to("/dev/full")
+    (training.out / "log.jsonl").mkdir()
+    outcome = training.outcome(training.start())
     assert outcome.startswith("failed")
     assert "Traceback" not in capfd.readouterr().err

@@ -25,14 +25,14 @@ from predictor.train import main
 from predictor.training import compact_training
 from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import TrainConfig
+from predictor.training.compact_config import CompactTraining
 from predictor.training.compact_training import CompactTrainer
 from predictor.weights import load_weights
 from sim import LidarConfig
 from sim.families import generate
 from sim.task import sample_task
 
-CONFIG = TrainConfig(steps=12, batch=2, warmup=4)
+CONFIG = CompactTraining(steps=12, batch=2, warmup=4)
 
 
 def some_drive(folder, seed):
@@ -115,7 +115,7 @@ def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, mon
 
 
 def test_it_learns(data, tmp_path, small):
-    longer = TrainConfig(steps=60, batch=4, warmup=10)
+    longer = CompactTraining(steps=60, batch=4, warmup=10)
     trainer(data, tmp_path, longer, note_every=20).run()
     losses = [json.loads(line)["loss"] for line in (tmp_path / "log.jsonl").open()]
     assert losses[-1] < 0.8 * losses[0]
@@ -136,7 +136,7 @@ def test_it_goes_on_from_weights_and_remembers_their_buildings(data, tmp_path, s
     start = load_weights(tmp_path / "one" / "compact.safetensors", CompactNet)
     some_drive(data / "more", 5)
     more, validation = (Samples.load(data / name) for name in ("more", "validation"))
-    config = TrainConfig(steps=1, batch=2, rate=1e-9, start=start[1]["fingerprint"])
+    config = CompactTraining(steps=1, batch=2, rate=1e-9, start=start[1]["fingerprint"])
     CompactTrainer(config, more, validation, tmp_path / "two", start).run()
     net, facts = load_weights(tmp_path / "two" / "compact.safetensors", CompactNet)
     before, _ = load_weights(tmp_path / "one" / "compact.safetensors", CompactNet)
@@ -149,7 +149,7 @@ def test_it_goes_on_from_weights_and_remembers_their_buildings(data, tmp_path, s
 def test_another_training_in_the_folder_is_not_overwritten(data, tmp_path, small):
     trainer(data, tmp_path).save()
     with pytest.raises(TrainError, match="another config"):
-        trainer(data, tmp_path, TrainConfig(steps=13, batch=2, warmup=4))
+        trainer(data, tmp_path, CompactTraining(steps=13, batch=2, warmup=4))
 
 
 def test_other_validation_drives_are_another_training(data, tmp_path, small):
@@ -205,9 +205,9 @@ def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, sma
     swapped = tmp_path / "swapped"
     shutil.copytree(data / "train", swapped / "validation")
     shutil.copytree(data / "validation", swapped / "train")
-    config = TrainConfig(steps=1, start=load_weights(Path(weights), CompactNet)[1]["fingerprint"])
-    train_set, validation = (Samples.load(swapped / name) for name in ("train", "validation"))
     start = load_weights(Path(weights), CompactNet)
+    config = CompactTraining(steps=1, start=start[1]["fingerprint"])
+    train_set, validation = (Samples.load(swapped / name) for name in ("train", "validation"))
     with pytest.raises(TrainError, match="have learned from 2 of the buildings to validate on"):
         CompactTrainer(config, train_set, validation, tmp_path / "two", start)
 

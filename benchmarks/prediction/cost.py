@@ -27,8 +27,8 @@ from predictor.mapping.context import CELLS
 from predictor.mapping.conventions import CROP_CELLS
 from predictor.networks import PAPER
 from predictor.networks.compact_net import CompactNet
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.image_net import ImageNet
 from predictor.prediction import BadPredictionError, checked
 from predictor.registry import load_predictor
 from predictor.weights import load_weights
@@ -112,7 +112,7 @@ def _examples(evaluation: Evaluation, expansion: float) -> list[ScoredSquare]:
 
 def _published(arch: str) -> dict[str, Any]:
     """Measure the cost of an architecture of `PAPER` in the paper's size."""
-    net = ImageNet(ImageConfig(arch)).eval()
+    net = GreyNet(ImageConfig(arch)).eval()
     size = _counted(net, (1, net.config.side, net.config.side))
     given = torch.zeros(1, 1, net.config.side, net.config.side)
     taken = []
@@ -145,7 +145,7 @@ def _size(contestant: Contestant, predictor: Any, n: int) -> dict[str, Any]:
         weights = predictor.weights[: narrower + 1]
     elif not isinstance(predictor, ImagePredictor):
         return {"parameters": None, "macs": None}
-    nets = [load_weights(path, ImageNet)[0] for path in weights]
+    nets = [load_weights(path, GreyNet)[0] for path in weights]
     sizes = [_counted(net, (1, net.config.side, net.config.side)) for net in nets]
     return {name: sum(size[name] for size in sizes) for name in sizes[0]}
 

@@ -31,7 +31,7 @@ from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 
 ARM = "predicted"
-KINDS = "calibration drives"
+KIND_OF_DRIVES = "calibration drives"
 """Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
 LOST = 0.25
 """Capital below which the test of a level is given up, to save drives in which it would seldom
@@ -145,7 +145,7 @@ def _test(
     weights = fingerprint_of(load_predictor(settings.predictor))
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
     told = json.loads(json.dumps(told))
-    file = DriveFile(out / f"level-{level:g}.json", KINDS, told, grows="episodes")
+    file = DriveFile(out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes")
 
     def decided() -> bool:
         drives = _in_order(file, asked.drives)

@@ -1,7 +1,7 @@
 """Networks: the compact network, and those of Katyal et al. 2018, one file for each architecture.
 
 The paper's networks take a grey image (B, 1, side, side) of the observed map, and return one of the
-predicted map: free +1, unknown 0, occupied -1. `image_net.ImageNet` makes each of them by name.
+predicted map: free +1, unknown 0, occupied -1. `grey_net.GreyNet` makes each of them by name.
 """
 
 PROPOSED = ("unet_ff", "resnet_ff", "gan")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class TrainConfig:
+class CompactTraining:
     """Settings that decide the weights that a training of the compact network results in.
 
     Attributes:
@@ -36,7 +36,7 @@ class TrainConfig:
     context: int = 24
 
 
-TUNING = TrainConfig(steps=600, rate=5e-4, warmup=50, average=0.99)
+TUNING = CompactTraining(steps=600, rate=5e-4, warmup=50, average=0.99)
 """Settings of a fine-tuning, by default: minutes on 2 cores."""
 TUNING_DRIVES = (240, 60)
 """Number of drives to fine-tune on, and number held out for validation, by default."""

@@ -19,7 +19,7 @@ from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import TrainConfig
+from predictor.training.compact_config import CompactTraining
 from predictor.training.compact_targets import NEAR, batch_of, contexts_of, known_of, losses
 from predictor.training.group import Group
 from predictor.training.trainer import Trainer, deterministic
@@ -58,7 +58,7 @@ class CompactTrainer(Trainer):
 
     def __init__(
         self,
-        config: TrainConfig,
+        config: CompactTraining,
         train: Samples,
         validation: Samples,
         out: Path,

@@ -9,8 +9,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from predictor.networks.gan import L1_WEIGHT, Discriminator, judged
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageTraining
-from predictor.networks.image_net import ImageNet
 from predictor.networks.initialisation import initialise
 from predictor.training.group import Group
 
@@ -30,7 +30,7 @@ class Learner:
     LOSSES: tuple[str, ...] = ("l1",)
     """Names of the losses that `learn` returns."""
 
-    def __init__(self, net: ImageNet, training: ImageTraining, group: Group) -> None:
+    def __init__(self, net: GreyNet, training: ImageTraining, group: Group) -> None:
         self.net, self.training, self.group = net, training, group
         self.parts: dict[str, nn.Module] = {"net": net.net}
         initialise(net.net, training.sigma)
@@ -90,7 +90,7 @@ class Adversary(Learner):
 
     LOSSES = ("l1", "adversarial", "discriminator")
 
-    def __init__(self, net: ImageNet, training: ImageTraining, group: Group) -> None:
+    def __init__(self, net: GreyNet, training: ImageTraining, group: Group) -> None:
         super().__init__(net, training, group)
         config = net.config
         like = next(net.net.parameters())

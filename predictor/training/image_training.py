@@ -15,8 +15,8 @@ from torch import Tensor
 
 from predictor.data.frames import Frames, FramesError
 from predictor.data.samples import RECIPE, Samples, SamplesError
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig, ImageTraining, described
-from predictor.networks.image_net import ImageNet
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
@@ -70,7 +70,7 @@ class ImageTrainer(Trainer):
             raise TrainError(f"{len(both)} buildings are both in train and in validation")
         steps = max(1, round(training.epochs * len(self.train) / training.batch))
         deterministic(training.seed)
-        net = ImageNet(config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        net = GreyNet(config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.learner = (Adversary if config.arch == "gan" else Learner)(net, training, group)
         self.LOSSES = self.learner.LOSSES
         self.CURVES = (("l1", "validation_l1"), ("ssim",))

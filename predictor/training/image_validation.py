@@ -10,8 +10,8 @@ from predictor.data.frames import Frames
 from predictor.data.samples import Samples
 from predictor.data.squares import GREYS, NOTHING, Square
 from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
+from predictor.networks.grey_net import GreyNet
 from predictor.networks.image import pixels_at_cells
-from predictor.networks.image_net import ImageNet
 from predictor.scoring.images import ssim
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.image_targets import images_of
@@ -23,7 +23,7 @@ AT_ONCE = 16
 """Number of frames per call of the network."""
 
 
-def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
+def images_alike(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
     """Compute the mean absolute difference and the SSIM of a network's images and the true ones.
 
     Args:
@@ -37,7 +37,7 @@ def images_alike(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
     return {"validation_l1": float(abs(greys - truths).mean()), "ssim": float(np.mean(alike))}
 
 
-def fit(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
+def fit(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
     """Calibrate a network's greys on unobserved cells: fit its `chances`, in place.
 
     Args:
@@ -68,7 +68,7 @@ def fit(net: ImageNet, frames: Frames | Samples) -> dict[str, float]:
     return scores.measures()
 
 
-def greys_of(net: ImageNet, squares: list[Square]) -> NDArray[np.float32]:
+def greys_of(net: GreyNet, squares: list[Square]) -> NDArray[np.float32]:
     """Return the greys of a network for some squares, one for each cell, (B, n, n) in [-1, 1]."""
     n = len(squares[0].truth)
     out = np.empty((len(squares), n, n), dtype=np.float32)

@@ -35,7 +35,7 @@ LOOK_EVERY = 2.0
 
 
 @dataclass(frozen=True)
-class Run:
+class Training:
     """One training of a study.
 
     Attributes:
@@ -123,17 +123,17 @@ class Study:
     """Several trainings, a few at a time, each in a process of its own.
 
     Args:
-        runs: trainings, in the order in which they start.
+        trainings: trainings, in the order in which they start.
         out: folder of status.txt.
 
     Raises:
         TrainError: if weights of another study are in the way.
     """
 
-    def __init__(self, runs: list[Run], out: Path) -> None:
-        self.runs, self.out = runs, out
+    def __init__(self, trainings: list[Training], out: Path) -> None:
+        self.trainings, self.out = trainings, out
         out.mkdir(parents=True, exist_ok=True)
-        self.state = {run: "finished" if run.finished() else "waiting" for run in runs}
+        self.state = {one: "finished" if one.finished() else "waiting" for one in trainings}
 
     def train(self, jobs: int, minutes: float = math.inf) -> None:
         """Train what is missing, with a progress bar and a line for each start and end.
@@ -142,43 +142,43 @@ class Study:
             jobs: number of trainings at a time.
             minutes: time after which running trainings are stopped; they can be resumed.
         """
-        todo = [run for run in self.runs if self.state[run] == "waiting"]
-        running: dict[Any, tuple[Run, SpawnProcess]] = {}
-        done, end = len(self.runs) - len(todo), time.monotonic() + 60 * minutes
-        with tqdm(total=len(self.runs), initial=done, unit="network") as bar:
+        todo = [one for one in self.trainings if self.state[one] == "waiting"]
+        running: dict[Any, tuple[Training, SpawnProcess]] = {}
+        done, end = len(self.trainings) - len(todo), time.monotonic() + 60 * minutes
+        with tqdm(total=len(self.trainings), initial=done, unit="network") as bar:
 
-            def enter(run: Run, state: str) -> None:
-                self.state[run] = state
-                bar.write(self.line(run), file=sys.stderr)
+            def enter(one: Training, state: str) -> None:
+                self.state[one] = state
+                bar.write(self.line(one), file=sys.stderr)
 
             try:
                 while (todo or running) and time.monotonic() < end:
                     while todo and len(running) < jobs:
-                        run = todo.pop(0)
-                        process = run.start()
-                        running[process.sentinel] = run, process
-                        enter(run, "running")
+                        one = todo.pop(0)
+                        process = one.start()
+                        running[process.sentinel] = one, process
+                        enter(one, "running")
                     for sentinel in wait(list(running), timeout=LOOK_EVERY):
-                        run, process = running.pop(sentinel)
-                        enter(run, run.outcome(process))
+                        one, process = running.pop(sentinel)
+                        enter(one, one.outcome(process))
                         bar.update()
-                    lasts = (f"{run.name} {run.last()}" for run, _ in running.values())
+                    lasts = (f"{one.name} {one.last()}" for one, _ in running.values())
                     bar.set_postfix_str(" | ".join(lasts))
                     self._note()
             finally:
-                for run, process in running.values():
+                for one, process in running.values():
                     process.terminate()
                     process.join()
-                    self.state[run] = "finished" if run.finished() else "stopped"
+                    self.state[one] = "finished" if one.finished() else "stopped"
                 self._note()
 
-    def line(self, run: Run) -> str:
+    def line(self, one: Training) -> str:
         """Return state, epoch and losses of a training as one line."""
-        return f"{run.name:14} {self.state[run]}  {run.last()}".rstrip()
+        return f"{one.name:14} {self.state[one]}  {one.last()}".rstrip()
 
     def table(self) -> str:
         """Return the lines of all trainings."""
-        return "\n".join(map(self.line, self.runs))
+        return "\n".join(map(self.line, self.trainings))
 
     def failures(self) -> int:
         """Return how many trainings have failed."""

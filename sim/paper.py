@@ -24,7 +24,7 @@ ASKEW = 0.25
 Node = tuple[int, int]
 
 
-def draw_blocks(rng: np.random.Generator) -> Canvas:
+def draw_paper(rng: np.random.Generator) -> Canvas:
     """Draw paths that join crossings.
 
     Every crossing can be reached from every other; most can be reached from two sides.

@@ -13,7 +13,7 @@ from predictor.networks.resnet_ff import ResNet
 from predictor.networks.unet_ff import UNet
 
 
-class ImageNet(nn.Module):
+class GreyNet(nn.Module):
     """A network, and the probabilities of free and occupied at each level of grey.
 
     Args:
