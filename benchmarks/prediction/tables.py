@@ -257,7 +257,7 @@ def _cells(measured: Rows) -> str:
     cost = ("parameters", "multiply-adds [M]", "median [ms]", "99 % [ms]")
     rows = [["predictor", *(name.replace("_", " ") for name in CELLS), *cost]]
     for name, row in measured.items():
-        scores = (_number(row[column]) for column in CELLS)
+        scores = (_number(row.get(column)) for column in CELLS)
         rows.append([f"`{name}`", *scores, *_cost(row["cost"] or {}, "ms_p99")])
     told = "".join(
         f"\n\nNote: {row['nan_cells']:,d} cells that `{name}` said were NaN, and count as not known"
