@@ -74,6 +74,7 @@ class Compact:
         """
         check_question(known, pose)
         turns = quarters(float(pose[2]))
+        # The network was trained on maps of this resolution.
         fine, rows, cols = resampled(known, RESOLUTION)
         codes = codes_of(fine.cells).astype(np.int8)
         inputs: list[NDArray[Any]] = [np.rot90(codes, turns)]
