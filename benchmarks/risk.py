@@ -1,6 +1,6 @@
 """Measure how the realised risk of a collision compares with the requested one, and with speed.
 
-The groups of drives are listed in `benchmarks.risk_study.series`.
+The series of drives are listed in `benchmarks.risk_study.series`.
 
 python -m benchmarks.risk --calibration results/calibration/calibration.json --hours 2
 """
@@ -70,10 +70,10 @@ def main(argv: list[str] | None = None) -> int:
         metavar="H",
         type=between(0.0, 1e4),
         default=4.0,
-        help="longest run time [h]; all groups of drives grow in turn (default: %(default)s)",
+        help="longest run time [h]; all series of drives grow in turn (default: %(default)s)",
     )
     parser.add_argument(
-        "--quick", action="store_true", help="make only 4 drives in each group, as a trial"
+        "--quick", action="store_true", help="make only 4 drives of each series, as a trial"
     )
     parser.add_jobs()
     parser.add_out("results/risk", "folder of results.json, the figures and the drives", "DIR")

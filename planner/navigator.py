@@ -116,8 +116,6 @@ class Decision:
         limit: what keeps the car from going faster.
         faults: kinds of the failures that were handled in this tick, each once.
         relied: centres of the unobserved cells that the body sweeps on the plan, (k, 2) [m].
-        relied_trust: predicted probability that each of these cells is free, confidence · p_free,
-            (k,).
         emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
             can.
         times: duration of each stage [ms], by name; "cycle" is the time from scan to control, and
@@ -132,7 +130,6 @@ class Decision:
     limit: Limit
     faults: tuple[str, ...]
     relied: NDArray[np.float64]
-    relied_trust: NDArray[np.float32]
     emergency: bool
     times: dict[str, float]
     risk_map: RiskMap
@@ -186,7 +183,7 @@ class Navigator:
 
     @property
     def path_counts(self) -> Counter[str]:
-        """Number of paths followed so far, by the method that planned them."""
+        """Number of paths followed so far, by source, and of recovery manoeuvres."""
         return self.guide.counts
 
     def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
@@ -261,7 +258,6 @@ class Navigator:
             limit=limit,
             faults=faults,
             relied=np.column_stack([xs[cols], ys[rows]]),
-            relied_trust=risk.trust[rows, cols],
             emergency=choice.emergency,
             times=times,
             risk_map=risk,

@@ -28,7 +28,7 @@ class Driver(Protocol):
 
     @property
     def path_counts(self) -> Mapping[str, int]:
-        """Number of paths followed so far, by the method that planned them."""
+        """Number of paths followed so far, by source, and of recovery manoeuvres."""
         ...
 
     def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
@@ -54,8 +54,6 @@ class Decision(Protocol):
     def faults(self) -> Sequence[str]: ...
     @property
     def relied(self) -> NDArray[np.float64]: ...
-    @property
-    def relied_trust(self) -> NDArray[np.float32]: ...
     @property
     def emergency(self) -> bool: ...
     @property

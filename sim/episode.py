@@ -66,7 +66,7 @@ class Episode:
         stops: number of times that the car came to rest after it had set off, in either gear.
         impact_speed: speed at the start of the tick with the collision [m/s]; None without one.
         faults: number of ticks in which a fault was handled, by the kind of fault.
-        paths: number of paths followed, by the method that planned them.
+        paths: number of paths followed, by source, and of recovery manoeuvres.
         trace: arrays of what happened in each tick, by name; `sim.recorder.SHAPES` describes them.
     """
 

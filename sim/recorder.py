@@ -26,14 +26,10 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "limit_names": ("any",),
     # Whether no plan was safe.
     "emergency": ("T",),
-    # Whether no solution of the MPC was safe.
-    "unsolved": ("T",),
     # Number of unobserved cells that the plan sweeps.
     "relied_count": ("T",),
     # Row and column of these cells in the frame of the world, of all ticks.
     "relied_cells": ("any", 2),
-    # Their confidence · p_free in 1/255.
-    "relied_trust": ("any",),
     # 1 if none of them was solid, 0 if one was, -1 if there were none.
     "kept": ("T",),
     # Duration of each stage in `time_names` [ms].
@@ -95,9 +91,7 @@ class Recorder:
                 "plan": decision.plan.controls.astype(np.float16),
                 "limit": str(decision.limit),
                 "emergency": decision.emergency,
-                "unsolved": "no_safe_solution" in decision.faults,
                 "relied_cells": cells,
-                "relied_trust": np.rint(255 * decision.relied_trust).astype(np.uint8),
                 "kept": kept,
                 "times": list(times.values()),
             }
@@ -125,10 +119,8 @@ class Recorder:
             "limits": np.array([names.index(t["limit"]) for t in self._ticks], dtype=np.uint8),
             "limit_names": np.array(names),
             "emergency": column("emergency", bool),
-            "unsolved": column("unsolved", bool),
             "relied_count": np.array(list(map(len, cells)), dtype=np.int32),
             "relied_cells": np.concatenate(cells),
-            "relied_trust": np.concatenate([tick["relied_trust"] for tick in self._ticks]),
             "kept": column("kept", np.int8),
             "times": column("times", np.float32),
             "time_names": np.array(self._time_names),

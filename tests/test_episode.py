@@ -42,7 +42,6 @@ class Shunter:
             faults=(),
             emergency=False,
             relied=np.empty((0, 2)),
-            relied_trust=np.empty(0),
             times={"cycle": 1.0},
             path=None,
             risk_map=RiskMap.from_prediction(self.known.crop(frame), None, 0.0, 0.0),

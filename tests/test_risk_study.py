@@ -143,7 +143,6 @@ def test_a_fixed_level_is_studied_as_it_was_calibrated():
         ({"requested": 0.0, "collided": 0}, False),
         ({"requested": 0.0}, True),
         ({"requested": 0.0, "collided": 0, "touched": 1}, True),
-        ({"requested": None, "arm": "known"}, True),
         ({"requested": None, "certified": False}, False),
     ],
 )

@@ -14,7 +14,7 @@ from predictor.mapping.family_names import FAMILIES
 
 LEARNED = ("corridor", "narrow", "office", "paper", "floor_plan", "floor_plan")
 """Families of generated buildings to train on by default. A family that is listed twice gets two
-shares of the drives. `trap` is held out: no network is trained on it."""
+shares of the drives. The other families are held out: no network is trained on them."""
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,6 @@ from matplotlib.figure import Figure
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
 from benchmarks.risk_study.series import PROMISE
 
-GROUPS = (PROMISE, "not adapted", "sham", "sham, not adapted")
-"""Groups with a requested risk, from top to bottom."""
-
 
 def draw(found: dict[str, Any], out: Path) -> list[Path]:
     """Draw the figures that the results suffice for, and return their files."""
@@ -33,10 +30,10 @@ def draw(found: dict[str, Any], out: Path) -> list[Path]:
 def _promise(found: dict[str, Any]) -> Figure | None:
     """Draw the realised risk of the mixture, of other buildings and of all controls beside the
     requested one."""
-    rows = [r for r in found["promise"] if r["requested"] and r["group"] in GROUPS]
+    rows = [r for r in found["promise"] if r["requested"]]
     if not rows:
         return None
-    kinds = sorted(dict.fromkeys(map(_kind, rows)), key=lambda kind: GROUPS.index(kind[0]))
+    kinds = list(dict.fromkeys(map(_kind, rows)))
     risks = sorted({r["requested"] for r in rows})
     figure = Figure(figsize=(2.6 + 3.0 * len(risks), 1.0 + 0.28 * len(kinds)), layout="constrained")
     panels = figure.subplots(1, len(risks), sharex=True, sharey=True, squeeze=False)[0]

@@ -68,7 +68,7 @@ def exceeds_its_risk(row: dict[str, Any]) -> bool:
 
     At a risk of 0 no car may collide. A certified risk is for the mixture of the calibration.
     """
-    if row["requested"] == 0.0 or row["arm"] in ("known", "full"):
+    if row["requested"] == 0.0:
         return bool(row["collided"] or row["touched"])
     certified = row["certified"] and (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
     return bool(certified and row["interval"][0] > row["requested"])

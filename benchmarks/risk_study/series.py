@@ -6,11 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from benchmarks.recording.settings import LEARNED
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
+from predictor.mapping.family_names import FAMILIES
 
 PROMISE, MIXTURE = "promise", "mixture"
 """Group of the drives at requested risks, and tasks in the buildings of the calibration."""
@@ -19,7 +21,7 @@ SEED = 6_000_000
 OTHER_SEED = 6_500_000
 """Seed of the first building of series with other cars or windows than those of the calibration."""
 SHAM = "benchmarks.risk_study.sham:Sham"
-HELD_OUT = ("trap", "maze", "obstacle_field")
+HELD_OUT = tuple(family for family in FAMILIES if family not in LEARNED)
 """Families that no network, and no calibration, has learned from."""
 MEASURED = {0.01: 0.003}
 """Risks too small to certify with some hundred drives, and levels at which they are measured."""
@@ -207,7 +209,7 @@ def _with_and_without(
 ) -> Iterator[Series]:
     """Drives of other arms, and of `predicted` at 0 and at the largest certified level."""
     for arm in arms:
-        risk = None if ARMS[arm].reliance == 1.0 else 0.0
+        risk = None if ARMS[arm].may_collide else 0.0
         yield Series(group, tasks, arm, replace(same, arms=(arm,)), risk)
     yield Series(group, tasks, "0", same, 0.0)
     if bold := _boldest(calibration):

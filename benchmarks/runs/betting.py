@@ -28,3 +28,8 @@ def capital(losses: ArrayLike, bound: float) -> NDArray[np.float64]:
     """
     gains = 1.0 - STAKES * (np.asarray(losses, dtype=np.float64)[:, None] - bound) / (1.0 - bound)
     return np.asarray(np.cumprod(np.maximum(gains, 0.0), axis=0).mean(axis=1))
+
+
+def needed(confidence: float) -> float:
+    """Return the capital that certifies, with a confidence, that the mean is below the bound."""
+    return 1.0 / (1.0 - confidence)

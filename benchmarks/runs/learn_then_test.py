@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.betting import capital
+from benchmarks.runs.betting import capital, needed
 from benchmarks.runs.calibration_settings import CalibrateSettings
 from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.drive import attempt
@@ -85,7 +85,7 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
         UsageError: if there are too few drives to certify a risk, the predictor was trained in the
             buildings of the drives, or the folder holds another calibration.
     """
-    wanted = 1.0 / (1.0 - asked.confidence)
+    wanted = needed(asked.confidence)
     for risk in asked.risks:
         best = capital(np.zeros(asked.drives), risk)
         if best[-1] < wanted:
@@ -111,7 +111,7 @@ def _calibrate(
         tested = _test(settings, asked, level, open_risks, out, jobs)
         tests.append(tested)
         for risk in list(open_risks):
-            if (tested.capital[risk] >= 1.0 / (1.0 - asked.confidence)).any():
+            if (tested.capital[risk] >= needed(asked.confidence)).any():
                 certified[risk] = level
             else:
                 open_risks.remove(risk)
@@ -140,7 +140,7 @@ def _test(
     jobs: int,
 ) -> Tested:
     """Drive at a level until the test of each risk is decided."""
-    wanted = 1.0 / (1.0 - asked.confidence)
+    wanted = needed(asked.confidence)
     settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
     weights = fingerprint_of(load_predictor(settings.predictor))
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
@@ -175,7 +175,7 @@ def _end(drives: list[dict[str, Any]], risk: float, most: int, wanted: float) ->
         drives: drives so far.
         risk: risk δ that is tested.
         most: largest number of drives.
-        wanted: capital that certifies the risk, 1 / (1 - confidence).
+        wanted: capital that certifies the risk.
     """
     money = capital(_losses(drives), risk)
     best = money * (1.0 + risk / (1.0 - risk)) ** (most - 1.0 - np.arange(len(money)))

@@ -31,6 +31,11 @@ class Arm:
         """Whether --risk and --level apply to this arm."""
         return self.predictor == "chosen" and self.reliance is None
 
+    @property
+    def may_collide(self) -> bool:
+        """Whether the arm may collide at a risk of 0: unobserved cells count as free."""
+        return self.reliance == 1.0
+
     def drives_alike(self, differing: set[str]) -> bool:
         """Return whether this arm makes the same drives in two runs with different settings.
 

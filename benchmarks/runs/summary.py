@@ -72,8 +72,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         "cycle_ms_p99": float(np.median([r.cycle_ms[1] for r in results])),
         "faults": faults,
         "paths": paths,
-        # Under the name that published results have.
-        **_with_ends("realised_risk", statistics.promises_broken(results)),
+        **_with_ends("promises_broken", statistics.promises_broken(results)),
     }
     if compared:
         entry["faster_than_known"] = statistics.mean_speed(by_arm, arm, "known")
@@ -209,9 +208,9 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
 
 def broken(entry: dict[str, Any]) -> str:
     """Return the share of promises that an arm broke, with its interval, as text."""
-    if entry["realised_risk"] is None:
+    if entry["promises_broken"] is None:
         return ""
-    return f"{100 * entry['realised_risk']:.2f} % ({_percent(entry['realised_risk_interval'])})"
+    return f"{100 * entry['promises_broken']:.2f} % ({_percent(entry['promises_broken_interval'])})"
 
 
 def _percent(ends: list[float] | None, unit: str = "") -> str:

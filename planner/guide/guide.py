@@ -85,7 +85,7 @@ class Guide:
         path: path to follow, up to an obstacle on it; None: there is none yet.
         segment: index of the path's segment near which the car is.
         is_new: whether the path was adopted in this tick.
-        counts: number of paths adopted, by source, and of other events.
+        counts: number of paths adopted, by source, and of recovery manoeuvres.
         plan_ms: duration of the last planning, which is no part of the control cycle [ms].
         gear: gear to drive in, 1 or -1.
         on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
@@ -277,7 +277,6 @@ class Guide:
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
-            self.counts["no_route"] += 1
             return None
         pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
         line = self.config.line
@@ -295,7 +294,6 @@ class Guide:
                 return smoother.along(found.points, pose, found.source) or found
             # The car cannot drive the corners of a polyline. Until it is slow it keeps its present
             # path, whose end leaves room to turn.
-            self.counts["not_found"] += 1
             return (
                 None if self.path is not None and speed > 0.3 else Path.through(route, "dijkstra")
             )
