@@ -65,11 +65,11 @@ def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
     asked = {
         series.risk: series.settings.level for series in all_series if series.group == "promise"
     }
-    assert asked == {None: 0.3, 0.0: 0.0, 0.01: 0.003, 0.02: 0.001, 0.05: 0.01}
+    assert asked == {None: 0.001, 0.0: 0.0, 0.005: 0.003, 0.02: 0.001, 0.05: 0.01}
     assert all(
         series.settings.fixed_level == ("not adapted" in series.group) for series in all_series
     )
-    assert {series.settings.level for series in all_series if "sham" in series.group} == {0.01}
+    assert {series.settings.level for series in all_series if "sham" in series.group} == {0.001}
     assert any(series.settings.world == ("maps/a.yaml",) for series in all_series)
     quick = series_of(CALIBRATION, "none", [], quick=True)
     assert {series.settings.episodes for series in quick} == {4}
@@ -81,8 +81,8 @@ def test_series_are_compared_with_those_that_drive_the_same_tasks():
     for series in all_series:
         same.setdefault((series.group, series.tasks), []).append(series)
     arms = {kind: sorted(series.arm for series in of) for kind, of in same.items()}
-    # `predicted` at 0, at three risks and at two bolder levels, and with `extend`.
-    assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 7]
+    # `predicted` at 0, at three risks, and with `extend`.
+    assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 5]
     assert arms["maze", "2"] == ["full", "known", "predicted", "predicted"]
     assert arms["speed", "4-3-5"] == ["known", "optimistic", "predicted", "predicted"]
     for of in same.values():
