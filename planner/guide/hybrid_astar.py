@@ -74,7 +74,7 @@ def find_legs(
     known: OccupancyGrid,
     pose: NDArray[np.float64],
     goal: tuple[float, float],
-    ahead: float,
+    onward: float,
     stuck: NDArray[np.float64],
     car: CarLimits,
     config: HybridConfig,
@@ -87,7 +87,7 @@ def find_legs(
             enters only cells observed free.
         pose: x, y, yaw at the start, (3,) or more.
         goal: x, y of the goal [m].
-        ahead: reduction of the cost to go at which the search ends [m]; infinite: it ends at the
+        onward: reduction of the cost to go at which the search ends [m]; infinite: it ends at the
             goal.
         stuck: points at which the car got stuck, (k, 2) [m]; unobserved cells around them count as
             occupied.
@@ -113,7 +113,7 @@ def find_legs(
         body = car.body.inflated(margin)
         seen, halves = (cells, *known.frame.lattice), body.halves
         poses, gears = _search(
-            start, goal, ahead, field, costs, seen, halves, curvature, both, prices, config.nodes
+            start, goal, onward, field, costs, seen, halves, curvature, both, prices, config.nodes
         )
         if len(gears):
             return _legs(poses, gears)
@@ -129,7 +129,7 @@ def _legs(poses: NDArray[np.float64], gears: NDArray[np.int64]) -> list[Leg]:
 
 @njit(cache=True, nogil=True)
 def _search(  # type: ignore[no-untyped-def]
-    start, goal, ahead, field, costs, seen, halves, curvature, both, prices, limit
+    start, goal, onward, field, costs, seen, halves, curvature, both, prices, limit
 ):
     """Return poses (CHECKS·n + 1, 3) along n arcs, and the arcs' gears (n,); n = 0: no path."""
     (to_go, side), (density, coarse, origin), (reversing, shift, steering) = field, costs, prices
@@ -164,7 +164,7 @@ def _search(  # type: ignore[no-untyped-def]
         looked += 1
         left = _remaining(x, y, to_go, side, origin)
         near = math.hypot(x - goal[0], y - goal[1]) < PATH_REACHES
-        if node > 0 and (near or (gears[node] > 0 and left <= begun - ahead)):
+        if node > 0 and (near or (gears[node] > 0 and left <= begun - onward)):
             return _trace(node, poses, parents, gears, shares, curvature)
         for direction in range(2 if both else 1):
             gear = 1 if direction == 0 else -1

@@ -1,4 +1,7 @@
-"""Initial guesses of the controls for the MPC: pure pursuit, and the rest of the last plan."""
+"""Initial guesses of the controls for the MPC: pure pursuit, and the rest of the last plan.
+
+Pure pursuit also drives the legs of recovery manoeuvres, see `planner.safety.plan_choice`.
+"""
 
 from __future__ import annotations
 

@@ -23,8 +23,9 @@ SLOW = 0.3
 stand still [m/s]."""
 LEG_LOOK = 0.3
 """Distance of the point on a leg that pure pursuit aims at [m]."""
-LEG_END = 0.05
-"""Distance from a leg's end within which the car stops at once [m], so that it does not creep."""
+LEG_STOP = 0.05
+"""Distance from a leg's end within which the car stops at once [m], so that it does not creep. The
+guide accepts a larger one, `GuideConfig.leg_end`."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
@@ -70,7 +71,8 @@ class PlanChooser:
     """Chooses a plan in every tick, for one gear.
 
     Candidates are plans of the MPC from several guesses, the rest of the last plan, braking, and
-    the last resort. Each is tested by the collision checker, whatever the solver reports.
+    the last resort. On a leg of a recovery manoeuvre, pure pursuit takes the MPC's place. Each plan
+    is tested by the collision checker, whatever the solver reports.
 
     Args:
         car: the car's limits in that gear, and its body.
@@ -179,7 +181,8 @@ class PlanChooser:
             safe = [pursued, *safe]
         if not safe:
             return self.resort.brake(now.state, rest, now.risk), True
-        if math.dist(safe[-1].states[-1, :2], leg.points[-1]) < LEG_END:
+        # The last one brakes at once.
+        if math.dist(safe[-1].states[-1, :2], leg.points[-1]) < LEG_STOP:
             return safe[-1], False
         return min(safe, key=lambda plan: self.mpc.lag(plan, leg, now.segment)), False
 
