@@ -1,7 +1,7 @@
 """MPC: plan motions along the path that end with the car stopped.
 
-`initial_guess` makes the first controls by pure pursuit, and `mpc` improves them by sequential quadratic
-programming (SQP). `codegen` compiles the derivatives of a step (`planner.motion.dynamics`),
-`condense` turns them into a dense QP in the controls, and `constraints` adds the car's limits and
-the clearance.
+`initial_guess` makes the first controls by pure pursuit, and `mpc` improves them by sequential
+quadratic programming (SQP). `codegen` compiles the derivatives of a step
+(`planner.motion.dynamics`), `condense` turns them into a dense QP in the controls, and
+`constraints` adds the car's limits and the clearance.
 """
