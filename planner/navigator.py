@@ -169,7 +169,6 @@ class Navigator:
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
         self.faults: Counter[str] = Counter()
         self._adaptive = AdaptiveLevel(config.level)
-        self._gear = 1
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
@@ -204,9 +203,10 @@ class Navigator:
         self._adaptive.check(self.known)
         clock.lap("integrate")
         prediction = self._predict(state, faults, clock)
-        self._change_gear(self.guide.change_gear(state))
+        self.guide.begin_leg(state)
+        self._change_gear()
         # A car in reverse is treated as one with the opposite heading that drives forward.
-        driven = state if self._gear > 0 else mirrored(state)
+        driven = state if self.guide.gear > 0 else mirrored(state)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
         risk = self._risk_map(driven, prediction)
         clock.lap("risk")
@@ -249,7 +249,7 @@ class Navigator:
             # The last resort holds the car back, in case the prediction is wrong.
             limit = Limit.UNSEEN
         control = plan.controls[0].copy()
-        if self._gear < 0:
+        if self.guide.gear < 0:
             plan = plan.mirrored()
             control = np.array([*plan.controls[0], -1.0])
         return Decision(
@@ -282,17 +282,18 @@ class Navigator:
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         # In reverse the car enters only cells that were observed free.
         level = self._adaptive.level if c.adapt else c.level
-        epsilon, level = (c.reliance, level) if self._gear > 0 else (0.0, 0.0)
+        epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
         risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle, level)
         self._adaptive.believe(risk)
         return risk
 
-    def _change_gear(self, gear: int) -> None:
-        if gear != self._gear:
-            self._gear, self.chooser = gear, self._choosers[gear]
-            self.chooser.forget()
+    def _change_gear(self) -> None:
+        chooser = self._choosers[self.guide.gear]
+        if chooser is not self.chooser:
+            self.chooser = chooser
+            chooser.forget()
             # The new leg has just begun: a search now would discard it.
             self._lingered = 0
 

@@ -116,18 +116,24 @@ class Guide:
         self.on_leg = False
         self._stuck = np.empty((0, 2))
 
-    def change_gear(self, state: NDArray[np.float64]) -> int:
+    def begin_leg(self, state: NDArray[np.float64]) -> None:
         """Begin the next leg of a recovery manoeuvre if the car stands at the end of the last one.
 
         Args:
             state: current x, y, yaw, v of the car, (4,).
-
-        Returns:
-            The gear to drive in, 1 or -1.
         """
-        if self._legs and abs(state[3]) < REST:
-            self._change_leg(state)
-        return self.gear
+        if not self._legs or abs(state[3]) > REST:
+            return
+        if self.on_leg:
+            if math.dist(self._legs[0][1].points[-1], state[:2]) > self.config.leg_end:
+                return
+            del self._legs[0]
+        self.gear, path = self._legs[0]
+        self._adopt(path)
+        self.on_leg = len(self._legs) > 1
+        # The last leg is an ordinary path.
+        if not self.on_leg:
+            self._legs = []
 
     def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
         """Advance by a tick: adopt a path that is due, and cut it off before an obstacle.
@@ -221,18 +227,6 @@ class Guide:
     def _adopt(self, path: Path) -> None:
         self._whole, self.segment, self.is_new = path, 0, True
         self.counts[path.source] += 1
-
-    def _change_leg(self, state: NDArray[np.float64]) -> None:
-        if self.on_leg:
-            if math.dist(self._legs[0][1].points[-1], state[:2]) > self.config.leg_end:
-                return
-            del self._legs[0]
-        self.gear, path = self._legs[0]
-        self._adopt(path)
-        self.on_leg = len(self._legs) > 1
-        # The last leg is an ordinary path.
-        if not self.on_leg:
-            self._legs = []
 
     def _is_held(self) -> bool:
         """Return whether the car must complete the arcs of a hybrid A* path before it replans."""
