@@ -11,6 +11,9 @@ from matplotlib.figure import Figure
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
 from benchmarks.risk_study.series import PROMISE
 
+MANY = 40
+"""Number of drives from which on an interval decides how far the axis reaches."""
+
 
 def draw(found: dict[str, Any], out: Path) -> list[Path]:
     """Draw the figures that the results suffice for, and return their files."""
@@ -35,9 +38,12 @@ def _promise(found: dict[str, Any]) -> Figure | None:
         return None
     kinds = list(dict.fromkeys(map(_kind, rows)))
     risks = sorted({r["requested"] for r in rows})
-    figure = Figure(figsize=(2.6 + 3.0 * len(risks), 1.0 + 0.28 * len(kinds)), layout="constrained")
-    panels = figure.subplots(1, len(risks), sharex=True, sharey=True, squeeze=False)[0]
-    for axes, risk in zip(panels, risks, strict=True):
+    columns = min(3, len(risks))
+    lines = math.ceil(len(risks) / columns)
+    size = 2.6 + 3.0 * columns, (1.0 + 0.28 * len(kinds)) * lines
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, risk in zip(panels, risks, strict=False):
         axes.axvline(100 * risk, color=INK, linewidth=0.8, linestyle="--")
         for row in (r for r in rows if r["requested"] == risk):
             place = len(kinds) - 1 - kinds.index(_kind(row))
@@ -52,19 +58,24 @@ def _promise(found: dict[str, Any]) -> Figure | None:
             )
             axes.annotate(
                 f"{row['collided']} of {row['drives']}",
-                (100 * row["interval"][1], place),
-                (4, 0),
+                (1.0, place),
+                (-4, 5),
+                xycoords=axes.get_yaxis_transform(),
                 textcoords="offset points",
-                va="center",
+                ha="right",
                 fontsize=7,
             )
         axes.set_title(f"requested: {100 * risk:g} %", fontsize=9)
         axes.set_xlabel("collisions [% of drives]")
-        axes.margins(x=0.2)
-    # After the last panel, since the panels share their limits.
-    panels[0].set_xlim(left=-1)
+        axes.tick_params(labelbottom=True)
+    for axes in panels[len(risks) :]:
+        axes.set_axis_off()
+    # Intervals from a few drives would make the others too short to read.
+    ends = [row["interval"][1] for row in rows if row["drives"] >= MANY] or [1.0]
+    panels[0].set(xlim=(-1, 100 * max(ends) + 2), ylim=(-0.5, len(kinds) - 0.3))
     names = [place if group == PROMISE else f"{place}, {group}" for group, place in kinds]
-    panels[0].set_yticks(range(len(kinds)), reversed(names), fontsize=8)
+    for axes in panels[::columns]:
+        axes.set_yticks(range(len(kinds)), reversed(names), fontsize=8)
     return figure
 
 
