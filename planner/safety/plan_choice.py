@@ -181,7 +181,7 @@ class PlanChooser:
             safe = [pursued, *safe]
         if not safe:
             return self.resort.brake(now.state, rest, now.risk), True
-        # The last one brakes at once.
+        # The last one brakes at once, unless that is unsafe.
         if math.dist(safe[-1].states[-1, :2], leg.points[-1]) < LEG_STOP:
             return safe[-1], False
         return min(safe, key=lambda plan: self.mpc.lag(plan, leg, now.segment)), False
