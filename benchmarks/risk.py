@@ -40,14 +40,16 @@ def main(argv: list[str] | None = None) -> int:
         "--calibration",
         metavar="FILE",
         type=Path,
+        nargs="+",
         required=True,
-        help="calibration.json of benchmarks.calibrate",
+        help="calibration.json of benchmarks.calibrate. The whole study is about the first; "
+        "further ones, such as one for each family, are tested in buildings like their own",
     )
     parser.add_argument(
         "--predictor",
         metavar="P",
         default="compact",
-        help="predictor that the calibration was made for (default: %(default)s)",
+        help="predictor that the calibrations were made for (default: %(default)s)",
     )
     parser.add_argument(
         "--maps",
@@ -86,9 +88,9 @@ def _run(args: argparse.Namespace) -> int:
     from planner.risk.calibration import Calibration
     from predictor.infra.resumable import ResumableFolder
 
-    calibration = Calibration.load(args.calibration)
+    calibration, *others = (Calibration.load(path) for path in args.calibration)
     check_maps(tuple(args.maps))
-    all_series = series_of(calibration, args.predictor, args.maps, args.quick)
+    all_series = series_of(calibration, others, args.predictor, args.maps, args.quick)
     told = calibration.conditions | {"quick": args.quick}
     with ResumableFolder(args.out, told, exclusive=True):
         return _study(args, calibration, all_series)
@@ -98,7 +100,12 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
     from benchmarks.risk_study.drives import drive_all
     from benchmarks.risk_study.figures import draw
     from benchmarks.risk_study.recalibration import recalibrations
-    from benchmarks.risk_study.report import collision_rows, exceeds_its_risk, speed_rows
+    from benchmarks.risk_study.report import (
+        collision_rows,
+        exceeds_its_risk,
+        pooled_rows,
+        speed_rows,
+    )
     from benchmarks.risk_study.saved_drives import saved_drives
     from benchmarks.risk_study.tables import tables
     from predictor.infra.environment import commit, machine
@@ -118,6 +125,7 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
         "missing": missing,
         "promise": rows,
         "pareto": speed_rows(all_series, drives),
+        "pooled": pooled_rows(all_series, drives),
         "recalibrations": recalibrations(
             all_series, drives, args.predictor, calibration.confidence
         ),

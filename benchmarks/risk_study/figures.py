@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
-from benchmarks.risk_study.series import PROMISE
+from benchmarks.risk_study.series import OWN, PROMISE
 
 MANY = 40
 """Number of drives from which on an interval decides how far the axis reaches."""
@@ -51,7 +51,7 @@ def _promise(found: dict[str, Any]) -> Figure | None:
                 100 * row["rate"],
                 place,
                 xerr=_around(row["rate"], row["interval"]),
-                color=ARM_COLOURS["predicted"] if row["group"] == PROMISE else INK,
+                color=ARM_COLOURS["predicted"] if row["group"] in (PROMISE, OWN) else INK,
                 marker="o",
                 markersize=4,
                 linewidth=1.0,

@@ -10,7 +10,7 @@ from typing import Any
 from scipy.stats import chi2
 
 from benchmarks.risk_study.drives import Drives
-from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
+from benchmarks.risk_study.series import MIXTURE, OWN, PROMISE, Series
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
@@ -66,11 +66,12 @@ def collision_rows(
 def exceeds_its_risk(row: dict[str, Any]) -> bool:
     """Return whether a row of `collision_rows` shows more collisions than were accepted.
 
-    At a risk of 0 no car may collide. A certified risk is for the mixture of the calibration.
+    At a risk of 0 no car may collide. A certified risk is for the buildings of the calibration.
     """
     if row["requested"] == 0.0:
         return bool(row["collided"] or row["touched"])
-    certified = row["certified"] and (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
+    own = row["group"] == OWN or (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
+    certified = row["certified"] and own
     return bool(certified and row["interval"][0] > row["requested"])
 
 
@@ -105,6 +106,47 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
             }
         )
     return rows
+
+
+def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+    """Return collisions and times at each risk, over the buildings of all further calibrations.
+
+    Each calibration gives a level of its own for the risk.
+
+    Args:
+        all_series: series of the study.
+        drives: name of each series → its drives.
+    """
+    mine = [s for s in all_series if s.group == OWN and s.arm == "predicted"]
+    rows = []
+    for risk in sorted({s.risk for s in mine if s.risk is not None}):
+        levels, outcomes = dict[str, float](), list[str]()
+        arms: dict[str, list[DriveResult]] = {arm: [] for arm in ("predicted", "known", "oracle")}
+        for series in (s for s in mine if s.risk == risk):
+            levels[series.tasks] = series.settings.level
+            outcomes += [d["outcome"] for d in _with_task(drives[series.name])]
+            rivals = {s.arm: drives[s.name] for s in all_series if _rivals(s, series)}
+            for arm, results in _paired({"predicted": drives[series.name], **rivals}).items():
+                arms[arm] += results
+        if outcomes:
+            collided = outcomes.count("collided")
+            rows.append(
+                {
+                    "requested": risk,
+                    "levels": levels,
+                    "drives": len(outcomes),
+                    "collided": collided,
+                    "interval": list(statistics.wilson(collided, len(outcomes))),
+                    "time_ratio": statistics.time_ratio(arms, "predicted", "known"),
+                    "share_of_gap": statistics.share_of_gap(arms, "time"),
+                }
+            )
+    return rows
+
+
+def _rivals(one: Series, series: Series) -> bool:
+    """Return whether a series is of a baseline that drives the tasks of another series."""
+    return (one.group, one.tasks) == (series.group, series.tasks) and one.arm in BASELINES
 
 
 def _about(series: Series) -> dict[str, Any]:

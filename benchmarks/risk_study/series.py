@@ -16,10 +16,14 @@ from predictor.mapping.family_names import FAMILIES
 
 PROMISE, MIXTURE = "promise", "mixture"
 """Group of the drives at requested risks, and tasks in the buildings of the calibration."""
+OWN = "own calibration"
+"""Group of the drives in the buildings of each further calibration."""
 SEED = 6_000_000
 """Seed of the first building of each series; no network or calibration used such seeds."""
 OTHER_SEED = 6_500_000
 """Seed of the first building of series with other cars or windows than those of the calibration."""
+OWN_SEED = 6_800_000
+"""Seed of the first building of each further calibration."""
 SHAM = "benchmarks.risk_study.sham:Sham"
 HELD_OUT = tuple(family for family in FAMILIES if family not in LEARNED)
 """Families that no network, and no calibration, has learned from."""
@@ -76,13 +80,19 @@ class Series:
 
 
 def series_of(
-    calibration: Calibration, predictor: str, maps: Sequence[str], quick: bool
+    calibration: Calibration,
+    others: Sequence[Calibration],
+    predictor: str,
+    maps: Sequence[str],
+    quick: bool,
 ) -> list[Series]:
     """Return the series of the study, those first whose answers matter most.
 
     Args:
         calibration: gives the level for each risk, and the mixture that it was made for.
-        predictor: that it was made for.
+        others: further calibrations, such as one for each family of the mixture. They are only
+            tested in their own buildings.
+        predictor: that they were made for.
         maps: map files or folders of real buildings; there may be none.
         quick: a few drives of each.
 
@@ -92,35 +102,42 @@ def series_of(
         UsageError: if two of the maps have the same name.
     """
     mixture = _settings(calibration, predictor)
-    calibration.refuse_other(conditions_of(mixture))
     found = [
         *_promises(calibration, mixture, maps),
+        *(one for other in others for one in _in_its_buildings(other, predictor)),
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
         *_speeds(calibration, mixture),
         *_field(calibration, mixture),
     ]
     if len({series.name for series in found}) < len(found):
-        raise UsageError("--maps: each map or folder must have a name of its own")
-    if any(
-        calibration.has_used(series.settings.seed, series.settings.episodes) for series in found
-    ):
-        raise CalibrationError(
-            f"{calibration.path} was made in buildings of this study: calibrate with another --seed"
+        raise UsageError(
+            "each map or folder of --maps, and each calibration, must have a name of its own"
         )
+    for one in (calibration, *others):
+        if any(one.has_used(series.settings.seed, series.settings.episodes) for series in found):
+            raise CalibrationError(
+                f"{one.path} was made in buildings of this study: calibrate with another --seed"
+            )
     if quick:
         found = [replace(c, settings=replace(c.settings, episodes=4)) for c in found]
     return found
 
 
 def _settings(calibration: Calibration, predictor: str) -> Settings:
-    """Return the settings that the calibration is for."""
+    """Return the settings that the calibration is for.
+
+    Raises:
+        CalibrationError: if it is for another predictor, planner or car.
+    """
     try:
         same = {name: calibration.conditions[name] for name in CONDITIONS}
         world = tuple(map(str, calibration.conditions["world"]))
-        return Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
+        found = Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"{calibration.path} is no calibration: {one_line(error)}") from None
+    calibration.refuse_other(conditions_of(found))
+    return found
 
 
 def _cautious(calibration: Calibration) -> tuple[float, float]:
@@ -151,6 +168,17 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
             # The larger risks need fewer drives.
             at_level = replace(there, level=level, episodes=40 if risk <= 0.05 else 20)
             yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)
+
+
+def _in_its_buildings(calibration: Calibration, predictor: str) -> Iterator[Series]:
+    """Requested against realised risk of a further calibration, in buildings like its own."""
+    same = replace(_settings(calibration, predictor), seed=OWN_SEED)
+    tasks = "+".join(Path(place).stem for place in same.world)
+    for risk, level in sorted(calibration.levels.items()):
+        settings = replace(same, level=level, episodes=60)
+        yield Series(OWN, tasks, f"{risk:g}", settings, risk, turns=2)
+    for arm in ("known", "oracle"):
+        yield Series(OWN, tasks, arm, replace(same, arms=(arm,), episodes=30), 0.0, turns=2)
 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:

@@ -17,6 +17,8 @@ def tables(found: dict[str, Any]) -> str:
         parts.append(_speed_table(found["pareto"]))
     if families := _family_table(found["pareto"]):
         parts.append(families)
+    if found.get("pooled"):
+        parts.append(_pooled_table(found["pooled"]))
     if found.get("recalibrations"):
         parts.append(_recalibration_table(found["recalibrations"]))
     if found["missing"]:
@@ -89,6 +91,24 @@ def _family_table(rows: Sequence[dict[str, Any]]) -> str:
             for row in rows
             if row["group"] == PROMISE and row["arm"] == "predicted"
             for family, times in row.get("time_by_family", {}).items()
+        ]
+    )
+
+
+def _pooled_table(rows: Sequence[dict[str, Any]]) -> str:
+    return records(
+        [
+            {
+                "requested δ": f"{row['requested']:g}",
+                "level λ of each calibration": ", ".join(
+                    f"{name} {level:g}" for name, level in row["levels"].items()
+                ),
+                "collided": f"{row['collided']} of {row['drives']}",
+                "rate (95 %)": "–".join(f"{100 * end:.1f}" for end in row["interval"]) + " %",
+                "time ratio to `known`": _told(row["time_ratio"], ".2f"),
+                "share of the gap in time [%]": _told(row["share_of_gap"], ".0f", 100.0),
+            }
+            for row in rows
         ]
     )
 
