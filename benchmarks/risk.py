@@ -52,6 +52,14 @@ def main(argv: list[str] | None = None) -> int:
         help="predictor that the calibrations were made for (default: %(default)s)",
     )
     parser.add_argument(
+        "--rivals",
+        metavar="P",
+        nargs="+",
+        default=[],
+        help="other predictors to compare with, besides extend, such as weights FILE.safetensors "
+        "of the paper's networks",
+    )
+    parser.add_argument(
         "--maps",
         metavar="W",
         nargs="+",
@@ -90,7 +98,7 @@ def _run(args: argparse.Namespace) -> int:
 
     calibration, *others = (Calibration.load(path) for path in args.calibration)
     check_maps(tuple(args.maps))
-    all_series = series_of(calibration, others, args.predictor, args.maps, args.quick)
+    all_series = series_of(calibration, others, args.predictor, args.rivals, args.maps, args.quick)
     told = calibration.conditions | {"quick": args.quick}
     with ResumableFolder(args.out, told, exclusive=True):
         return _study(args, calibration, all_series)

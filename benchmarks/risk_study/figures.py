@@ -158,5 +158,6 @@ def _around(rate: float, interval: list[float]) -> list[list[float]]:
 
 
 def _arm(row: dict[str, Any]) -> str:
-    """Return the name of a line: the arm, or `extend` for drives with that predictor."""
-    return "extend" if row["predictor"] == "extend" else str(row["arm"])
+    """Return the name of a line: the arm, or the predictor if it is a rival."""
+    rival = row["series"] == f"{row['tasks']}-{row['predictor']}"
+    return str(row["predictor"] if rival else row["arm"])

@@ -10,7 +10,7 @@ from typing import Any
 from scipy.stats import chi2
 
 from benchmarks.risk_study.drives import Drives
-from benchmarks.risk_study.series import MIXTURE, OWN, PROMISE, Series
+from benchmarks.risk_study.series import MIXTURE, OWN, PROMISE, Series, name_of
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
@@ -151,13 +151,14 @@ def _rivals(one: Series, series: Series) -> bool:
 
 def _about(series: Series) -> dict[str, Any]:
     """Return what a row of results says about its series."""
-    same = ("predictor", "route", "vehicle", "v_max", "braking", "window", "level", "seed")
+    same = ("route", "vehicle", "v_max", "braking", "window", "level", "seed")
     return {
         "group": series.group,
         "series": series.label,
         "tasks": series.tasks,
         "arm": series.arm,
         "world": [Path(place).stem for place in series.settings.world],
+        "predictor": name_of(series.settings.predictor),
         "adapted": not series.settings.fixed_level,
         **{name: getattr(series.settings, name) for name in same},
     }

@@ -83,6 +83,7 @@ def series_of(
     calibration: Calibration,
     others: Sequence[Calibration],
     predictor: str,
+    rivals: Sequence[str],
     maps: Sequence[str],
     quick: bool,
 ) -> list[Series]:
@@ -93,6 +94,7 @@ def series_of(
         others: further calibrations, such as one for each family of the mixture. They are only
             tested in their own buildings.
         predictor: that they were made for.
+        rivals: other predictors to compare with, such as weights of `unet_ff`.
         maps: map files or folders of real buildings; there may be none.
         quick: a few drives of each.
 
@@ -103,7 +105,7 @@ def series_of(
     """
     mixture = _settings(calibration, predictor)
     found = [
-        *_promises(calibration, mixture, maps),
+        *_promises(calibration, mixture, rivals, maps),
         *(one for other in others for one in _in_its_buildings(other, predictor)),
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
@@ -112,7 +114,8 @@ def series_of(
     ]
     if len({series.name for series in found}) < len(found):
         raise UsageError(
-            "each map or folder of --maps, and each calibration, must have a name of its own"
+            "each map or folder of --maps, each of --rivals, and each calibration must have a name "
+            "of its own"
         )
     for one in (calibration, *others):
         if any(one.has_used(series.settings.seed, series.settings.episodes) for series in found):
@@ -145,7 +148,9 @@ def _cautious(calibration: Calibration) -> tuple[float, float]:
     return min(calibration.levels.items(), default=(0.0, 0.0))
 
 
-def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) -> Iterator[Series]:
+def _promises(
+    calibration: Calibration, mixture: Settings, rivals: Sequence[str], maps: Sequence[str]
+) -> Iterator[Series]:
     """Requested against realised risk: the mixture, held-out families, and real maps."""
     certified = calibration.levels
     measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
@@ -158,8 +163,9 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
         yield Series(PROMISE, MIXTURE, arm, replace(same, arms=(arm,)), 0.0, turns=2)
     optimistic = replace(same, arms=("optimistic",), episodes=100)
     yield Series(PROMISE, MIXTURE, "optimistic", optimistic, turns=2)
-    extend = replace(same, predictor="extend", level=_cautious(calibration)[1])
-    yield Series(PROMISE, MIXTURE, "extend", extend, turns=2)
+    for rival in ("extend", *rivals):
+        settings = replace(same, predictor=rival, level=_cautious(calibration)[1])
+        yield Series(PROMISE, MIXTURE, name_of(rival), settings, turns=2)
     for place in (*HELD_OUT, *maps):
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
@@ -168,6 +174,11 @@ def _promises(calibration: Calibration, mixture: Settings, maps: Sequence[str]) 
             # The larger risks need fewer drives.
             at_level = replace(there, level=level, episodes=40 if risk <= 0.05 else 20)
             yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)
+
+
+def name_of(predictor: str) -> str:
+    """Return the name of a predictor in the results: a file of weights without its folder."""
+    return Path(predictor).name.removesuffix(".safetensors")
 
 
 def _in_its_buildings(calibration: Calibration, predictor: str) -> Iterator[Series]:
