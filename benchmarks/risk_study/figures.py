@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from matplotlib.figure import Figure
 from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
 from benchmarks.risk_study.series import OWN, PROMISE
 
+RIVAL_MARKERS = "s^Dv"
+"""Markers of the predictors that are compared; they have the same colour."""
 MANY = 40
 """Number of drives from which on an interval decides how far the axis reaches."""
 
@@ -96,6 +99,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes, kind in zip(panels, kinds, strict=False):
         here = [r for r in compared if _kind(r) == kind]
+        rivals = cycle(RIVAL_MARKERS)
         for arm in dict.fromkeys(map(_arm, here)):
             mine = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
             risks = [rates[r["group"], r["series"]] for r in mine]
@@ -103,7 +107,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
                 [100 * r["rate"] for r in risks],
                 [r["sct"]["value"] for r in mine],
                 color=ARM_COLOURS.get(arm, OTHER_ARM),
-                marker="o",
+                marker="o" if arm in ARM_COLOURS else next(rivals),
                 markersize=4,
                 linewidth=0.8,
                 label=arm,
