@@ -150,6 +150,7 @@ def test_a_fixed_level_is_studied_as_it_was_calibrated():
         ({"interval": [0.06, 0.2]}, True),
         ({"interval": [0.06, 0.2], "tasks": "trap"}, False),
         ({"interval": [0.06, 0.2], "certified": False}, False),
+        ({"interval": [0.06, 0.2], "certified": False, "group": study.OWN}, True),
         ({"requested": 0.0, "collided": 0}, False),
         ({"requested": 0.0}, True),
         ({"requested": 0.0, "collided": 0, "touched": 1}, True),

@@ -70,8 +70,9 @@ def exceeds_its_risk(row: dict[str, Any]) -> bool:
     """
     if row["requested"] == 0.0:
         return bool(row["collided"] or row["touched"])
-    own = row["group"] == OWN or (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
-    certified = row["certified"] and own
+    in_mixture = row["certified"] and (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
+    # Further calibrations are driven only at the risks that they certify.
+    certified = in_mixture or row["group"] == OWN
     return bool(certified and row["interval"][0] > row["requested"])
 
 
@@ -79,12 +80,11 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
     """Return SCT, times and share of the gap of each series, among the series with its tasks."""
     rows = []
     for series in all_series:
-        same = [c for c in all_series if (c.group, c.tasks) == (series.group, series.tasks)]
-        rivals = {c.arm: drives[c.name] for c in same if c.arm in BASELINES}
-        if not rivals:
+        there = _baselines(series, all_series, drives)
+        if not there:
             continue
         # The statistics call the arm that is compared `predicted`.
-        baselines = {arm: rivals[arm] for arm in rivals if arm != series.arm}
+        baselines = {arm: of for arm, of in there.items() if arm != series.arm}
         arms = _paired({"predicted": drives[series.name], **baselines})
         if not arms["predicted"]:
             continue
@@ -125,8 +125,8 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
         for series in (s for s in mine if s.risk == risk):
             levels[series.tasks] = series.settings.level
             outcomes += [d["outcome"] for d in _with_task(drives[series.name])]
-            rivals = {s.arm: drives[s.name] for s in all_series if _rivals(s, series)}
-            for arm, results in _paired({"predicted": drives[series.name], **rivals}).items():
+            baselines = _baselines(series, all_series, drives)
+            for arm, results in _paired({"predicted": drives[series.name], **baselines}).items():
                 arms[arm] += results
         if outcomes:
             collided = outcomes.count("collided")
@@ -144,9 +144,10 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
     return rows
 
 
-def _rivals(one: Series, series: Series) -> bool:
-    """Return whether a series is of a baseline that drives the tasks of another series."""
-    return (one.group, one.tasks) == (series.group, series.tasks) and one.arm in BASELINES
+def _baselines(series: Series, all_series: Sequence[Series], drives: Drives) -> Drives:
+    """Return the drives of each baseline, by arm, in the tasks of a series."""
+    same = [s for s in all_series if (s.group, s.tasks) == (series.group, series.tasks)]
+    return {s.arm: drives[s.name] for s in same if s.arm in BASELINES}
 
 
 def _about(series: Series) -> dict[str, Any]:

@@ -17,13 +17,13 @@ from predictor.mapping.family_names import FAMILIES
 PROMISE, MIXTURE = "promise", "mixture"
 """Group of the drives at requested risks, and tasks in the buildings of the calibration."""
 OWN = "own calibration"
-"""Group of the drives in the buildings of each further calibration."""
+"""Group of the drives that test further calibrations, in buildings like those of each."""
 SEED = 6_000_000
 """Seed of the first building of each series; no network or calibration used such seeds."""
 OTHER_SEED = 6_500_000
 """Seed of the first building of series with other cars or windows than those of the calibration."""
 OWN_SEED = 6_800_000
-"""Seed of the first building of each further calibration."""
+"""Seed of the first building of the drives that test a further calibration."""
 SHAM = "benchmarks.risk_study.sham:Sham"
 HELD_OUT = tuple(family for family in FAMILIES if family not in LEARNED)
 """Families that no network, and no calibration, has learned from."""
