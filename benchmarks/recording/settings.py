@@ -67,6 +67,22 @@ class DrivesConfig(Options):
 
 
 @dataclass(frozen=True)
+class FrontiersConfig(Options):
+    """Settings of the samples of frontiers, with the options of `predictor.train_frontiers`."""
+
+    data: Path = option(Path("data/frontiers"), "folder of the samples", "DIR", parse=Path)
+    train: int = option(
+        1200, "number of buildings to train on, with about 60 samples each", "N", low=1, high=100_000
+    )
+    validation: int = option(
+        120, "number of buildings held out for validation", "N", low=1, high=10_000
+    )
+    families: tuple[str, ...] = option(
+        LEARNED, "families of the buildings, one each in turn", "F", choices=FAMILIES
+    )
+
+
+@dataclass(frozen=True)
 class SimulatedConfig(Options):
     """Settings of the paper's simulated set, with the options of `predictor.dataset`.
 

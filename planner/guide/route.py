@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,8 @@ def find_route(
     The search runs on cells of twice the size of the cost map's, each of which covers four of them.
     It is open if the body fits in one of the four, and costs as much as the cheapest of these.
     """
-    coarse, step = _coarse(cost)
-    ends = [_open_cell(cost, coarse, step, point) for point in (start, goal)]
+    coarse, step = coarse_costs(cost)
+    ends = [open_cell(cost, coarse, step, point) for point in (start, goal)]
     if ends[0] is None or ends[1] is None:
         return None
     _, towards = _dijkstra(coarse, *ends[0], *ends[1])
@@ -44,26 +45,43 @@ def cost_to_go(
         Costs in metres of free space, infinite where there is no way, (rows, columns), and the side
         of these cells [m]; None if the goal lies in cells that were observed occupied.
     """
-    coarse, step = _coarse(cost)
-    end = _open_cell(cost, coarse, step, goal)
+    coarse, step = coarse_costs(cost)
+    end = open_cell(cost, coarse, step, goal)
     if end is None:
         return None
-    best, _ = _dijkstra(coarse, -1, -1, *end)
-    rows, cols = coarse.shape
-    return best.reshape(rows + 2, cols + 2)[1:-1, 1:-1] * np.float32(step), step
+    return costs_from(coarse, step, end), step
 
 
-def _coarse(cost: CostMap) -> tuple[NDArray[np.float32], float]:
+def costs_from(
+    costs: NDArray[np.float32], step: float, end: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Return the cost of the cheapest way between each cell and one cell, (rows, columns) [m].
+
+    Args:
+        costs: cost of a metre in each cell, infinite where a cell is closed, (rows, columns).
+        step: side of a cell [m].
+        end: row and column of the one cell.
+    """
+    best, _ = _dijkstra(costs, -1, -1, *end)
+    rows, cols = costs.shape
+    return best.reshape(rows + 2, cols + 2)[1:-1, 1:-1] * np.float32(step)
+
+
+def coarse_costs(cost: CostMap) -> tuple[NDArray[np.float32], float]:
     """Return the costs of cells of twice the size, infinite if no body fits, and their side [m]."""
-    rows, cols = (n // 2 * 2 for n in cost.frame.shape)
-    fits = cost.clearance[:rows, :cols] >= cost.required
-    density = np.where(fits, cost.density[:rows, :cols], np.inf)
+    fits = cost.clearance >= cost.required
+    return in_pairs(np.where(fits, cost.density, np.inf), np.minimum), 2 * cost.frame.resolution
+
+
+def in_pairs(cells: NDArray[Any], join: np.ufunc) -> NDArray[Any]:
+    """Join each two by two cells into one; an odd last row or column is left out."""
+    rows, cols = (n // 2 * 2 for n in cells.shape)
     # By pairs of cells, since numpy is ten times slower over axes of length two.
-    upper, lower = (np.minimum(row[:, ::2], row[:, 1::2]) for row in (density[::2], density[1::2]))
-    return np.minimum(upper, lower), 2 * cost.frame.resolution
+    upper, lower = (join(row[:, ::2], row[:, 1::2]) for row in (cells[:rows:2, :cols], cells[1:rows:2, :cols]))
+    return np.asarray(join(upper, lower))
 
 
-def _open_cell(
+def open_cell(
     cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
 ) -> tuple[int, int] | None:
     """Return row and column of the open cell nearest to a point [m], within 0.6 m, or None."""

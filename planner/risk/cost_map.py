@@ -39,6 +39,7 @@ class CostMap:
         density: cost of a metre [1], (rows, columns).
         clearance: distance to the nearest cell observed occupied [m], (rows, columns).
         room: distance to the nearest cell observed or predicted occupied [m], (rows, columns).
+        unseen: cells that hold an unobserved cell of the map, (rows, columns).
         unsure: cells that are neither observed nor predicted free; on a prescribed route, which is
             more reliable than any prediction, all unobserved cells, (rows, columns).
         required: clearance below which the car's body does not fit [m].
@@ -48,6 +49,7 @@ class CostMap:
     density: NDArray[np.float32]
     clearance: NDArray[np.float32]
     room: NDArray[np.float32]
+    unseen: NDArray[np.bool_]
     unsure: NDArray[np.bool_]
     required: float
 
@@ -97,7 +99,7 @@ class CostMap:
         # Routes keep away from walls, up to a clearance of 0.7 m for a body of 0.3 m.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
-        return cls(frame, density.astype(np.float32), clearance, room, unsure, half_width + 0.12)
+        return cls(frame, density.astype(np.float32), clearance, room, unseen, unsure, half_width + 0.12)
 
     def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
         """Return the cost of a polyline; outside the map a metre costs `UNKNOWN_COST`.

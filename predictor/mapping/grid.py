@@ -241,6 +241,10 @@ class OccupancyGrid:
         """Whole map as FREE, OCCUPIED, UNKNOWN: (rows, columns) int8."""
         return _classify(self.log_odds)
 
+    def whole(self) -> Grid:
+        """Return a copy of the whole observed map."""
+        return Grid(self.frame, self.cells)
+
     def crop(self, frame: GridFrame) -> Grid:
         """Return the observed map inside a frame on this lattice."""
         return Grid(frame, _classify(paste(self.frame, self.log_odds, frame, np.int8(0))))

@@ -1,0 +1,109 @@
+"""The frontiers of the observed map, on the cells of the route search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from planner.guide.route import coarse_costs, costs_from, in_pairs, open_cell
+from planner.risk.cost_map import CostMap
+from predictor.frontiers import Frontier
+from predictor.mapping.grid import GridFrame
+
+EIGHT = np.ones((3, 3), dtype=bool)
+"""Cells are connected to their eight neighbours, as in the route search."""
+NEAR = 0.8
+"""Distance from the car within which a cell that was observed free is reached [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrontierMap:
+    """The frontiers of an observed map.
+
+    Attributes:
+        frame: position and resolution of the cells.
+        start: row and column of the reached cell nearest to the car.
+        goal: row and column of the goal's cell.
+        reached: cells that are connected with the car through cells observed free, (rows, columns).
+        costs: cost of a metre in each cell, infinite if no body fits, (rows, columns).
+        labels: number of the frontier that a cell belongs to, from 1 on; 0: none, (rows, columns).
+        frontiers: the frontiers, in the order of their numbers.
+    """
+
+    frame: GridFrame
+    start: tuple[int, int]
+    goal: tuple[int, int]
+    reached: NDArray[np.bool_]
+    costs: NDArray[np.float32]
+    labels: NDArray[np.int32]
+    frontiers: list[Frontier]
+
+    @classmethod
+    def of(
+        cls, cost: CostMap, position: tuple[float, float], goal: tuple[float, float]
+    ) -> FrontierMap | None:
+        """Find the frontiers of a map.
+
+        Args:
+            cost: cost map of all that was observed.
+            position: x, y of the car [m].
+            goal: x, y of the goal [m].
+
+        Returns:
+            None if the goal is in the reached space or in cells observed occupied, or if the car is
+            not near cells observed free.
+        """
+        costs, step = coarse_costs(cost)
+        frame = GridFrame(step, cost.frame.origin, costs.shape)
+        seen = observed(cost)
+        start, end = _nearest(seen, frame, position), open_cell(cost, costs, step, goal)
+        if start is None or end is None:
+            return None
+        parts, _ = ndimage.label(seen, EIGHT)
+        reached = parts == parts[start]
+        if reached[end]:
+            return None
+        border = np.isfinite(costs) & ~seen & ndimage.binary_dilation(reached, EIGHT)
+        labels, _ = ndimage.label(border, EIGHT)
+        to_go = costs_from(costs, step, end)
+        frontiers = [
+            _frontier(np.argwhere(labels[part] == number + 1), part, frame, to_go)
+            for number, part in enumerate(ndimage.find_objects(labels))
+        ]
+        return cls(frame, start, end, reached, costs, labels, frontiers)
+
+
+def observed(cost: CostMap) -> NDArray[np.bool_]:
+    """Return the cells of the route search in which a body fits and all was observed free."""
+    return in_pairs((cost.clearance >= cost.required) & ~cost.unseen, np.logical_or)
+
+
+def _nearest(
+    seen: NDArray[np.bool_], frame: GridFrame, position: tuple[float, float]
+) -> tuple[int, int] | None:
+    """Return row and column of the observed cell nearest to a position [m], or None."""
+    row, col = frame.cell(*position)
+    reach = round(NEAR / frame.resolution)
+    top, left = max(0, row - reach), max(0, col - reach)
+    rows, cols = np.nonzero(seen[top : row + reach + 1, left : col + reach + 1])
+    if len(rows) == 0:
+        return None
+    i = int(np.argmin((rows + top - row) ** 2 + (cols + left - col) ** 2))
+    return int(rows[i] + top), int(cols[i] + left)
+
+
+def _frontier(
+    cells: NDArray[np.intp],
+    part: tuple[slice, ...],
+    frame: GridFrame,
+    to_go: NDArray[np.float32],
+) -> Frontier:
+    """Return the frontier of some cells, given by row and column inside a part of the map."""
+    cells = cells + [part[0].start, part[1].start]
+    middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
+    points = np.array(frame.origin) + (cells[:, ::-1] + 0.5) * frame.resolution
+    centre = np.array(frame.origin) + (middle[::-1] + 0.5) * frame.resolution
+    return Frontier(points, centre, float(to_go[middle[0], middle[1]]))

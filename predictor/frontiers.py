@@ -1,0 +1,66 @@
+"""The contract between a predictor of frontiers and the planner that uses one.
+
+A *frontier* is a connected part of the border between the space that was observed free and can be
+reached, and the unobserved space. A predictor of frontiers tells which of them lead on to the goal,
+at any distance, and what it costs to find out that one does not (learned subgoal planning, Stein et
+al. 2018). Its answer changes the route alone, never what the car may rely on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from predictor.mapping.grid import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Frontier:
+    """A connected part of the border of the observed space.
+
+    Attributes:
+        points: centres of its cells, all unobserved, (n, 2) [m].
+        middle: the one of these points that is nearest to their mean, (2,) [m].
+        to_go: cost of the cheapest way from there to the goal if unobserved space is free [m].
+    """
+
+    points: NDArray[np.float64]
+    middle: NDArray[np.float64]
+    to_go: float
+
+
+@dataclass(frozen=True, eq=False)
+class FrontierValues:
+    """What is predicted of each of n frontiers.
+
+    Attributes:
+        leads: probability that a way leads from the frontier to the goal without returning to the
+            observed space, (n,).
+        way: length of that way, if there is one, (n,) [m].
+        back: distance that the car drives beyond the frontier until it has found out that there is
+            none, and back, (n,) [m].
+    """
+
+    leads: NDArray[np.float64]
+    way: NDArray[np.float64]
+    back: NDArray[np.float64]
+
+
+class FrontierPredictor(Protocol):
+    """Anything that predicts where frontiers lead."""
+
+    def values(
+        self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]
+    ) -> FrontierValues:
+        """Predict where frontiers lead.
+
+        Args:
+            known: map of all that was observed.
+            goal: x, y of the goal [m].
+            frontiers: frontiers of this map; at least one.
+        """
+        ...
