@@ -20,6 +20,7 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
+from predictor.frontiers import FrontierPredictor
 from predictor.mapping.car_limits import CarLimits, check_finite
 from predictor.mapping.grid import OccupancyGrid
 from predictor.mapping.scan import Scan
@@ -148,6 +149,7 @@ class Navigator:
         known: occupancy grid at the start; the navigator adds the scans to it.
         waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
         seed: seed of the path search.
+        frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
     """
 
     def __init__(
@@ -159,6 +161,7 @@ class Navigator:
         known: OccupancyGrid,
         waypoints: NDArray[np.float64] | None = None,
         seed: int = 0,
+        frontiers: FrontierPredictor | None = None,
     ) -> None:
         self.config, self.goal, self.known = config, goal, known
         self._choosers = {1: PlanChooser(config.car, config.mpc, goal)}
@@ -166,7 +169,7 @@ class Navigator:
             backwards = replace(config.car, v_max=config.car.reverse)
             self._choosers[-1] = PlanChooser(backwards, config.mpc, goal)
         self.chooser = self._choosers[1]
-        self.guide = Guide(goal, waypoints, config.car, config.guide, seed)
+        self.guide = Guide(goal, waypoints, config.car, config.guide, seed, frontiers)
         self.faults: Counter[str] = Counter()
         self._adaptive = AdaptiveLevel(config.level)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
@@ -317,9 +320,9 @@ class Navigator:
         stuck = self._rested and self._rested % PATIENCE == 0
         try:
             if stuck or self._lingered % LONG_PATIENCE == 0:
-                self.guide.unstick(self._tick, state, self.known, steering)
+                self.guide.unstick(self._tick, state, self.known, steering, faults)
             else:
-                self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
+                self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering, faults)
         except Exception:
             # OMPL may raise anything. Without a new path the car goes on along the last one.
             faults.append("path_failed")

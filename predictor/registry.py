@@ -13,9 +13,11 @@ from types import ModuleType
 from typing import Any
 
 from predictor.compact import Compact
+from predictor.frontiers import FrontierPredictor
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.infra.errors import LineError, one_line
+from predictor.learned_frontiers import LearnedFrontiers
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.grey_net import GreyNet
 from predictor.prediction import BadPredictionError, Predictor, context_side
@@ -80,6 +82,27 @@ def load_predictor(spec: str) -> Predictor:
         )
     loaded: Predictor = predictor
     return loaded
+
+
+def load_frontiers(spec: str) -> FrontierPredictor:
+    """Make a predictor of frontiers from its name on a command line.
+
+    Args:
+        spec: "learned", or the path of a .safetensors file that `predictor.train_frontiers` has
+            written.
+
+    Raises:
+        PredictorError: if there is no such predictor, or it cannot be made.
+    """
+    if spec != "learned" and not spec.endswith(SUFFIX):
+        raise PredictorError(
+            f"no predictor of frontiers is named {spec!r}: give learned, or a file of weights, "
+            f"FILE{SUFFIX}"
+        )
+    try:
+        return LearnedFrontiers() if spec == "learned" else LearnedFrontiers(Path(spec))
+    except WeightsError as error:
+        raise PredictorError(f"predictor of frontiers {spec!r}: {error}") from error
 
 
 def _named(name: str) -> Any:

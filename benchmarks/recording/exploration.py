@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from scipy import ndimage
 from benchmarks.recording.settings import FrontiersConfig
 from benchmarks.runs.tasks import task_in_world
 from planner.guide.exploration import with_frontiers
-from planner.guide.frontiers import EIGHT, FrontierMap, observed
+from planner.guide.frontiers import FrontierMap, observed
 from planner.guide.route import costs_from, find_route
 from planner.risk.cost_map import CostMap
 from predictor.data.frontier_samples import GOALS, pictures_of, write_frontiers
@@ -87,7 +88,7 @@ class Truth:
             answer, enumerate(ndimage.find_objects(found.labels), start=1), strict=True
         ):
             inside = (found.labels[part] == number) & np.isfinite(beyond[part])
-            cells = np.argwhere(inside) + [part[0].start, part[1].start]
+            cells = np.argwhere(inside) + np.array([part[0].start, part[1].start])
             if len(cells) == 0:
                 continue
             if to_goal is not None:
@@ -129,7 +130,7 @@ class Informed:
         )
 
 
-def explore(task: Task, policy: int, rng: np.random.Generator) -> list[tuple[NDArray, ...]]:
+def explore(task: Task, policy: int, rng: np.random.Generator) -> list[tuple[NDArray[Any], ...]]:
     """Explore a building, and return the samples on the way.
 
     Args:
@@ -145,7 +146,7 @@ def explore(task: Task, policy: int, rng: np.random.Generator) -> list[tuple[NDA
     pose = np.array(task.start)
     known.mark_free(pose, CarLimits().body, 0.5)
     truth: Truth | None = None
-    samples: list[tuple[NDArray, ...]] = []
+    samples: list[tuple[NDArray[Any], ...]] = []
     route = np.empty((0, 2))
     for tick in range(math.ceil(LONGEST * task.path_length / STEP)):
         known.integrate(lidar.scan(task.world, pose), pose)
@@ -177,7 +178,7 @@ def _samples(
     truth: Truth,
     goal: tuple[float, float],
     rng: np.random.Generator,
-) -> list[tuple[NDArray, ...]]:
+) -> list[tuple[NDArray[Any], ...]]:
     """Return the samples of a map: picture, numbers and size of each frontier."""
     pictures, middles = pictures_of(known.whole(), found.frontiers)
     hidden = np.argwhere(truth.open & ~found.reached & np.isfinite(found.costs))

@@ -72,7 +72,11 @@ class FrontiersConfig(Options):
 
     data: Path = option(Path("data/frontiers"), "folder of the samples", "DIR", parse=Path)
     train: int = option(
-        1200, "number of buildings to train on, with about 60 samples each", "N", low=1, high=100_000
+        1200,
+        "number of buildings to train on, with about 60 samples each",
+        "N",
+        low=1,
+        high=100_000,
     )
     validation: int = option(
         120, "number of buildings held out for validation", "N", low=1, high=10_000

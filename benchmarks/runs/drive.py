@@ -20,7 +20,7 @@ from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import Grid, OccupancyGrid
 from predictor.prediction import Prediction, Predictor
 from predictor.provenance import fingerprint_of, has_learned
-from predictor.registry import load_predictor
+from predictor.registry import load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
 from sim.task import NoTaskError, Task
@@ -148,7 +148,8 @@ def navigator_for(
     known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
     waypoints = task.waypoints if settings.route == "fixed" else None
     start = np.array(task.start)
-    return Navigator(config, predictor, start, task.goal, known, waypoints, task.seed)
+    frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
+    return Navigator(config, predictor, start, task.goal, known, waypoints, task.seed, frontiers)
 
 
 def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Driven:

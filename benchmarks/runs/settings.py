@@ -19,17 +19,19 @@ class Arm:
         reliance: reliance ε; None: the value of --reliance.
         steer: whether the prediction influences the route.
         whole_map: whether the whole map is known from the start.
+        frontiers: whether learned values of the frontiers choose a free route.
     """
 
     predictor: str
     reliance: float | None
     steer: bool
     whole_map: bool
+    frontiers: bool = False
 
     @property
     def takes_risk(self) -> bool:
         """Whether --risk and --level apply to this arm."""
-        return self.predictor == "chosen" and self.reliance is None
+        return self.predictor == "chosen" and self.reliance is None and not self.frontiers
 
     @property
     def may_collide(self) -> bool:
@@ -44,7 +46,7 @@ class Arm:
         Args:
             differing: names of the settings in which the two runs differ.
         """
-        heedless = {"predictor", "weights", "risk", "level", "fixed_level"}
+        heedless = {"predictor", "weights", "frontiers", "risk", "level", "fixed_level"}
         if self.predictor == "none":
             heedless.add("expansion")
         if self.reliance is not None:
@@ -59,6 +61,13 @@ ARMS = {
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
     # Also predicted cells, at the given reliance and level; the prediction influences the route.
     "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False),
+    # As the two before; and learned values of the frontiers choose a free route.
+    "known+frontiers": Arm(
+        predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
+    ),
+    "predicted+frontiers": Arm(
+        predictor="chosen", reliance=None, steer=True, whole_map=False, frontiers=True
+    ),
     # All cells that were not observed occupied.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
     # As predicted, but the prediction is the true map of the predicted square.
@@ -105,6 +114,12 @@ class Settings(Options):
         "compact",
         "none, extend, compact, a name that a package offers, module:Class, or weights that "
         "predictor.train has written, FILE.safetensors",
+        "P",
+    )
+    frontiers: str = option(
+        "learned",
+        "predictor of frontiers of the arms that end with +frontiers: learned, the one of this "
+        "package; or weights that predictor.train_frontiers has written, FILE.safetensors",
         "P",
     )
     risk: float = option(
@@ -174,12 +189,19 @@ class Settings(Options):
             raise UsageError("--arms needs at least one arm, and each only once")
 
 
-NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "risk", "level")
+NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level")
 """Settings that a calibration need not share with the drives that use it; the predictor and the
 buildings are compared in `benchmarks.runs.certified`."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
 """Settings that a calibration must share with the drives that use it."""
-OLDER = {"vehicle": "dubins", "braking": 1.5, "risk": 0.0, "level": 0.0, "fixed_level": False}
+OLDER = {
+    "vehicle": "dubins",
+    "braking": 1.5,
+    "frontiers": "learned",
+    "risk": 0.0,
+    "level": 0.0,
+    "fixed_level": False,
+}
 """Settings that older results do not contain → values that they were driven with."""
 
 

@@ -86,9 +86,9 @@ def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.
     plain = here + np.array([f.to_go for f in found.frontiers])
     promise = here + way + (1.0 - leads) * (back + TURN) / np.maximum(leads, UNLIKELY)
     chosen = np.argsort(promise, kind="stable")[:MOST]
-    between = np.array([
-        _to_frontiers(found, costs_from(border, step, _middle(found, i)))[chosen] for i in chosen
-    ])
+    between = np.array(
+        [_to_frontiers(found, costs_from(border, step, _middle(found, i)))[chosen] for i in chosen]
+    )
     values = FrontierValues(leads[chosen], way[chosen], back[chosen] + TURN)
     expected = expected_costs(here[chosen], between, values)
     # A frontier that is not compared is no better than the worst of those that are.

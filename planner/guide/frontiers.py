@@ -38,7 +38,7 @@ class FrontierMap:
     goal: tuple[int, int]
     reached: NDArray[np.bool_]
     costs: NDArray[np.float32]
-    labels: NDArray[np.int32]
+    labels: NDArray[np.integer]
     frontiers: list[Frontier]
 
     @classmethod
@@ -102,7 +102,7 @@ def _frontier(
     to_go: NDArray[np.float32],
 ) -> Frontier:
     """Return the frontier of some cells, given by row and column inside a part of the map."""
-    cells = cells + [part[0].start, part[1].start]
+    cells = cells + np.array([part[0].start, part[1].start])
     middle = cells[np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1))]
     points = np.array(frame.origin) + (cells[:, ::-1] + 0.5) * frame.resolution
     centre = np.array(frame.origin) + (middle[::-1] + 0.5) * frame.resolution

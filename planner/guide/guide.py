@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.elastic_band import BODY_MARGIN, LineConfig
+from planner.guide.exploration import with_frontiers
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
 from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
@@ -20,6 +21,7 @@ from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.cost_map import CostMap, RememberedCost, remember
 from planner.risk.risk_map import RiskMap
+from predictor.frontiers import FrontierPredictor
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import OccupancyGrid
 from predictor.prediction import Prediction
@@ -80,6 +82,8 @@ class Guide:
         car: the car's limits and body.
         config: settings of the guide.
         seed: seed of OMPL's samples.
+        frontiers: predictor of frontiers, by which a route that is not prescribed is chosen, or
+            None.
 
     Attributes:
         path: path to follow, up to an obstacle on it; None: there is none yet.
@@ -98,10 +102,12 @@ class Guide:
         car: CarLimits,
         config: GuideConfig,
         seed: int,
+        frontiers: FrontierPredictor | None = None,
     ) -> None:
         self.goal, self.car, self.config, self.seed = goal, car, config, seed
         self._given = None if waypoints is None else Path.through(waypoints, "given").points
         self._given_at = 0
+        self._frontiers = frontiers
         self.path: Path | None = None
         self._whole: Path | None = None
         self._remembered: RememberedCost | None = None
@@ -162,6 +168,7 @@ class Guide:
         known: OccupancyGrid,
         risk: RiskMap,
         steering: Prediction | None,
+        faults: list[str],
     ) -> None:
         """Plan a path if one is due, to be adopted `delay` ticks from now.
 
@@ -171,6 +178,7 @@ class Guide:
             known: observed map.
             risk: newest risk map around the car.
             steering: prediction that may change the route, or None.
+            faults: kinds of the failures in this tick, extended in place.
         """
         self.plan_ms = 0.0
         if self._legs or self.gear < 0 or self._is_held():
@@ -183,7 +191,7 @@ class Guide:
             delay = 0 if self.path is None else self.config.delay
             at = min(delay, len(ahead) - 1)
             started = time.perf_counter()
-            path = self._plan(tick, ahead[at], known, risk, steering)
+            path = self._plan(tick, ahead[at], known, risk, steering, faults)
             self.plan_ms = 1e3 * (time.perf_counter() - started)
             if path is not None:
                 self._pending = (tick + delay, path)
@@ -194,6 +202,7 @@ class Guide:
         state: NDArray[np.float64],
         known: OccupancyGrid,
         steering: Prediction | None,
+        faults: list[str],
     ) -> None:
         """Search for a recovery manoeuvre for a car at rest, in both gears if it has two.
 
@@ -202,13 +211,14 @@ class Guide:
             state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
             known: observed map.
             steering: prediction that may change the route, or None.
+            faults: kinds of the failures in this tick, extended in place.
         """
         started = time.perf_counter()
         pose = state if self.gear > 0 else mirrored(state)
         front = pose[:2] + self.car.body.half_length * np.array(
             [math.cos(pose[2]), math.sin(pose[2])]
         )
-        cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])))
+        cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])), faults)
         c = self.config
         # Avoid the places where the car got stuck, now and before, unless there is no other way.
         stuck = np.vstack([self._stuck, front])
@@ -247,13 +257,23 @@ class Guide:
         return Path(path.points[:end], path.source)
 
     def _costs(
-        self, known: OccupancyGrid, steering: Prediction | None, position: tuple[float, float]
+        self,
+        known: OccupancyGrid,
+        steering: Prediction | None,
+        position: tuple[float, float],
+        faults: list[str],
     ) -> tuple[CostMap, NDArray[np.float64] | None]:
         """Return the cost map, and the rest of the prescribed route, (n, 2), if there is one."""
         if steering is not None:
             self._remembered = remember(self._remembered, known.frame, steering)
         way = None if self._given is None else self._still_to_go(self._given, position)
         cost = CostMap.build(known, self._remembered, self.car.body.half_width, way, self._stuck)
+        if self._frontiers is not None and way is None:
+            try:
+                cost = with_frontiers(cost, known, position, self.goal, self._frontiers)
+            except Exception:
+                # A plug-in may raise anything. The route is then chosen without it.
+                faults.append("frontiers_failed")
         return cost, way
 
     def _plan(
@@ -263,10 +283,11 @@ class Guide:
         known: OccupancyGrid,
         risk: RiskMap,
         steering: Prediction | None,
+        faults: list[str],
     ) -> Path | None:
         """Return a path from a state, or None if the car should keep the one it has."""
         position, speed = (float(state[0]), float(state[1])), float(state[3])
-        cost, way = self._costs(known, steering, position)
+        cost, way = self._costs(known, steering, position, faults)
         route = None if way is None else self._along(way, cost, position)
         if route is None:
             route = find_route(cost, position, self.goal)

@@ -77,7 +77,9 @@ def in_pairs(cells: NDArray[Any], join: np.ufunc) -> NDArray[Any]:
     """Join each two by two cells into one; an odd last row or column is left out."""
     rows, cols = (n // 2 * 2 for n in cells.shape)
     # By pairs of cells, since numpy is ten times slower over axes of length two.
-    upper, lower = (join(row[:, ::2], row[:, 1::2]) for row in (cells[:rows:2, :cols], cells[1:rows:2, :cols]))
+    upper, lower = (
+        join(row[:, ::2], row[:, 1::2]) for row in (cells[:rows:2, :cols], cells[1:rows:2, :cols])
+    )
     return np.asarray(join(upper, lower))
 
 

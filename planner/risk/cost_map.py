@@ -99,7 +99,9 @@ class CostMap:
         # Routes keep away from walls, up to a clearance of 0.7 m for a body of 0.3 m.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
-        return cls(frame, density.astype(np.float32), clearance, room, unseen, unsure, half_width + 0.12)
+        return cls(
+            frame, density.astype(np.float32), clearance, room, unseen, unsure, half_width + 0.12
+        )
 
     def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
         """Return the cost of a polyline; outside the map a metre costs `UNKNOWN_COST`.

@@ -134,13 +134,17 @@ class FrontierSamples:
     about: list[dict[str, Any]]
 
     @classmethod
-    def load(cls, folder: Path) -> FrontierSamples:
+    def load(cls, folder: Path, buildings: int | None = None) -> FrontierSamples:
         """Read the files of a folder.
+
+        Args:
+            folder: folder with the files of buildings.
+            buildings: number of buildings to read, from the first on; None: all.
 
         Raises:
             SamplesError: if there are none, or one is damaged or of another format.
         """
-        paths = sorted(folder.glob("*.npz"))
+        paths = sorted(folder.glob("*.npz"))[:buildings]
         parts = [_building(path) for path in paths]
         if not sum(len(part[1]) for part in parts):
             raise SamplesError(f"{folder} holds no samples of frontiers")

@@ -1,10 +1,10 @@
 """The network of frontiers: from the surroundings of a frontier to where it leads.
 
-    picture (B, 3, 80, 80), and two channels of the distance to the goal
-      convolutions of stride 2     (B, 16, 40, 40) (B, 32, 20, 20) (B, 48, 10, 10) (B, 64, 5, 5)
-    mean, maximum and middle of the features, and three numbers  (B, 195)
-      two hidden layers            (B, 96)
-    leads (logit), way, back       (B, 3)
+picture (B, 3, 80, 80), and two channels of the distance to the goal
+  convolutions of stride 2     (B, 16, 40, 40) (B, 32, 20, 20) (B, 48, 10, 10) (B, 64, 5, 5)
+mean, maximum and middle of the features, and three numbers  (B, 195)
+  two hidden layers            (B, 96)
+leads (logit), way, back       (B, 3)
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class FrontierNet(nn.Module):
         config: shape of the network; None: the default.
     """
 
-    ARCHITECTURES = ("frontier-1",)
+    ARCHITECTURES: tuple[str, ...] = ("frontier-1",)
     """Name in files of weights; the number changes when the meaning of weights does."""
     CONFIG = FrontierConfig
 

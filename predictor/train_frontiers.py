@@ -1,0 +1,74 @@
+"""Train the network of frontiers, which tells which openings lead on to the goal.
+
+    python -m predictor.train_frontiers                        an hour on 2 cores
+    python -m predictor.train_frontiers --train 60 --validation 12 --steps 100      a quick trial
+
+The samples are made first, by explorations of generated buildings in
+`benchmarks.recording.exploration`. The same command resumes a training that was interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from benchmarks.recording.settings import FrontiersConfig
+from predictor.infra.command_line import OneLineParser, between, run_command
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
+    parser = OneLineParser(
+        prog="predictor.train_frontiers",
+        description="Train the network that tells which frontiers lead on to the goal, on "
+        "explorations of generated buildings, which are made first. Interrupted, it continues "
+        "when the same command is given again.",
+    )
+    FrontiersConfig.add_to(parser)
+    parser.add_argument(
+        "--steps",
+        type=between(1, 10**9),
+        metavar="N",
+        default=3000,
+        help="number of optimiser steps (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=between(0, 2**63),
+        metavar="N",
+        default=0,
+        help="seed of the first weights and of the order of samples (default: %(default)s)",
+    )
+    parser.add_jobs()
+    parser.add_out("results/frontiers", "folder of checkpoint, log, curve and weights", "DIR")
+    return run_command("predictor.train_frontiers", lambda: _run(parser.parse_args(argv)))
+
+
+def _run(args: argparse.Namespace) -> None:
+    import torch
+
+    from benchmarks.recording.exploration import make
+    from predictor.data.frontier_samples import FrontierSamples
+    from predictor.networks.frontier_net import FrontierNet
+    from predictor.training.checkpoint import TrainError
+    from predictor.training.frontier_training import FrontierTrainer, FrontierTraining, scores
+    from predictor.weights import load_weights
+
+    config = FrontiersConfig.of(args)
+    make(config, args.jobs)
+    torch.set_num_threads(args.jobs)
+    train, validation = (
+        FrontierSamples.load(config.data / split, count)
+        for split, count in (("train", config.train), ("validation", config.validation))
+    )
+    both = train.worlds & validation.worlds
+    if both:
+        raise TrainError(f"{len(both)} buildings are both trained on and held out")
+    training = FrontierTraining(steps=args.steps, seed=args.seed)
+    path = FrontierTrainer(training, train, validation, args.out).run()
+    print(scores(load_weights(path, FrontierNet)[0], validation))
+    print(path)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

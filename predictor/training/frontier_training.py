@@ -1,0 +1,216 @@
+"""The training of the network of frontiers on samples of explorations."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import Tensor
+
+from predictor.data.frontier_samples import GOALS, FrontierSamples
+from predictor.infra.markdown import records
+from predictor.networks.frontier_net import SCALE, FrontierNet
+from predictor.training.group import Group
+from predictor.training.trainer import Trainer, deterministic
+from predictor.weights import save_weights
+
+LARGEST_BACK = 20.0
+"""Largest way back to learn [m]: the car would have tried another frontier before."""
+SEEN = 1.0
+"""Distance by which the car need not drive to the end of a dead end to see that it is one [m]."""
+VALIDATED = 512
+"""Number of samples of a batch of the validation."""
+
+
+@dataclass(frozen=True)
+class FrontierTraining:
+    """Settings that decide the weights that a training of the network of frontiers results in.
+
+    Attributes:
+        steps: number of optimiser steps.
+        batch: samples of a step.
+        rate: highest learning rate; it falls along a cosine to zero.
+        decay: weight decay of AdamW.
+        seed: seed of the first weights and of the order of samples.
+    """
+
+    steps: int = 3_000
+    batch: int = 256
+    rate: float = 1e-3
+    decay: float = 0.02
+    seed: int = 0
+
+
+class FrontierTrainer(Trainer):
+    """A training of the network of frontiers.
+
+    Args:
+        config: settings of the training.
+        train: training samples.
+        validation: validation samples.
+        out: folder of checkpoint, log, curve and weights.
+
+    Raises:
+        TrainError: if the folder holds another training.
+    """
+
+    LOSSES = ("loss", "of_leads")
+    CURVES = (("loss",), ("of_leads", "validation_of_leads"), ("validation_of_ways",))
+
+    def __init__(
+        self,
+        config: FrontierTraining,
+        train: FrontierSamples,
+        validation: FrontierSamples,
+        out: Path,
+    ) -> None:
+        self.config, self.train, self.validation = config, train, validation
+        group = Group.alone()
+        self.device = group.device
+        deterministic(config.seed)
+        self.net = FrontierNet().to(self.device)
+        self.optimizer = torch.optim.AdamW(
+            self.net.parameters(), config.rate, weight_decay=config.decay
+        )
+        facts = {
+            "config": dataclasses.asdict(config),
+            "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
+            # Device and threads decide the rounding of sums.
+            "device": self.device.type,
+            "threads (--jobs)": torch.get_num_threads(),
+            "data": [train.digest, validation.digest],
+            "buildings": len(train.about),
+            "samples": len(train),
+            "worlds": sorted(train.worlds),
+            "validation_worlds": sorted(validation.worlds),
+        }
+        note_every = max(1, min(500, config.steps // 6))
+        super().__init__(out / "frontiers.safetensors", facts, config.steps, note_every, group)
+
+    def _state(self) -> dict[str, Any]:
+        return {"net": self.net.state_dict(), "optimizer": self.optimizer.state_dict()}
+
+    def _load(self, state: dict[str, Any]) -> None:
+        self.net.load_state_dict(state["net"])
+        self.optimizer.load_state_dict(state["optimizer"])
+
+    def _batch(self, step: int) -> tuple[Tensor, ...]:
+        rng = np.random.default_rng([self.config.seed, step])
+        chosen = rng.integers(len(self.train), size=self.config.batch)
+        goals = rng.integers(GOALS, size=len(chosen))
+        pictures, numbers = _read(self.train, chosen, goals)
+        for kind, (picture, row) in zip(
+            rng.integers(8, size=len(chosen)), zip(pictures, numbers, strict=True), strict=True
+        ):
+            picture[:], row[:2] = _turned(picture, row[:2], int(kind))
+        return (
+            torch.from_numpy(pictures),
+            torch.from_numpy(numbers),
+            torch.from_numpy(self.train.sizes[chosen]),
+        )
+
+    def _learn(self, *batch: Tensor) -> list[float]:
+        fall = 0.5 * (1.0 + math.cos(math.pi * self.step / self.config.steps))
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.config.rate * fall
+        self.net.train()
+        of_leads, of_ways = _losses(self.net, *(one.to(self.device) for one in batch))
+        loss = of_leads.mean() + of_ways.mean()
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
+        self.optimizer.step()
+        return [float(loss.detach()), float(of_leads.detach().mean())]
+
+    def _measures(self) -> dict[str, float]:
+        of_leads, of_ways = losses_of(self.net, self.validation)
+        return {
+            "validation_of_leads": float(of_leads.mean()),
+            "validation_of_ways": float(of_ways.mean()),
+        }
+
+    def _export(self, facts: dict[str, Any]) -> None:
+        save_weights(self.weights, self.net, facts | {"validation": self.log[-1]})
+
+
+def losses_of(
+    net: FrontierNet, samples: FrontierSamples
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the losses of `leads` and of both ways, for the goals of the drives, (n,) each."""
+    net.eval()
+    device = next(net.parameters()).device
+    parts = []
+    with torch.inference_mode():
+        for start in range(0, len(samples), VALIDATED):
+            chosen = np.arange(start, min(start + VALIDATED, len(samples)))
+            pictures, numbers = _read(samples, chosen, np.zeros(len(chosen), dtype=int))
+            batch = (pictures, numbers, samples.sizes[chosen])
+            losses = _losses(net, *(torch.from_numpy(one).to(device) for one in batch))
+            parts.append(torch.stack(losses).cpu().numpy())
+    of_leads, of_ways = np.concatenate(parts, axis=1)
+    return of_leads, of_ways
+
+
+def scores(net: FrontierNet, samples: FrontierSamples) -> str:
+    """Return a table of the log-loss of `leads` in each family, and of the best constant there."""
+    of_leads, _ = losses_of(net, samples)
+    leads, families = samples.numbers[:, 0, 3], samples.families()
+    rows = []
+    for family in (*sorted(set(families)), "all"):
+        here = (families == family) | (family == "all")
+        share = float(leads[here].mean())
+        constant = -sum(p * math.log(p) for p in (share, 1.0 - share) if p > 0.0)
+        rows.append(
+            {
+                "family": str(family),
+                "frontiers": int(here.sum()),
+                "lead to the goal": f"{share:.3f}",
+                "log-loss": f"{of_leads[here].mean():.3f}",
+                "of the best constant": f"{constant:.3f}",
+            }
+        )
+    return records(rows)
+
+
+def _read(
+    samples: FrontierSamples, chosen: NDArray[np.intp], goals: NDArray[np.intp]
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return the pictures of samples (n, 3, SIDE, SIDE), and their numbers for a goal each."""
+    pictures = np.stack([samples.picture(int(i)) for i in chosen])
+    return pictures, samples.numbers[chosen, goals].copy()
+
+
+def _turned(
+    picture: NDArray[np.uint8], goal: NDArray[np.float32], kind: int
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return a picture and its goal under one of the eight symmetries of a square."""
+    x, y = goal
+    if kind & 1:
+        picture, x = picture[:, :, ::-1], -x
+    if kind & 2:
+        picture, y = picture[:, ::-1], -y
+    if kind & 4:
+        picture, (x, y) = picture.transpose(0, 2, 1), (y, x)
+    # A copy: the result is written into the array that the argument is a view of.
+    return picture.copy(), np.array([x, y], dtype=np.float32)
+
+
+def _losses(
+    net: FrontierNet, pictures: Tensor, numbers: Tensor, sizes: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the losses of `leads` and of both ways, (B,) each."""
+    goals, (to_go, leads, way, beyond) = numbers[:, :2], numbers[:, 2:].unbind(dim=1)
+    told, way_told, back_told = net(pictures.float() / 100.0, goals, to_go, sizes)
+    of_leads = F.binary_cross_entropy_with_logits(told, leads, reduction="none")
+    back = (2.0 * (beyond - SEEN).clamp(min=0.0)).clamp(max=LARGEST_BACK)
+    of_way = leads * F.smooth_l1_loss(way_told / SCALE, way / SCALE, reduction="none")
+    of_back = (1 - leads) * F.smooth_l1_loss(back_told / SCALE, back / SCALE, reduction="none")
+    return of_leads, 0.5 * (of_way + of_back)
