@@ -79,7 +79,7 @@ class FrontiersConfig(Options):
         high=100_000,
     )
     validation: int = option(
-        120, "number of buildings held out for validation", "N", low=1, high=10_000
+        90, "number of buildings held out for validation", "N", low=1, high=10_000
     )
     families: tuple[str, ...] = option(
         LEARNED, "families of the buildings, one each in turn", "F", choices=FAMILIES

@@ -67,7 +67,9 @@ def with_frontiers(
 
 
 def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what trying each frontier costs more than the cheapest way through it, (n,) [m].
+    """Return what must be added to the cheapest way through each frontier, (n,) [m].
+
+    The sums of both differ between the frontiers as the expected costs of trying them do.
 
     Args:
         found: the frontiers.
@@ -94,7 +96,9 @@ def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.
     # A frontier that is not compared is no better than the worst of those that are.
     total = np.full(len(found.frontiers), expected.max())
     total[chosen] = expected
-    return np.where(np.isfinite(plain), np.maximum(total - plain, 0.0), 0.0)
+    # Only differences decide, and costs of cells must not be negative.
+    more = np.where(np.isfinite(plain), total - plain, 0.0)
+    return np.asarray(more - more.min())
 
 
 def expected_costs(
