@@ -72,8 +72,8 @@ class FrontiersConfig(Options):
 
     data: Path = option(Path("data/frontiers"), "folder of the samples", "DIR", parse=Path)
     train: int = option(
-        1200,
-        "number of buildings to train on, with about 60 samples each",
+        900,
+        "number of buildings to train on, with about 150 samples each",
         "N",
         low=1,
         high=100_000,
