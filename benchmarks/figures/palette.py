@@ -33,7 +33,7 @@ ARM_COLOURS = {
     "known+route": "#56B4E9",
     "predicted": "#D55E00",
     "known+frontiers": "#332288",
-    "predicted+frontiers": "#882255",
+    "known+route+frontiers": "#882255",
     "optimistic": "#CC79A7",
     "oracle": "#009E73",
     "full": "#4D4D4D",

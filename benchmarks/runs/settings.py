@@ -61,12 +61,12 @@ ARMS = {
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
     # Also predicted cells, at the given reliance and level; the prediction influences the route.
     "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False),
-    # As the two before; and learned values of the frontiers choose a free route.
+    # As known; and learned values of the frontiers choose a free route.
     "known+frontiers": Arm(
-        predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
+        predictor="none", reliance=0.0, steer=False, whole_map=False, frontiers=True
     ),
-    "predicted+frontiers": Arm(
-        predictor="chosen", reliance=None, steer=True, whole_map=False, frontiers=True
+    "known+route+frontiers": Arm(
+        predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
     ),
     # All cells that were not observed occupied.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
