@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 
+from benchmarks.compare import drive as compare
 from benchmarks.recording import exploration
 from benchmarks.recording.exploration import POLICIES, Truth, explore
 from benchmarks.recording.settings import FrontiersConfig
@@ -24,7 +26,7 @@ from predictor.data.frontier_samples import (
 )
 from predictor.data.samples import SamplesError
 from predictor.frontiers import FrontierValues
-from predictor.learned_frontiers import LearnedFrontiers
+from predictor.learned_frontiers import SHIPPED, LearnedFrontiers
 from predictor.networks.frontier_net import FrontierConfig, FrontierNet
 from predictor.registry import PredictorError, load_frontiers
 from predictor.train_frontiers import main
@@ -235,6 +237,21 @@ def test_unusable_predictors_of_frontiers_are_named(tmp_path):
         load_frontiers("none")
     with pytest.raises(PredictorError, match="does not exist"):
         load_frontiers(str(tmp_path / "none.safetensors"))
+
+
+def test_the_card_beside_the_shipped_weights_is_theirs():
+    card, facts = SHIPPED.with_suffix(".md").read_text(), LearnedFrontiers().facts
+    assert facts["fingerprint"] in card
+    (result,) = yaml.safe_load(card.split("---\n")[1])["model-index"][0]["results"]
+    for metric in result["metrics"]:
+        assert metric["value"] == pytest.approx(facts["validation"][metric["type"]], abs=5e-4)
+
+
+def test_the_shipped_weights_steer_a_drive():
+    settings = {"arms": ("known", "known+frontiers"), "vehicle": "reeds-shepp"}
+    run = compare("office", seed=5, **settings)
+    assert [one.outcome for one in run.episodes] == ["reached", "reached"]
+    assert all(one.faults.get("frontiers_failed", 0) == 0 for one in run.episodes)
 
 
 @pytest.mark.slow
