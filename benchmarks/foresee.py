@@ -26,6 +26,7 @@ COMMANDS = {
     "dataset": ("predictor.dataset", "make the frames of the paper's study"),
     "drives": ("predictor.drives", "make samples to train on"),
     "train": ("predictor.train", "train a network"),
+    "train-frontiers": ("predictor.train_frontiers", "train the network of frontiers"),
     "study": ("predictor.study", "train all of the paper's networks"),
     "evaluate": ("predictor.evaluate", "score predictors along drives"),
 }
@@ -41,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
         sys.path.append("")
         status: int = importlib.import_module(COMMANDS[words[0]][0]).main(words[1:])
         return status
-    listed = [f"  {name:<11} {what}" for name, (_, what) in COMMANDS.items()]
+    listed = [f"  {name:<16} {what}" for name, (_, what) in COMMANDS.items()]
     print("usage: foresee COMMAND [options]", "", *listed, "", sep="\n")
     print("foresee COMMAND --help explains each. `python -m` with the module's name does the same.")
     return 0 if words in ([], ["-h"], ["--help"]) else 2

@@ -15,22 +15,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import Grid
-
-
-@dataclass(frozen=True, eq=False)
-class Frontier:
-    """A connected part of the border of the observed space.
-
-    Attributes:
-        points: centres of its cells, all unobserved, (n, 2) [m].
-        middle: the one of these points that is nearest to their mean, (2,) [m].
-        to_go: cost of the cheapest way from there to the goal if unobserved space is free [m].
-    """
-
-    points: NDArray[np.float64]
-    middle: NDArray[np.float64]
-    to_go: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,8 @@ import numpy as np
 import torch
 
 from predictor.data.frontier_samples import pictures_of
-from predictor.frontiers import Frontier, FrontierValues
+from predictor.frontiers import FrontierValues
+from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import Grid
 from predictor.networks.frontier_net import FARTHEST, FrontierNet
 from predictor.weights import load_weights

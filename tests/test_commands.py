@@ -27,6 +27,7 @@ COMMANDS = {
     "predictor.evaluate": "predictor",
     "predictor.study": "predictor",
     "predictor.train": "predictor",
+    "predictor.train_frontiers": "predictor",
 }
 """Command → the package whose own import it cannot do without."""
 CODE = """\

@@ -24,11 +24,12 @@ from planner.guide.frontiers import FrontierMap, observed
 from planner.guide.route import costs_from, find_route
 from planner.risk.cost_map import CostMap
 from predictor.data.frontier_samples import GOALS, pictures_of, write_frontiers
-from predictor.frontiers import Frontier, FrontierValues
+from predictor.frontiers import FrontierValues
 from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import GOAL_RADIUS
+from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import Grid, GridFrame, OccupancyGrid, world_hash
 from predictor.networks.frontier_net import FARTHEST
 from sim import Lidar

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from planner.guide.route import coarse_costs, costs_from, in_pairs, open_cell
 from planner.risk.cost_map import CostMap
-from predictor.frontiers import Frontier
+from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import GridFrame
 
 EIGHT = np.ones((3, 3), dtype=bool)

@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from predictor.data.samples import SamplesError
-from predictor.frontiers import Frontier
 from predictor.infra.errors import one_line
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import UNREADABLE, as_bytes, write_arrays
+from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import FREE, OCCUPIED, Grid
 
 FORMAT = 1
