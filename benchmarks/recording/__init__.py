@@ -7,6 +7,7 @@ These modules are not in `predictor`, since they use the simulator and the plann
 - `replay`: drives without prediction, and repeats a drive with another LIDAR.
 - `simulated_log`: simulates the log of a robot.
 - `training_drives`: the samples of `predictor.drives` and `predictor.train`, by these three.
+- `exploration`: the samples of `predictor.train_frontiers`, and where frontiers truly lead.
 - `paper_drives`: the drives of the paper's simulated data set.
 - `data_sets`: the frames of `predictor.dataset`, of these drives or of real logs.
 - `scored_drive`: the scores of predictors along one drive, which is replayed for them.
