@@ -12,8 +12,10 @@ import torch
 
 from predictor.data.frontier_samples import pictures_of
 from predictor.frontiers import FrontierValues
+from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import Grid
+from predictor.mapping.resampling import resampled
 from predictor.networks.frontier_net import FARTHEST, FrontierNet
 from predictor.weights import load_weights
 
@@ -41,7 +43,9 @@ class LearnedFrontiers:
         self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]
     ) -> FrontierValues:
         """Predict where frontiers lead, see `predictor.frontiers`."""
-        pictures, middles = pictures_of(known, frontiers)
+        # The network was trained on maps of this resolution.
+        fine, _, _ = resampled(known, RESOLUTION)
+        pictures, middles = pictures_of(fine, frontiers)
         to_go = np.minimum([frontier.to_go for frontier in frontiers], FARTHEST)
         sizes = [len(frontier.points) for frontier in frontiers]
         with torch.inference_mode():

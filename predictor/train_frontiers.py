@@ -1,6 +1,6 @@
 """Train the network of frontiers, which tells which openings lead on to the goal.
 
-    python -m predictor.train_frontiers                        an hour on 2 cores
+    python -m predictor.train_frontiers                        half an hour on 2 cores
     python -m predictor.train_frontiers --train 60 --validation 12 --steps 100      a quick trial
 
 The samples are made first, by explorations of generated buildings in

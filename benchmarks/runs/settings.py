@@ -31,7 +31,7 @@ class Arm:
     @property
     def takes_risk(self) -> bool:
         """Whether --risk and --level apply to this arm."""
-        return self.predictor == "chosen" and self.reliance is None and not self.frontiers
+        return self.predictor == "chosen" and self.reliance is None
 
     @property
     def may_collide(self) -> bool:
@@ -51,7 +51,7 @@ class Arm:
             heedless.add("expansion")
         if self.reliance is not None:
             heedless.add("reliance")
-        return self.predictor != "chosen" and differing <= heedless
+        return self.predictor != "chosen" and not self.frontiers and differing <= heedless
 
 
 ARMS = {
