@@ -91,15 +91,14 @@ def _run(argv: list[str] | None) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.figures.run_figures import draw_all
     from benchmarks.runs.certified import at_risk
+    from benchmarks.runs.drive import weights_of
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
     from benchmarks.runs.tasks import check_maps
     from predictor.infra.environment import several_states
-    from predictor.provenance import fingerprint_of
-    from predictor.registry import load_predictor
 
-    weights = fingerprint_of(load_predictor(settings.predictor))
+    weights = weights_of(settings)
     check_maps(settings.world)
     settings = at_risk(settings, place.calibration)
     optima = None if place.optimum is None else optimum_of(place.optimum, settings)

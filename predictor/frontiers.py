@@ -25,7 +25,7 @@ class FrontierValues:
 
     Attributes:
         leads: probability that a way leads from the frontier to the goal without returning to the
-            observed space, (n,).
+            reached space, (n,).
         way: length of that way, if there is one, (n,) [m].
         back: distance that the car drives beyond the frontier until it has found out that there is
             none, and back, (n,) [m].

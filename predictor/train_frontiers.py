@@ -13,7 +13,8 @@ import argparse
 import sys
 
 from benchmarks.recording.settings import FrontiersConfig
-from predictor.infra.command_line import OneLineParser, between, run_command
+from predictor.infra.command_line import OneLineParser, run_command
+from predictor.training.frontier_config import FrontierTraining
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -25,20 +26,7 @@ def main(argv: list[str] | None = None) -> int:
         "when the same command is given again.",
     )
     FrontiersConfig.add_to(parser)
-    parser.add_argument(
-        "--steps",
-        type=between(1, 10**9),
-        metavar="N",
-        default=3000,
-        help="number of optimiser steps (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seed",
-        type=between(0, 2**63),
-        metavar="N",
-        default=0,
-        help="seed of the first weights and of the order of samples (default: %(default)s)",
-    )
+    FrontierTraining.add_to(parser)
     parser.add_jobs()
     parser.add_out("results/frontiers", "folder of checkpoint, log, curve and weights", "DIR")
     return run_command("predictor.train_frontiers", lambda: _run(parser.parse_args(argv)))
@@ -51,7 +39,7 @@ def _run(args: argparse.Namespace) -> None:
     from predictor.data.frontier_samples import FrontierSamples
     from predictor.networks.frontier_net import FrontierNet
     from predictor.training.checkpoint import TrainError
-    from predictor.training.frontier_training import FrontierTrainer, FrontierTraining, scores
+    from predictor.training.frontier_training import FrontierTrainer, scores
     from predictor.weights import load_weights
 
     config = FrontiersConfig.of(args)
@@ -64,8 +52,7 @@ def _run(args: argparse.Namespace) -> None:
     both = train.worlds & validation.worlds
     if both:
         raise TrainError(f"{len(both)} buildings are both trained on and held out")
-    training = FrontierTraining(steps=args.steps, seed=args.seed)
-    path = FrontierTrainer(training, train, validation, args.out).run()
+    path = FrontierTrainer(FrontierTraining.of(args), train, validation, args.out).run()
     print(scores(load_weights(path, FrontierNet)[0], validation))
     print(path)
 

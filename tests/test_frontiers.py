@@ -11,10 +11,11 @@ from benchmarks.compare import drive as compare
 from benchmarks.recording import exploration
 from benchmarks.recording.exploration import POLICIES, Truth, explore
 from benchmarks.recording.settings import FrontiersConfig
-from planner.guide.exploration import GIVE_UP, expected_costs, with_frontiers
+from benchmarks.runs.settings import ARMS
 from planner.guide.frontiers import FrontierMap
-from planner.guide.route import find_route
-from predictor import OCCUPIED, UNKNOWN
+from planner.guide.route import find_route, nearest_cell
+from planner.guide.subgoals import GIVE_UP, expected_costs, with_frontiers
+from predictor import OCCUPIED, UNKNOWN, GridFrame
 from predictor.data.frontier_samples import (
     CELL,
     COLUMNS,
@@ -27,6 +28,7 @@ from predictor.data.frontier_samples import (
 from predictor.data.samples import SamplesError
 from predictor.frontiers import FrontierValues
 from predictor.learned_frontiers import SHIPPED, LearnedFrontiers
+from predictor.mapping.resampling import resampled
 from predictor.networks.frontier_net import FrontierConfig, FrontierNet
 from predictor.registry import PredictorError, load_frontiers
 from predictor.train_frontiers import main
@@ -126,7 +128,7 @@ def test_values_that_are_no_numbers_are_refused(values):
             return FrontierValues(values, values, values)
 
     room = crossing()
-    with pytest.raises(ValueError, match="2 frontiers"):
+    with pytest.raises(ValueError, match=r"values of 2 frontiers|must lie"):
         with_frontiers(room.cost, room.known, START, GOAL, Broken())
 
 
@@ -164,6 +166,30 @@ def test_a_picture_shows_what_was_observed_around_a_frontier():
         assert 0 < (picture[2] == 100).sum() <= len(frontier.points)
         # All free cells are inside the picture, so their area is that of the map.
         assert picture[0].sum() / 100 * CELL**2 == pytest.approx(known.free.sum() * 0.05**2)
+
+
+@pytest.mark.parametrize("resolution", [0.025, 0.07, 0.1])
+def test_the_resolution_of_a_map_changes_its_predictions_little(resolution):
+    room = crossing()
+    found = FrontierMap.of(room.cost, START, GOAL)
+    other, _, _ = resampled(room.known.whole(), resolution)
+    values, others = (
+        LearnedFrontiers().values(known, GOAL, found.frontiers)
+        for known in (room.known.whole(), other)
+    )
+    assert others.leads == pytest.approx(values.leads, abs=0.15)
+
+
+def test_a_point_off_the_map_has_no_cell_near_it():
+    wanted, frame = np.ones((20, 20), dtype=bool), GridFrame(0.2, (0.0, 0.0), (20, 20))
+    assert nearest_cell(wanted, frame, (1.1, 0.5), 3) == (2, 5)
+    for point in ((-3.0, 1.0), (1.0, -3.0), (7.0, 1.0)):
+        assert nearest_cell(wanted, frame, point, 3) is None
+
+
+def test_drives_by_frontiers_are_not_taken_over_from_another_run():
+    assert ARMS["known"].drives_alike({"frontiers"})
+    assert not ARMS["known+frontiers"].drives_alike(set())
 
 
 def test_the_truth_tells_which_end_of_a_corridor_leads_to_the_goal():

@@ -19,11 +19,17 @@ from scipy import ndimage
 
 from benchmarks.recording.settings import FrontiersConfig
 from benchmarks.runs.tasks import task_in_world
-from planner.guide.exploration import with_frontiers
 from planner.guide.frontiers import FrontierMap, observed
 from planner.guide.route import costs_from, find_route
+from planner.guide.subgoals import with_frontiers
 from planner.risk.cost_map import CostMap
-from predictor.data.frontier_samples import GOALS, pictures_of, write_frontiers
+from predictor.data.frontier_samples import (
+    COLUMNS,
+    GOALS,
+    pictures_of,
+    way_back,
+    write_frontiers,
+)
 from predictor.frontiers import FrontierValues
 from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
@@ -38,7 +44,7 @@ from sim.task import NoTaskError, Task
 from sim.world import World
 
 SPLITS = {"train": 1_400_000, "validation": 530_000}
-"""First seed of each split; published measurements use other seeds, and so do other trainings."""
+"""First seed of each split. Published measurements and the training of `compact` use others."""
 WINDOW = 5.0
 """Side of the square in which the LIDAR is used [m]."""
 STEP = 0.4
@@ -47,8 +53,6 @@ REPLAN, RECORD = 2, 8
 """Number of scans from one route to the next, and from one recorded map to the next."""
 LONGEST = 8.0
 """Distance after which an exploration ends, as a multiple of the task's way."""
-LARGEST_BACK = 20.0
-"""Largest way back that the true map gives [m]."""
 POLICIES = 3
 """Number of ways in which explorations choose their route: as if unobserved space were free, by the
 true map, and by the true map with noise. Together they visit the places that a better or worse
@@ -127,7 +131,7 @@ class Informed:
         return FrontierValues(
             noisy,
             np.where(leads > 0, way, straight),
-            np.minimum(2.0 * np.maximum(beyond - 1.0, 0.0), LARGEST_BACK),
+            way_back(beyond),
         )
 
 
@@ -188,7 +192,7 @@ def _samples(
         cell = tuple(int(n) for n in hidden[rng.integers(len(hidden))])
         goals.append(((cell[0], cell[1]), np.array(found.frame.centre(*cell))))
     goals += goals[:1] * (GOALS - len(goals))
-    numbers = np.zeros((len(found.frontiers), GOALS, 6), dtype=np.float32)
+    numbers = np.zeros((len(found.frontiers), GOALS, len(COLUMNS)), dtype=np.float32)
     cells = [found.frame.cell(*map(float, f.middle)) for f in found.frontiers]
     for number, (cell, place) in enumerate(goals):
         to_go = costs_from(found.costs, found.frame.resolution, cell)
@@ -255,10 +259,10 @@ def make(config: FrontiersConfig, jobs: int) -> None:
     """
     from tqdm import tqdm
 
-    for split in SPLITS:
-        ResumableFolder(config.data / split)
     told = {"families": list(config.families), "seeds": SPLITS}
     with ResumableFolder(config.data, told, exclusive=True):
+        for split in SPLITS:
+            ResumableFolder(config.data / split)
         items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
         todo = [item for item in items if not path_of(config, item).exists()]
         count = 0

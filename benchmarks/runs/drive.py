@@ -81,6 +81,18 @@ def score(
     }
 
 
+def weights_of(settings: Settings) -> str | None:
+    """Return the fingerprints of the weights that a run's arms use; None if there are none.
+
+    Raises:
+        PredictorError: if a predictor cannot be loaded.
+    """
+    found = [fingerprint_of(load_predictor(settings.predictor))]
+    if any(ARMS[arm].frontiers for arm in settings.arms):
+        found.append(fingerprint_of(load_frontiers(settings.frontiers)))
+    return " and ".join(filter(None, found)) or None
+
+
 def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> Driven | str:
     """Return the result of `drive`, or one line that says why the episode has no task.
 
@@ -92,7 +104,7 @@ def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> D
     Raises:
         WorkersError: if the predictor on this machine has other weights.
     """
-    mine = fingerprint_of(load_predictor(settings.predictor))
+    mine = weights_of(settings)
     if mine != weights:
         raise WorkersError(f"a worker has the predictor {mine}, this run is of {weights}")
     try:
@@ -169,6 +181,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     car = car_of(settings)
     choices = {"chosen": load_predictor(settings.predictor), "oracle": Oracle(task.world)}
     predictor = choices.get(arm.predictor)
+    frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
     # A long deadline, so that the result does not depend on the load of the machine.
     navigator = navigator_for(settings, arm, task, predictor, deadline=600.0)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
@@ -188,7 +201,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         vehicle=settings.vehicle,
         index=index,
         **facts_of(task),
-        learned=has_learned(predictor, task.world.grid.cells),
+        learned=any(has_learned(one, task.world.grid.cells) for one in (predictor, frontiers)),
         shortest=float(task.path_length),
         outcome=str(episode.outcome),
         **measured,

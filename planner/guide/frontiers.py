@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from planner.guide.route import coarse_costs, costs_from, in_pairs, open_cell
+from planner.guide.route import coarse_costs, costs_from, in_pairs, nearest_cell, open_cell
 from planner.risk.cost_map import CostMap
 from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import GridFrame
@@ -16,7 +16,7 @@ from predictor.mapping.grid import GridFrame
 EIGHT = np.ones((3, 3), dtype=bool)
 """Cells are connected to their eight neighbours, as in the route search."""
 NEAR = 0.8
-"""Distance from the car within which a cell that was observed free is reached [m]."""
+"""Distance along x and along y within which the car must have a cell that was observed free [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class FrontierMap:
     Attributes:
         frame: position and resolution of the cells.
         start: row and column of the reached cell nearest to the car.
-        goal: row and column of the goal's cell.
+        goal: row and column of the open cell nearest to the goal.
         reached: cells that are connected with the car through cells observed free, (rows, columns).
         costs: cost of a metre in each cell, infinite if no body fits, (rows, columns).
         labels: number of the frontier that a cell belongs to, from 1 on; 0: none, (rows, columns).
@@ -53,13 +53,14 @@ class FrontierMap:
             goal: x, y of the goal [m].
 
         Returns:
-            None if the goal is in the reached space or in cells observed occupied, or if the car is
-            not near cells observed free.
+            None if the goal is in the reached space or in cells observed occupied, or if no cell
+            within `NEAR` of the car was observed free.
         """
         costs, step = coarse_costs(cost)
         frame = GridFrame(step, cost.frame.origin, costs.shape)
         seen = observed(cost)
-        start, end = _nearest(seen, frame, position), open_cell(cost, costs, step, goal)
+        start = nearest_cell(seen, frame, position, round(NEAR / step))
+        end = open_cell(cost, costs, step, goal)
         if start is None or end is None:
             return None
         parts, _ = ndimage.label(seen, EIGHT)
@@ -77,22 +78,8 @@ class FrontierMap:
 
 
 def observed(cost: CostMap) -> NDArray[np.bool_]:
-    """Return the cells of the route search in which a body fits and all was observed free."""
+    """Return the cells of the route search that hold an observed free cell in which a body fits."""
     return in_pairs((cost.clearance >= cost.required) & ~cost.unseen, np.logical_or)
-
-
-def _nearest(
-    seen: NDArray[np.bool_], frame: GridFrame, position: tuple[float, float]
-) -> tuple[int, int] | None:
-    """Return row and column of the observed cell nearest to a position [m], or None."""
-    row, col = frame.cell(*position)
-    reach = round(NEAR / frame.resolution)
-    top, left = max(0, row - reach), max(0, col - reach)
-    rows, cols = np.nonzero(seen[top : row + reach + 1, left : col + reach + 1])
-    if len(rows) == 0:
-        return None
-    i = int(np.argmin((rows + top - row) ** 2 + (cols + left - col) ** 2))
-    return int(rows[i] + top), int(cols[i] + left)
 
 
 def _frontier(

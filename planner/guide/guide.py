@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.guide.elastic_band import BODY_MARGIN, LineConfig
-from planner.guide.exploration import with_frontiers
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
 from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
+from planner.guide.subgoals import with_frontiers
 from planner.motion.goal import PATH_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored

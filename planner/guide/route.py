@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.risk.cost_map import CostMap
+from predictor.mapping.grid import GridFrame
 from predictor.mapping.kernels import njit
 
 
@@ -87,12 +88,26 @@ def open_cell(
     cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
 ) -> tuple[int, int] | None:
     """Return row and column of the open cell nearest to a point [m], within 0.6 m, or None."""
-    row = math.floor((point[1] - cost.frame.origin[1]) / step)
-    col = math.floor((point[0] - cost.frame.origin[0]) / step)
-    reach = math.ceil(0.6 / step)
+    frame = GridFrame(step, cost.frame.origin, coarse.shape)
+    return nearest_cell(np.isfinite(coarse), frame, point, math.ceil(0.6 / step))
+
+
+def nearest_cell(
+    wanted: NDArray[np.bool_], frame: GridFrame, point: tuple[float, float], reach: int
+) -> tuple[int, int] | None:
+    """Return row and column of the wanted cell nearest to a point; None if there is none near it.
+
+    Args:
+        wanted: cells to choose from, (rows, columns).
+        frame: their position and resolution.
+        point: x, y of the point [m].
+        reach: largest difference of the rows, and of the columns.
+    """
+    row = math.floor((point[1] - frame.origin[1]) / frame.resolution)
+    col = math.floor((point[0] - frame.origin[0]) / frame.resolution)
     r0, c0 = max(0, row - reach), max(0, col - reach)
-    part = coarse[r0 : row + reach + 1, c0 : col + reach + 1]
-    rows, cols = np.nonzero(np.isfinite(part))
+    part = wanted[r0 : max(0, row + reach + 1), c0 : max(0, col + reach + 1)]
+    rows, cols = np.nonzero(part)
     if len(rows) == 0:
         return None
     i = int(np.argmin((rows + r0 - row) ** 2 + (cols + c0 - col) ** 2))

@@ -20,7 +20,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,16 @@ SIDE = 80
 """Side of a picture [cells]: 20 m."""
 GOALS = 3
 """Number of goals of a sample: that of the drive, and others drawn at random."""
+LARGEST_BACK = 20.0
+"""Largest way back [m]: the car would have tried another frontier before."""
+SIGHT = 1.0
+"""Distance from the end of a dead end at which the car has seen that it is one [m]."""
 COLUMNS = ("dx", "dy", "to_go", "leads", "way", "beyond")
-"""x, y of the goal from the picture's middle [m]; cost to go if unobserved space is free [m];
-whether the frontier leads to the goal (1 or 0); length of the way if it does [m]; length of the
-longest way into the space beyond the frontier [m]."""
+"""x, y of the goal from the picture's middle [m]; cost to go [m], see `Frontier.to_go`; whether the
+frontier leads to the goal (1 or 0); length of the way if it does [m]; length of the longest way
+into the space beyond the frontier [m]."""
+Array = TypeVar("Array", bound=Any)
+"""A NumPy array or a torch tensor."""
 
 
 def pictures_of(
@@ -86,6 +92,16 @@ def _percentages(known: Grid) -> NDArray[np.uint8]:
         counts = np.asarray(sum(lines[:, i::factor] for i in range(factor)))
         share[half : half + rows, half : half + cols] = 100 * counts // factor**2
     return shares
+
+
+def way_back(beyond: Array) -> Array:
+    """Return the distance driven in vain into dead ends and back [m].
+
+    Args:
+        beyond: length of the longest way into the space beyond each frontier [m].
+    """
+    driven: Array = (2.0 * (beyond - SIGHT)).clip(0.0, LARGEST_BACK)
+    return driven
 
 
 def write_frontiers(
@@ -193,7 +209,8 @@ class FrontierSamples:
     @property
     def digest(self) -> str:
         """SHA-256 of all samples, in hexadecimal."""
-        digest = hashlib.sha256(self.places.tobytes() + self.numbers.tobytes())
+        digest = hashlib.sha256(self.places.tobytes())
+        digest.update(self.numbers.tobytes() + self.sizes.tobytes())
         for block in self.pictures:
             digest.update(block.tobytes())
         return digest.hexdigest()
@@ -207,12 +224,16 @@ def _building(path: Path) -> tuple[Any, ...]:
             block, ends, numbers, sizes = (
                 file[name] for name in ("pictures", "ends", "numbers", "sizes")
             )
-        if not isinstance(facts, dict) or facts.get("format") != FORMAT or "world" not in facts:
+        if not isinstance(facts, dict) or facts.get("format") != FORMAT:
             raise ValueError(f"it is not of format {FORMAT}")
+        if "world" not in facts or "family" not in facts:
+            raise ValueError("it does not name its building")
         if numbers.shape != (len(ends), GOALS, len(COLUMNS)) or sizes.shape != (len(ends),):
             raise ValueError(f"its numbers are of shape {numbers.shape}")
-        if not np.isfinite(numbers).all() or block.dtype != np.uint8:
-            raise ValueError("its numbers are not finite, or its pictures no bytes")
+        if not (numbers.dtype == sizes.dtype == np.float32 and block.dtype == np.uint8):
+            raise ValueError(f"its arrays are of {numbers.dtype}, {sizes.dtype}, {block.dtype}")
+        if not (np.isfinite(numbers).all() and np.isfinite(sizes).all()):
+            raise ValueError("its numbers are not finite")
         return block, ends, numbers, sizes, facts
     except UNREADABLE as error:
         raise SamplesError(

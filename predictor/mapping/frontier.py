@@ -15,7 +15,8 @@ class Frontier:
     Attributes:
         points: centres of its cells, all unobserved, (n, 2) [m].
         middle: the one of these points that is nearest to their mean, (2,) [m].
-        to_go: cost of the cheapest way from there to the goal if unobserved space is free [m].
+        to_go: cost of the cheapest way from there to the goal on the cost map, on which unobserved
+            space can be crossed [m]. The way may lead back through observed space.
     """
 
     points: NDArray[np.float64]

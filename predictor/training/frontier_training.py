@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,38 +14,16 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from predictor.data.frontier_samples import GOALS, FrontierSamples
+from predictor.data.frontier_samples import COLUMNS, GOALS, FrontierSamples, way_back
 from predictor.infra.markdown import records
 from predictor.networks.frontier_net import SCALE, FrontierNet
+from predictor.training.frontier_config import FrontierTraining
 from predictor.training.group import Group
 from predictor.training.trainer import Trainer, deterministic
 from predictor.weights import save_weights
 
-LARGEST_BACK = 20.0
-"""Largest way back to learn [m]: the car would have tried another frontier before."""
-SEEN = 1.0
-"""Distance by which the car need not drive to the end of a dead end to see that it is one [m]."""
 VALIDATED = 512
 """Number of samples of a batch of the validation."""
-
-
-@dataclass(frozen=True)
-class FrontierTraining:
-    """Settings that decide the weights that a training of the network of frontiers results in.
-
-    Attributes:
-        steps: number of optimiser steps.
-        batch: samples of a step.
-        rate: highest learning rate; it falls along a cosine to zero.
-        decay: weight decay of AdamW.
-        seed: seed of the first weights and of the order of samples.
-    """
-
-    steps: int = 3_000
-    batch: int = 256
-    rate: float = 1e-3
-    decay: float = 0.02
-    seed: int = 0
 
 
 class FrontierTrainer(Trainer):
@@ -162,7 +139,7 @@ def losses_of(
 def scores(net: FrontierNet, samples: FrontierSamples) -> str:
     """Return a table of the log-loss of `leads` in each family, and of the best constant there."""
     of_leads, _ = losses_of(net, samples)
-    leads, families = samples.numbers[:, 0, 3], samples.families()
+    leads, families = samples.numbers[:, 0, COLUMNS.index("leads")], samples.families()
     rows = []
     for family in (*sorted(set(families)), "all"):
         here = (families == family) | (family == "all")
@@ -207,10 +184,10 @@ def _losses(
     net: FrontierNet, pictures: Tensor, numbers: Tensor, sizes: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Return the losses of `leads` and of both ways, (B,) each."""
-    goals, (to_go, leads, way, beyond) = numbers[:, :2], numbers[:, 2:].unbind(dim=1)
+    dx, dy, to_go, leads, way, beyond = numbers.unbind(dim=1)
+    goals, back = torch.stack([dx, dy], dim=1), way_back(beyond)
     told, way_told, back_told = net(pictures.float() / 100.0, goals, to_go, sizes)
     of_leads = F.binary_cross_entropy_with_logits(told, leads, reduction="none")
-    back = (2.0 * (beyond - SEEN).clamp(min=0.0)).clamp(max=LARGEST_BACK)
     of_way = leads * F.smooth_l1_loss(way_told / SCALE, way / SCALE, reduction="none")
     of_back = (1 - leads) * F.smooth_l1_loss(back_told / SCALE, back / SCALE, reduction="none")
     return of_leads, 0.5 * (of_way + of_back)

@@ -1,9 +1,9 @@
-"""Exploration: the route to the goal by way of the frontier with the least expected cost.
+"""Subgoals: the route to the goal by way of the frontier with the least expected cost.
 
 A frontier leads on to the goal, or the car has to come back and try another one. The expected cost
 of trying one first follows from Bellman's equation over the sets of frontiers that are left (Stein,
-Bradley and Roy: Learned subgoal planning, 2018). The cost map then makes each frontier as expensive
-as trying it, so that all searches on the map choose by it.
+Bradley and Roy: Learned subgoal planning, 2018). It is added to the cells of the frontier, so that
+all searches on the cost map take it into account.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ TURN = 8.0
 """Cost of turning round after a frontier that did not lead on, in metres of free space."""
 GIVE_UP = 40.0
 """Cost if no frontier leads on, in metres: another one, which was not compared, must be tried."""
+UNREACHED = 40.0
+"""Distance of a frontier to which no way was found [m]."""
 UNLIKELY = 0.02
 """Lower bound of the probability by which the most promising frontiers are chosen."""
 
@@ -48,7 +50,7 @@ def with_frontiers(
         predictor: predictor of frontiers.
 
     Raises:
-        ValueError: if the predictor's values are not finite, or not of as many frontiers.
+        ValueError: if the predictor's values are not of as many frontiers, or out of range.
     """
     found = FrontierMap.of(cost, position, goal)
     if found is None or not found.frontiers:
@@ -56,8 +58,10 @@ def with_frontiers(
     values = predictor.values(known.whole(), goal, found.frontiers)
     count = len(found.frontiers)
     columns = np.array([values.leads, values.way, values.back], dtype=np.float64)
-    if columns.shape != (3, count) or not np.isfinite(columns).all():
-        raise ValueError(f"the values of {count} frontiers are {columns.shape} or not finite")
+    if columns.shape != (3, count):
+        raise ValueError(f"there are {columns.shape[1:]} values of {count} frontiers")
+    if not (np.isfinite(columns) & (columns >= 0.0)).all() or (columns[0] > 1.0).any():
+        raise ValueError("leads must lie in [0, 1], and way and back must be finite and positive")
     surcharge = np.append(0.0, _surcharges(found, columns))
     density = cost.density.copy()
     added = (surcharge[found.labels] / found.frame.resolution).astype(np.float32)
@@ -67,15 +71,16 @@ def with_frontiers(
 
 
 def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what must be added to the cheapest way through each frontier, (n,) [m].
+    """Return what is added to the cost of crossing each frontier, (n,) [m].
 
-    The sums of both differ between the frontiers as the expected costs of trying them do.
+    It is the expected cost of trying the frontier first, less the estimated cost of the cheapest
+    way to the goal through it. The least of these differences is subtracted from all.
 
     Args:
         found: the frontiers.
         columns: probability to lead on, way and way back of each frontier, (3, n).
     """
-    border = np.where(found.reached | (found.labels > 0), found.costs, np.inf)
+    border = np.where(found.reached, found.costs, np.inf)
     # Unobserved cells of the border cost no more than free ones: the rest is in the values.
     border[found.labels > 0] = 1.0
     step = found.frame.resolution
@@ -132,8 +137,8 @@ def _to_frontiers(found: FrontierMap, costs: NDArray[np.float32]) -> NDArray[np.
     inside = found.labels > 0
     least = np.full(len(found.frontiers) + 1, np.inf)
     np.minimum.at(least, found.labels[inside], costs[inside])
-    # A frontier is always connected with the car; a way there may be lost at a narrow corner.
-    return np.where(np.isfinite(least[1:]), least[1:], GIVE_UP)
+    # Rarely a diagonal step is closed by a corner, so that a frontier cannot be reached.
+    return np.where(np.isfinite(least[1:]), least[1:], UNREACHED)
 
 
 def _middle(found: FrontierMap, number: int) -> tuple[int, int]:
