@@ -7,7 +7,7 @@ a drive. The true map of the building tells where each frontier leads.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -77,33 +77,47 @@ class Truth:
         whole = OccupancyGrid.from_grid(world.grid.crop(frame), WINDOW)
         return cls(frame, observed(CostMap.build(whole, None, CarLimits().body.half_width)))
 
-    def of(self, found: FrontierMap, goal: tuple[int, int]) -> NDArray[np.float64]:
-        """Return leads, way and beyond of each frontier, see `COLUMNS`, (n, 3).
+    def ways(
+        self, found: FrontierMap, goal: tuple[int, int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return leads and way of each frontier to a goal, see `COLUMNS`, (n,) each.
 
         Args:
             found: frontiers of the observed map.
             goal: row and column of the goal.
         """
-        # Beyond a frontier, ways may not return to the reached space.
-        beyond = np.where(self.open & ~found.reached, np.float32(1.0), np.float32(np.inf))
-        step = found.frame.resolution
-        to_goal = costs_from(beyond, step, goal) if np.isfinite(beyond[goal]) else None
-        answer = np.zeros((len(found.frontiers), 3))
-        for row, (number, part) in zip(
-            answer, enumerate(ndimage.find_objects(found.labels), start=1), strict=True
-        ):
-            inside = (found.labels[part] == number) & np.isfinite(beyond[part])
-            cells = np.argwhere(inside) + np.array([part[0].start, part[1].start])
-            if len(cells) == 0:
-                continue
-            if to_goal is not None:
-                way = float(to_goal[cells[:, 0], cells[:, 1]].min())
-                if way < math.inf:
-                    row[:2] = 1.0, way
-            middle = cells[len(cells) // 2]
-            depths = costs_from(beyond, step, (int(middle[0]), int(middle[1])))
-            row[2] = depths[np.isfinite(depths)].max()
-        return answer
+        beyond = self._beyond(found)
+        leads, way = np.zeros((2, len(found.frontiers)))
+        if np.isfinite(beyond[goal]):
+            to_goal = costs_from(beyond, found.frame.resolution, goal)
+            for number, cells in enumerate(_cells(found, beyond)):
+                least = float(to_goal[cells[:, 0], cells[:, 1]].min(initial=math.inf))
+                if least < math.inf:
+                    leads[number], way[number] = 1.0, least
+        return leads, way
+
+    def depths(self, found: FrontierMap) -> NDArray[np.float64]:
+        """Return `beyond` of each frontier, see `COLUMNS`, (n,)."""
+        beyond = self._beyond(found)
+        depths = np.zeros(len(found.frontiers))
+        for number, cells in enumerate(_cells(found, beyond)):
+            if len(cells):
+                row, col = (int(n) for n in cells[len(cells) // 2])
+                ways = costs_from(beyond, found.frame.resolution, (row, col))
+                depths[number] = ways[np.isfinite(ways)].max()
+        return depths
+
+    def _beyond(self, found: FrontierMap) -> NDArray[np.float32]:
+        """Return the costs of the cells that ways beyond a frontier may use, (rows, columns)."""
+        # They may not return to the reached space.
+        return np.where(self.open & ~found.reached, np.float32(1.0), np.float32(np.inf))
+
+
+def _cells(found: FrontierMap, beyond: NDArray[np.float32]) -> Iterator[NDArray[np.intp]]:
+    """Yield rows and columns of the cells of each frontier that are truly open, (k, 2)."""
+    for number, part in enumerate(ndimage.find_objects(found.labels), start=1):
+        inside = (found.labels[part] == number) & np.isfinite(beyond[part])
+        yield np.argwhere(inside) + np.array([part[0].start, part[1].start])
 
 
 class Informed:
@@ -125,13 +139,13 @@ class Informed:
         self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]
     ) -> FrontierValues:
         """Return where the frontiers truly lead."""
-        leads, way, beyond = self.truth.of(self.found, self.found.goal).T
+        leads, way = self.truth.ways(self.found, self.found.goal)
         noisy = (1.0 - self.noise) * leads + self.noise * self.rng.random(len(leads))
         straight = [float(np.hypot(*(f.middle - goal))) for f in frontiers]
         return FrontierValues(
             noisy,
             np.where(leads > 0, way, straight),
-            way_back(beyond),
+            way_back(self.truth.depths(self.found)),
         )
 
 
@@ -194,11 +208,12 @@ def _samples(
     goals += goals[:1] * (GOALS - len(goals))
     numbers = np.zeros((len(found.frontiers), GOALS, len(COLUMNS)), dtype=np.float32)
     cells = [found.frame.cell(*map(float, f.middle)) for f in found.frontiers]
+    numbers[:, :, COLUMNS.index("beyond")] = truth.depths(found)[:, None]
     for number, (cell, place) in enumerate(goals):
         to_go = costs_from(found.costs, found.frame.resolution, cell)
         numbers[:, number, :2] = place - middles
         numbers[:, number, 2] = np.minimum([to_go[at] for at in cells], FARTHEST)
-        numbers[:, number, 3:] = truth.of(found, cell)
+        numbers[:, number, 3:5] = np.transpose(truth.ways(found, cell))
     sizes = [np.array(len(frontier.points)) for frontier in found.frontiers]
     return list(zip(pictures, numbers, sizes, strict=True))
 
