@@ -27,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
     Returns:
         The exit status: 0 if no accepted risk was exceeded; 1 if a car collided with or touched
         something at a risk of 0, or if the whole interval of the realised risk lies above the
-        requested risk in the mixture of buildings that was calibrated; 2 for bad input; 130 if
+        requested risk in buildings like those of a calibration; 2 for bad input; 130 if
         interrupted.
     """
     parser = OneLineParser(

@@ -21,11 +21,11 @@ from predictor.mapping.grid import Grid
 
 @dataclass(frozen=True, eq=False)
 class FrontierValues:
-    """What is predicted of each of n frontiers.
+    """What is predicted of each of n frontiers. All numbers are finite and not negative.
 
     Attributes:
-        leads: probability that a way leads from the frontier to the goal without returning to the
-            reached space, (n,).
+        leads: probability in [0, 1] that a way leads from the frontier to the goal without
+            returning to the reached space, (n,).
         way: length of that way, if there is one, (n,) [m].
         back: distance that the car drives beyond the frontier until it has found out that there is
             none, and back, (n,) [m].
@@ -48,5 +48,8 @@ class FrontierPredictor(Protocol):
             known: map of all that was observed.
             goal: x, y of the goal [m].
             frontiers: frontiers of this map; at least one.
+
+        If it raises an exception, or if its values are out of range, the route is planned without
+        it. It is called in the planner's thread, without a deadline: it must not block.
         """
         ...

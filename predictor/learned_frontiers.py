@@ -37,7 +37,8 @@ class LearnedFrontiers:
     """
 
     def __init__(self, weights: Path = SHIPPED) -> None:
-        self._net, self.facts = _loaded(weights)
+        changed = weights.stat().st_mtime_ns if weights.is_file() else 0
+        self._net, self.facts = _loaded(weights, changed)
 
     def values(
         self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]
@@ -60,6 +61,6 @@ class LearnedFrontiers:
 
 
 @lru_cache(maxsize=2)
-def _loaded(weights: Path) -> tuple[FrontierNet, dict[str, Any]]:
+def _loaded(weights: Path, changed: int) -> tuple[FrontierNet, dict[str, Any]]:
     # Cached, since each drive makes a predictor of its own.
     return load_weights(weights, FrontierNet)

@@ -1,7 +1,7 @@
 """Train the network of frontiers, which tells which openings lead on to the goal.
 
     python -m predictor.train_frontiers                        half an hour on 2 cores
-    python -m predictor.train_frontiers --train 60 --validation 12 --steps 100      a quick trial
+    python -m predictor.train_frontiers --train 60 --validation 12 --steps 100 --out results/trial
 
 The samples are made first, by explorations of generated buildings in
 `benchmarks.recording.exploration`. The same command resumes a training that was interrupted.
@@ -11,10 +11,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import asdict
 
 from benchmarks.recording.settings import FrontiersConfig
 from predictor.infra.command_line import OneLineParser, run_command
 from predictor.training.frontier_config import FrontierTraining
+
+SAMPLES = ("train", "validation", "families")
+"""Settings of the samples that decide the weights as well."""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -33,6 +37,16 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
+    from predictor.infra.resumable import ResumableFolder
+
+    config, training = FrontiersConfig.of(args), FrontierTraining.of(args)
+    told = asdict(training) | {name: getattr(config, name) for name in SAMPLES}
+    # Before the explorations, so that an unusable folder is reported before they are made.
+    with ResumableFolder(args.out, told, exclusive=True):
+        _train(config, training, args)
+
+
+def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.Namespace) -> None:
     import torch
 
     from benchmarks.recording.exploration import make
@@ -42,7 +56,6 @@ def _run(args: argparse.Namespace) -> None:
     from predictor.training.frontier_training import FrontierTrainer, scores
     from predictor.weights import load_weights
 
-    config = FrontiersConfig.of(args)
     make(config, args.jobs)
     torch.set_num_threads(args.jobs)
     train, validation = (
@@ -52,7 +65,7 @@ def _run(args: argparse.Namespace) -> None:
     both = train.worlds & validation.worlds
     if both:
         raise TrainError(f"{len(both)} buildings are both trained on and held out")
-    path = FrontierTrainer(FrontierTraining.of(args), train, validation, args.out).run()
+    path = FrontierTrainer(training, train, validation, args.out).run()
     print(scores(load_weights(path, FrontierNet)[0], validation))
     print(path)
 

@@ -103,6 +103,9 @@ def test_a_calibration_knows_the_buildings_that_it_was_made_in(tmp_path):
     found = Calibration.load(written(tmp_path / "c.json"))
     asked = [(0, 100), (0, 101), (299, 5), (300, 5)]
     assert [found.has_used(*one) for one in asked] == [False, True, True, False]
+    # Buildings without a task are not among the drives that are counted.
+    found = Calibration.load(written(tmp_path / "c.json", most_drives=250))
+    assert [found.has_used(*one) for one in [(349, 5), (350, 5)]] == [True, False]
 
 
 @pytest.mark.parametrize("risky", [{"risk": 0.05}, {"level": 0.05}])
@@ -174,10 +177,10 @@ def test_drives_that_are_there_beyond_the_decision_change_nothing(tmp_path, monk
     monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
     few = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "few", jobs=1)
     # As many workers leave them.
-    decided = learn_then_test._end
-    monkeypatch.setattr(learn_then_test, "_end", lambda *_: None)
+    decided = learn_then_test.decided_after
+    monkeypatch.setattr(learn_then_test, "decided_after", lambda *_: None)
     learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)
-    monkeypatch.setattr(learn_then_test, "_end", decided)
+    monkeypatch.setattr(learn_then_test, "decided_after", decided)
     path = tmp_path / "all/level-0.2.json"
     assert len(read_drives(path, learn_then_test.KIND_OF_DRIVES)["drives"]) == 600
     again = learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path / "all", jobs=1)

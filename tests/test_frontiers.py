@@ -11,7 +11,7 @@ from benchmarks.compare import drive as compare
 from benchmarks.recording import exploration
 from benchmarks.recording.exploration import POLICIES, Truth, explore
 from benchmarks.recording.settings import FrontiersConfig
-from benchmarks.runs.settings import ARMS
+from benchmarks.runs.settings import ARMS, Settings
 from planner.guide.frontiers import FrontierMap
 from planner.guide.route import find_route, nearest_cell
 from planner.guide.subgoals import GIVE_UP, expected_costs, with_frontiers
@@ -27,6 +27,7 @@ from predictor.data.frontier_samples import (
 )
 from predictor.data.samples import SamplesError
 from predictor.frontiers import FrontierValues
+from predictor.infra.command_line import UsageError
 from predictor.learned_frontiers import SHIPPED, LearnedFrontiers
 from predictor.mapping.resampling import resampled
 from predictor.networks.frontier_net import FrontierConfig, FrontierNet
@@ -280,6 +281,11 @@ def test_the_shipped_weights_steer_a_drive():
     assert all(one.faults.get("frontiers_failed", 0) == 0 for one in run.episodes)
 
 
+def test_arms_that_choose_a_route_are_not_driven_on_a_prescribed_one():
+    with pytest.raises(UsageError, match="--route free"):
+        Settings(route="fixed", arms=("known", "known+frontiers"))
+
+
 @pytest.mark.slow
 def test_a_training_resumes_and_its_weights_predict(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -289,6 +295,9 @@ def test_a_training_resumes_and_its_weights_predict(tmp_path, monkeypatch, capsy
     # Buildings that are there are not explored again.
     monkeypatch.setattr(exploration, "explore", None)
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
+    # A folder of another training is refused before anything is explored.
+    assert main([*options, "--train", "5", "--steps", "3", "--out", "whole"]) == 2
+    assert "train 4" in capsys.readouterr().err
     weights = tmp_path / "whole" / "frontiers.safetensors"
     _, facts = load_weights(weights, FrontierNet)
     assert facts["samples"] == len(FrontierSamples.load(FrontiersConfig().data / "train"))

@@ -268,6 +268,15 @@ def test_a_file_holds_a_drive_a_line(tmp_path):
     assert [json.loads(line.rstrip(","))["index"] for line in lines[1:-1]] == [0, 1]
 
 
+def test_a_file_that_is_older_than_a_setting_is_continued(tmp_path):
+    DriveFile(tmp_path / "o.json", KIND, {"v_max": 4.0, "episodes": 2}, "episodes").add(result(0))
+    mine = {"v_max": 4.0, "braking": 1.5, "episodes": 2}
+    with pytest.raises(UsageError, match="braking 3"):
+        DriveFile(tmp_path / "o.json", KIND, mine, "episodes", {"braking": 3.0})
+    absent = {"braking": 1.5, "vehicle": "dubins"}
+    assert sorted(DriveFile(tmp_path / "o.json", KIND, mine, "episodes", absent).drives) == [0]
+
+
 def test_the_shipped_drives_are_of_the_default_tasks_and_not_quicker_than_their_bounds():
     path = Path(__file__).parents[1] / "docs/results/optimum-corridor.json"
     times = optimum_of(path, Settings())

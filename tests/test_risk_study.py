@@ -200,7 +200,8 @@ def few_series(short_map, monkeypatch):
         found.append(
             Series("promise", "mixture", "optimistic", replace(base, arms=("optimistic",)))
         )
-        for wanted, level in ((0.0, 0.0), (0.05, 0.01)):
+        # The last two share their drives.
+        for wanted, level in ((0.0, 0.0), (0.05, 0.01), (0.1, 0.01)):
             settings = replace(base, arms=("predicted",), level=level)
             found.append(Series("promise", "mixture", f"{wanted:g}", settings, wanted))
         return found
@@ -228,6 +229,7 @@ def test_the_study_drives_says_what_is_missing_and_goes_on(few_series, tmp_path,
     shown = capsys.readouterr().out
     assert "0 of 2" in shown
     assert "| mixture-0.05 " in shown
+    assert "| mixture-0.1 " in shown
 
 
 def test_saved_runs_are_tested_too(few_series, short_map, tmp_path, capsys):
@@ -293,6 +295,12 @@ def test_the_first_level_that_is_not_certified_ends_a_calibration(levels):
     rows = recalibrations(levels, drives_with(levels, often, (), ()), "none", 0.9)
     assert rows[0]["level"] == 0.0
     assert rows[0]["rate"] is None
+
+
+def test_a_test_that_was_given_up_is_not_revived(levels):
+    # As in a calibration, which would have stopped after the third collision.
+    rows = recalibrations(levels, drives_with(levels, (), range(3), ()), "none", 0.9)
+    assert {r["level"] for r in rows if r["block"] == 0} == {0.003}
 
 
 def test_only_whole_blocks_of_the_calibrated_predictor_are_used(levels):

@@ -15,14 +15,12 @@ import numpy as np
 
 from benchmarks.risk_study.contact_test import touches
 from benchmarks.risk_study.series import Series
-from benchmarks.runs.drive import attempt
+from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.saved_run import frame_of
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import OLDER, Settings
 from predictor.mapping.body import Body
 from predictor.mapping.grid import FREE
-from predictor.provenance import fingerprint_of
-from predictor.registry import load_predictor
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
 """Name of each series → its drives."""
@@ -43,12 +41,16 @@ def drive_all(
 
     Returns:
         Name of each series → its drives, including those in buildings without a task; and the
-        number of drives that are still missing.
+        number of drives that are still missing. Series with the same settings share their drives.
 
     Raises:
         UsageError: if the folder holds drives with other settings, or cannot be written.
     """
-    files = {series.name: _file(series, out) for series in all_series}
+    leads: dict[Settings, Series] = {}
+    for series in all_series:
+        leads.setdefault(series.settings, series)
+    shared = {settings: _file(series, out) for settings, series in leads.items()}
+    files = {series.name: shared[series.settings] for series in all_series}
     end = time.monotonic() + 3600.0 * hours
     for turn in range(1, max(series.turns for series in all_series) + 1):
         for series in all_series:
@@ -56,8 +58,7 @@ def drive_all(
             if time.monotonic() > end or len(files[series.name].first(due)) == due:
                 continue
             print(f"{series.name}, {due} of {series.settings.episodes}")
-            weights = fingerprint_of(load_predictor(series.settings.predictor))
-            work = partial(_driven, series.settings, weights)
+            work = partial(_driven, series.settings, weights_of(series.settings))
             files[series.name].fill(
                 work,
                 range(due),
@@ -68,14 +69,14 @@ def drive_all(
     found = {
         series.name: files[series.name].unbroken(series.settings.episodes) for series in all_series
     }
-    missing = sum(series.settings.episodes - len(found[series.name]) for series in all_series)
+    missing = sum(settings.episodes - len(found[series.name]) for settings, series in leads.items())
     return found, missing
 
 
 def _file(series: Series, out: Path) -> DriveFile:
     told = json.loads(json.dumps(asdict(series.settings)))
-    weights = fingerprint_of(load_predictor(series.settings.predictor))
-    return DriveFile(out / f"{series.name}.json", KIND, told | {"weights": weights}, "episodes")
+    told |= {"weights": weights_of(series.settings)}
+    return DriveFile(out / f"{series.name}.json", KIND, told, "episodes", OLDER)
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.risk_study.drives import Drives
 from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
 from benchmarks.runs import statistics
-from benchmarks.runs.betting import capital, needed
+from benchmarks.runs.betting import capital, decided_after, needed
 from benchmarks.runs.drive_file import NO_TASK
 
 BLOCK = 75
@@ -85,7 +85,9 @@ def _certified(
     for level, collided in by_level.items():
         mine = collided[block * BLOCK : (block + 1) * BLOCK]
         losses = [loss for loss in mine if loss is not None]
-        if not (capital(losses, risk) >= needed(confidence)).any():
+        # As in a calibration: a test that was given up is not revived by later drives.
+        end = decided_after(losses, risk, len(losses), needed(confidence))
+        if not (capital(losses[:end], risk) >= needed(confidence)).any():
             break
         certified = level
     return certified

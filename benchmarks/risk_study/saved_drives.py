@@ -26,7 +26,8 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
 
     Raises:
         RunError: if a folder holds no run, or a damaged one.
-        UsageError: if a run was not at a risk of 0, or two folders have the same name.
+        UsageError: if a run was not at a risk of 0 or has an unknown arm, or two folders have the
+            same name.
     """
     all_series: list[Series] = []
     drives: dict[str, list[dict[str, Any]]] = {}
@@ -35,6 +36,8 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
         if run.settings["risk"] or run.settings["level"]:
             raise UsageError(f"--runs: {folder} was not driven at a risk of 0")
         for arm in run.arms:
+            if arm not in ARMS:
+                raise UsageError(f"--runs: {folder} has an arm {arm!r}, which no longer exists")
             series = _series(run, arm)
             if series.name in drives:
                 raise UsageError(f"--runs: each folder must have a name of its own, as {folder}")

@@ -14,6 +14,7 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of
 from planner.navigator import Navigator, NavigatorConfig
+from predictor.frontiers import FrontierPredictor
 from predictor.infra.environment import commit
 from predictor.infra.workers import WorkersError
 from predictor.mapping.car_limits import CarLimits
@@ -98,15 +99,16 @@ def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> D
 
     Args:
         settings: settings of the run.
-        weights: fingerprint of the predictor's weights, which may differ on another machine.
+        weights: what `weights_of` returns where the run was started; another machine may have
+            other files.
         item: number of the episode, and name of the arm.
 
     Raises:
-        WorkersError: if the predictor on this machine has other weights.
+        WorkersError: if this machine has other weights.
     """
     mine = weights_of(settings)
     if mine != weights:
-        raise WorkersError(f"a worker has the predictor {mine}, this run is of {weights}")
+        raise WorkersError(f"a worker has the weights {mine}, this run is of {weights}")
     try:
         return drive(settings, *item)
     except NoTaskError as error:
@@ -144,7 +146,12 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
 
 
 def navigator_for(
-    settings: Settings, arm: Arm, task: Task, predictor: Predictor | None, deadline: float
+    settings: Settings,
+    arm: Arm,
+    task: Task,
+    predictor: Predictor | None,
+    deadline: float,
+    frontiers: FrontierPredictor | None = None,
 ) -> Navigator:
     """Return the navigator of an arm at the start of a task.
 
@@ -154,13 +161,13 @@ def navigator_for(
         task: building, start, goal and route.
         predictor: predictor of the arm; None: it has none.
         deadline: time that a prediction may take [s].
+        frontiers: predictor of frontiers of the arm; None: it has none.
     """
     truth, window = task.world.grid, settings.window
     config = replace(navigator_config(settings, arm, truth.frame.resolution), deadline=deadline)
     known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
     waypoints = task.waypoints if settings.route == "fixed" else None
     start = np.array(task.start)
-    frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
     return Navigator(config, predictor, start, task.goal, known, waypoints, task.seed, frontiers)
 
 
@@ -183,7 +190,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     predictor = choices.get(arm.predictor)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
     # A long deadline, so that the result does not depend on the load of the machine.
-    navigator = navigator_for(settings, arm, task, predictor, deadline=600.0)
+    navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])

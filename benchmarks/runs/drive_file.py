@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from tqdm import tqdm
@@ -48,18 +49,26 @@ class DriveFile:
         settings: settings of the run, plain data for JSON.
         grows: name of the setting that may differ in a file that is continued: the number of
             drives.
+        absent: values of settings that older files do not contain.
 
     Raises:
         UsageError: if the file has other settings or cannot be written.
     """
 
-    def __init__(self, path: Path, kind: str, settings: dict[str, Any], grows: str) -> None:
+    def __init__(
+        self,
+        path: Path,
+        kind: str,
+        settings: dict[str, Any],
+        grows: str,
+        absent: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
         self.path = path
         self.drives: dict[int, dict[str, Any]] = {}
         self._head = {"kind": kind, "settings": settings}
         if path.exists():
             found = read_drives(path, kind)
-            theirs = found["settings"]
+            theirs = {k: v for k, v in absent.items() if k in settings} | found["settings"]
             refuse_other_settings(path, settings, theirs, (grows,))
             self.drives = {drive["index"]: drive for drive in found["drives"]}
             self._head["settings"] = settings | {grows: max(settings[grows], theirs[grows])}

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.betting import capital, needed
+from benchmarks.runs.betting import capital, decided_after, needed
 from benchmarks.runs.calibration_settings import CalibrateSettings
 from benchmarks.runs.certified import conditions_of
-from benchmarks.runs.drive import attempt
+from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.statistics import wilson
 from benchmarks.runs.tasks import sources
 from planner.risk.calibration import KIND
@@ -27,15 +27,10 @@ from predictor.infra.environment import machine
 from predictor.infra.markdown import DASH, records
 from predictor.infra.results_file import write_results
 from predictor.infra.resumable import ResumableFolder
-from predictor.provenance import fingerprint_of
-from predictor.registry import load_predictor
 
 ARM = "predicted"
 KIND_OF_DRIVES = "calibration drives"
 """Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
-LOST = 0.25
-"""Capital below which the test of a level is given up, to save drives in which it would seldom
-recover. This makes no false certificate more probable."""
 KEPT = (
     "world",
     "seed",
@@ -142,20 +137,22 @@ def _test(
     """Drive at a level until the test of each risk is decided."""
     wanted = needed(asked.confidence)
     settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
-    weights = fingerprint_of(load_predictor(settings.predictor))
+    weights = weights_of(settings)
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
     told = json.loads(json.dumps(told))
-    file = DriveFile(out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes")
+    file = DriveFile(
+        out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=OLDER
+    )
 
     def decided() -> bool:
-        drives = _in_order(file, asked.drives)
-        return all(_end(drives, risk, asked.drives, wanted) is not None for risk in risks)
+        losses = _losses(_in_order(file, asked.drives))
+        return all(decided_after(losses, risk, asked.drives, wanted) is not None for risk in risks)
 
     work = partial(_driven, settings, weights)
     file.fill(work, range(asked.drives), jobs, lambda d: str(d["outcome"]), decided)
     drives = _in_order(file, asked.drives)
     # Only the drives that the slowest decision needed, whatever more the worker processes made.
-    ends = [_end(drives, risk, asked.drives, wanted) for risk in risks]
+    ends = [decided_after(_losses(drives), risk, asked.drives, wanted) for risk in risks]
     drives = drives[: max(len(drives) if end is None else end for end in ends)]
     if not drives:
         raise UsageError("--world: no drive is possible in these buildings")
@@ -163,24 +160,6 @@ def _test(
         raise UsageError("the predictor has learned from these buildings: choose another --seed")
     losses = _losses(drives)
     return Tested(level, drives, {risk: capital(losses, risk) for risk in risks})
-
-
-def _end(drives: list[dict[str, Any]], risk: float, most: int, wanted: float) -> int | None:
-    """Return the number of drives after which the test of a risk is decided; None: not yet.
-
-    It is decided as soon as the gambler's capital suffices, is lost, or can no longer suffice even
-    if none of the remaining drives collides.
-
-    Args:
-        drives: drives so far.
-        risk: risk δ that is tested.
-        most: largest number of drives.
-        wanted: capital that certifies the risk.
-    """
-    money = capital(_losses(drives), risk)
-    best = money * (1.0 + risk / (1.0 - risk)) ** (most - 1.0 - np.arange(len(money)))
-    clear = (money >= wanted) | (money < LOST) | (best < wanted)
-    return int(np.argmax(clear)) + 1 if clear.any() else None
 
 
 def _losses(drives: list[dict[str, Any]]) -> list[float]:

@@ -183,6 +183,8 @@ class Settings(Options):
         for arm in self.arms:
             if arm not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
+        if self.route == "fixed" and any(ARMS[arm].frontiers for arm in self.arms):
+            raise UsageError("arms that end with +frontiers choose a route: they need --route free")
         if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:

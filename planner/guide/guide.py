@@ -226,9 +226,10 @@ class Guide:
             legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
             if legs:
                 break
-        self._legs = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
-        self._legs += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
-        self._stuck = stuck
+        found = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
+        found += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
+        # Only now: had a search raised, the car would set off on half a manoeuvre.
+        self._legs, self._stuck = found, stuck
         self._requested = tick
         self.on_leg, self._pending = False, None
         self.counts["manoeuvre"] += bool(self._legs)

@@ -87,7 +87,8 @@ def in_pairs(cells: NDArray[Any], join: np.ufunc) -> NDArray[Any]:
 def open_cell(
     cost: CostMap, coarse: NDArray[np.float32], step: float, point: tuple[float, float]
 ) -> tuple[int, int] | None:
-    """Return row and column of the open cell nearest to a point [m], within 0.6 m, or None."""
+    """Return row and column of the open cell nearest to a point [m], at most 0.6 m from it along
+    each axis; None if there is none."""
     frame = GridFrame(step, cost.frame.origin, coarse.shape)
     return nearest_cell(np.isfinite(coarse), frame, point, math.ceil(0.6 / step))
 

@@ -61,7 +61,9 @@ def with_frontiers(
     if columns.shape != (3, count):
         raise ValueError(f"there are {columns.shape[1:]} values of {count} frontiers")
     if not (np.isfinite(columns) & (columns >= 0.0)).all() or (columns[0] > 1.0).any():
-        raise ValueError("leads must lie in [0, 1], and way and back must be finite and positive")
+        raise ValueError(
+            "leads must lie in [0, 1], and way and back must be finite and not negative"
+        )
     surcharge = np.append(0.0, _surcharges(found, columns))
     density = cost.density.copy()
     added = (surcharge[found.labels] / found.frame.resolution).astype(np.float32)
@@ -88,6 +90,7 @@ def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.
         [np.hypot(*(f.middle - _centre(found, found.goal))) for f in found.frontiers]
     )
     leads, way, back = columns
+    # No way is shorter than the straight line, whatever is predicted.
     way = np.maximum(way, straight)
     here = _to_frontiers(found, costs_from(border, step, found.start))
     plain = here + np.array([f.to_go for f in found.frontiers])
@@ -101,7 +104,8 @@ def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.
     # A frontier that is not compared is no better than the worst of those that are.
     total = np.full(len(found.frontiers), expected.max())
     total[chosen] = expected
-    # Only differences decide, and costs of cells must not be negative.
+    # Only differences decide, and costs of cells must not be negative. Where the map shows no way
+    # to the goal, no route leads, whatever the frontier costs.
     more = np.where(np.isfinite(plain), total - plain, 0.0)
     return np.asarray(more - more.min())
 
@@ -114,7 +118,8 @@ def expected_costs(
     Args:
         here: distance of the car from each frontier, (n,) [m].
         between: distances between the frontiers, (n, n) [m].
-        values: what is predicted of each frontier.
+        values: what is predicted of each frontier; `back` includes the cost of turning round. The
+            computing time grows as 2^n.
     """
     count = len(here)
 

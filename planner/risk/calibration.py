@@ -31,7 +31,7 @@ class Calibration:
         levels: risk δ (probability of a collision in a drive) → largest level λ certified for it.
         confidence: probability with which each certificate holds.
         seed: seed of the first building of the calibration.
-        drives: largest number of drives at a level, each in a building of its own.
+        drives: largest number of drives that was allowed at a level, each in a building of its own.
     """
 
     path: Path
@@ -53,7 +53,9 @@ class Calibration:
             if found["kind"] != KIND:
                 raise ValueError(f"it holds {found['kind']!r}")
             levels = {float(risk): float(level) for risk, level in found["certified"].items()}
-            drives = max((int(entry["drives"]) for entry in found["levels"]), default=0)
+            counted = max((int(entry["drives"]) for entry in found["levels"]), default=0)
+            # Older files do not say how many buildings there were, with those without a task.
+            drives = int(found.get("most_drives", counted))
             conditions, confidence = dict(found["conditions"]), float(found["confidence"])
             conditions["world"] = [str(place) for place in conditions["world"]]
             return cls(path, conditions, levels, confidence, int(found["seed"]), drives)

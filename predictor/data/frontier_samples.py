@@ -86,7 +86,7 @@ def _percentages(known: Grid) -> NDArray[np.uint8]:
     half = SIDE // 2
     shares = np.zeros((2, rows + SIDE, cols + SIDE), dtype=np.uint8)
     for share, kind in zip(shares, (FREE, OCCUPIED), strict=True):
-        here = (cells == kind).astype(np.int16)
+        here = (cells == kind).astype(np.int32)
         # Rows first: numpy is slow over axes as short as `factor`.
         lines = sum(here[i::factor] for i in range(factor))
         counts = np.asarray(sum(lines[:, i::factor] for i in range(factor)))
