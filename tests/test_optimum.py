@@ -273,7 +273,7 @@ def test_a_file_that_is_older_than_a_setting_is_continued(tmp_path):
     mine = {"v_max": 4.0, "braking": 1.5, "episodes": 2}
     with pytest.raises(UsageError, match="braking 3"):
         DriveFile(tmp_path / "o.json", KIND, mine, "episodes", {"braking": 3.0})
-    absent = {"braking": 1.5, "vehicle": "dubins"}
+    absent = {"braking": 1.5}
     assert sorted(DriveFile(tmp_path / "o.json", KIND, mine, "episodes", absent).drives) == [0]
 
 

@@ -119,7 +119,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
         # Each panel has its own axis: in one of them three quarters of the drives collide.
         end = max(10.0, 1.1 * axes.dataLim.x1)
         axes.set(xlabel="collisions [% of drives]", xlim=(-0.03 * end, end))
-        axes.legend(fontsize=7, loc="upper right")
+        axes.legend(fontsize=7)
     for axes in panels[::columns]:
         axes.set(ylabel="SCT", ylim=(0, 1))
     for axes in panels[len(kinds) :]:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 from tqdm import tqdm
@@ -61,14 +60,14 @@ class DriveFile:
         kind: str,
         settings: dict[str, Any],
         grows: str,
-        absent: Mapping[str, Any] = MappingProxyType({}),
+        absent: Mapping[str, Any] | None = None,
     ) -> None:
         self.path = path
         self.drives: dict[int, dict[str, Any]] = {}
         self._head = {"kind": kind, "settings": settings}
         if path.exists():
             found = read_drives(path, kind)
-            theirs = {k: v for k, v in absent.items() if k in settings} | found["settings"]
+            theirs = dict(absent or {}) | found["settings"]
             refuse_other_settings(path, settings, theirs, (grows,))
             self.drives = {drive["index"]: drive for drive in found["drives"]}
             self._head["settings"] = settings | {grows: max(settings[grows], theirs[grows])}

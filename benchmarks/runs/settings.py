@@ -38,10 +38,15 @@ class Arm:
         """Whether the arm may collide at a risk of 0: unobserved cells count as free."""
         return self.reliance == 1.0
 
+    @property
+    def has_predictor(self) -> bool:
+        """Whether the drives depend on a predictor, whose code may change between two runs."""
+        return self.predictor == "chosen" or self.frontiers
+
     def drives_alike(self, differing: set[str]) -> bool:
         """Return whether this arm makes the same drives in two runs with different settings.
 
-        False for an arm with the chosen predictor, since the code of a predictor may have changed.
+        False for an arm with a predictor, see `has_predictor`.
 
         Args:
             differing: names of the settings in which the two runs differ.
@@ -51,7 +56,7 @@ class Arm:
             heedless.add("expansion")
         if self.reliance is not None:
             heedless.add("reliance")
-        return self.predictor != "chosen" and not self.frontiers and differing <= heedless
+        return not self.has_predictor and differing <= heedless
 
 
 ARMS = {

@@ -132,11 +132,7 @@ class Store(ResumableFolder):
             raise UsageError(f"--baselines: {error}") from None
         mine, theirs = self._marked, run.settings
         other = {k for k, v in mine.items() if k not in GROWS and v != theirs.get(k)}
-        arms = [
-            arm
-            for arm in self.settings.arms
-            if ARMS[arm].predictor != "chosen" and not ARMS[arm].frontiers
-        ]
+        arms = [arm for arm in self.settings.arms if not ARMS[arm].has_predictor]
         if not arms:
             raise UsageError(
                 "--baselines: all arms ask the chosen predictor, whose drives are never taken over"

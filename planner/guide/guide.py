@@ -228,7 +228,7 @@ class Guide:
                 break
         found = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
         found += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
-        # Only now: had a search raised, the car would set off on half a manoeuvre.
+        # Assigned last, so that an error in a search leaves no half of a manoeuvre behind.
         self._legs, self._stuck = found, stuck
         self._requested = tick
         self.on_leg, self._pending = False, None

@@ -104,8 +104,8 @@ def _surcharges(found: FrontierMap, columns: NDArray[np.float64]) -> NDArray[np.
     # A frontier that is not compared is no better than the worst of those that are.
     total = np.full(len(found.frontiers), expected.max())
     total[chosen] = expected
-    # Only differences decide, and costs of cells must not be negative. Where the map shows no way
-    # to the goal, no route leads, whatever the frontier costs.
+    # Only differences decide, and costs of cells must not be negative. A frontier from which the
+    # map shows no way to the goal needs no surcharge, since no route crosses it.
     more = np.where(np.isfinite(plain), total - plain, 0.0)
     return np.asarray(more - more.min())
 
