@@ -73,7 +73,7 @@ def test_a_calibration_of_another_planner_is_refused(tmp_path):
         at_risk(replace(SETTINGS, risk=0.05), found)
 
 
-@pytest.mark.parametrize("world", [("narrow",), ("corridor", "corridor", "narrow"), ()])
+@pytest.mark.parametrize("world", [("narrow",), ("corridor", "office", "narrow"), ()])
 def test_the_certificate_is_for_the_same_mixture(world, tmp_path):
     settings = Settings(world=world, predictor="none", risk=0.05)
     with pytest.raises(CalibrationError, match="is for world corridor, narrow"):

@@ -21,7 +21,8 @@ def sources(names: tuple[str, ...]) -> list[str]:
     """Return the families and map files that `--world` names; a folder stands for the maps in it.
 
     Raises:
-        UsageError: if a name is neither a family, nor a map file, nor a folder with map files.
+        UsageError: if a name is neither a family, nor a map file, nor a folder with map files; if
+            a family or file is named twice.
     """
     found: list[str] = []
     for name in names:
@@ -41,6 +42,9 @@ def sources(names: tuple[str, ...]) -> list[str]:
             raise UsageError(
                 f"--world: {name!r} is no family ({', '.join(FAMILIES)}), no .yaml map, no folder"
             )
+    for name in found:
+        if found.count(name) > 1:
+            raise UsageError(f"--world: {name} is named twice, so each of its tasks would be too")
     return found
 
 

@@ -179,7 +179,7 @@ def relax(  # type: ignore[no-untyped-def]
             for i in range(n):
                 if bent[i] > tightest:
                     for j in range(max(0, i - 2), min(n, i + 3)):
-                        stiffer[j] = max(stiffer[j], 1.0) * 1.3
+                        stiffer[j] *= 1.3
     return p
 
 
