@@ -6,6 +6,8 @@ import math
 import numpy as np
 import pytest
 import yaml
+from rooms import CAR, Room
+from short_drive import drive, navigator, straight
 
 from benchmarks.compare import drive as compare
 from benchmarks.recording import exploration
@@ -36,8 +38,6 @@ from predictor.train_frontiers import main
 from predictor.weights import load_weights
 from sim.families import generate
 from sim.task import sample_task
-from tests.rooms import CAR, Room
-from tests.short_drive import drive, navigator, straight
 
 START, GOAL = (5.0, 2.0), (5.0, 17.0)
 
