@@ -99,9 +99,9 @@ def table(results: dict[str, Any]) -> str:
                     "stuck": len(stuck),
                     "reachable from the final state": sum(one["seconds"] == 0.0 for one in timed),
                     f"missed within {LATE:g} s": len(late),
-                    "speed there [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
+                    "speed then [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
                     "in a dead end": sum(one["seconds"] > LATE for one in timed),
-                    "none found": len(stuck) - len(timed),
+                    "no path found": len(stuck) - len(timed),
                 }
             )
     return records(rows)
