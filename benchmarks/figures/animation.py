@@ -120,7 +120,7 @@ class Animation:
         self._figure = Figure(figsize=SIZE, dpi=DPI)
         self._canvas = FigureCanvasAgg(self._figure)
         self._title = self._figure.text(0.02, 0.965, "", fontsize=11, color=INK, va="center")
-        about = "white: seen · orange: relied on unseen · line: plan to a stop"
+        about = "white: observed · orange: unobserved, used by the plan · line: plan"
         self._figure.text(0.98, 0.965, about, fontsize=8, color=INK, va="center", ha="right")
         self._name = f"{self.arm} · episode {self.index} · {episode.world}"
         near, far = (self._figure.add_axes(place) for place in PANELS)

@@ -96,8 +96,8 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     figure = Figure(figsize=(12.6, 9.0), dpi=150)
     figure.subplots_adjust(0.015, 0.085, 0.985, 0.905, wspace=0.14, hspace=0.2)
     axes, v_max = figure.subplots(2, 3), run.setting("v_max", 4.0)
-    _seen(axes[0, 0], now, run.setting("window", 5.0))
-    _believed(axes[0, 1], now)
+    _observed(axes[0, 0], now, run.setting("window", 5.0))
+    _predicted(axes[0, 1], now)
     _trust(figure, axes[0, 2], now)
     if now.prediction is None:
         for ax in axes[0, 1:]:
@@ -170,29 +170,29 @@ def _truth() -> Line2D:
     return Line2D([], [], color=TRUTH_COLOUR, linewidth=1.0, label="truth")
 
 
-def _seen(ax: Axes, now: _Moment, window: float) -> None:
+def _observed(ax: Axes, now: _Moment, window: float) -> None:
     draw_image(ax, map_image(now.known.cells), now.known.frame)
     handles: list[Artist] = [
         swatch(FREE_COLOUR, "free"),
         swatch(OCCUPIED_COLOUR, "occupied"),
-        swatch(UNKNOWN_COLOUR, "not seen"),
+        swatch(UNKNOWN_COLOUR, "not observed"),
     ]
     if window < max(now.known.frame.size):
         square = now.known.frame.square(float(now.plan[0, 0]), float(now.plan[0, 1]), window)
         style: dict[str, Any] = {"edgecolor": INK, "linewidth": 1.2, "linestyle": DASHED}
         ax.add_patch(Rectangle(square.origin, *square.size, fill=False, zorder=4, **style))
         handles.append(Line2D([], [], label="window", **PATH))
-    _name(ax, "What has been seen", [*handles, _truth()])
+    _name(ax, "Observed map", [*handles, _truth()])
 
 
-def _believed(ax: Axes, now: _Moment) -> None:
+def _predicted(ax: Axes, now: _Moment) -> None:
     colours = {
         "likely free": BELIEVED_FREE,
         "likely occupied": BELIEVED_OCCUPIED,
-        "no belief": UNKNOWN_COLOUR,
+        "no prediction": UNKNOWN_COLOUR,
     }
     handles = [swatch(colour, label) for label, colour in colours.items()]
-    _name(ax, "What is believed beyond it", [*handles, _truth()])
+    _name(ax, "Predicted map", [*handles, _truth()])
     if now.prediction is None:
         return
     known = now.known.crop(now.frame)
@@ -209,7 +209,7 @@ def _believed(ax: Axes, now: _Moment) -> None:
 
 def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
     predicted = now.prediction is not None
-    _name(ax, "How far it is trusted to be free", [_truth()], x=0.12 if predicted else 0.5)
+    _name(ax, "Confidence that cells are free", [_truth()], x=0.12 if predicted else 0.5)
     if now.prediction is None:
         return
     free, _, confidence = now.prediction
@@ -234,11 +234,11 @@ def _safe_image(now: _Moment) -> NDArray[np.float64]:
 def _safe(ax: Axes, now: _Moment) -> None:
     draw_image(ax, _safe_image(now), now.known.frame)
     handles = [
-        swatch(SEEN_SAFE, "seen free"),
-        swatch(RELIED_COLOUR, "only believed free"),
-        swatch(UNKNOWN_COLOUR, "neither"),
+        swatch(SEEN_SAFE, "observed free"),
+        swatch(RELIED_COLOUR, "predicted free"),
+        swatch(UNKNOWN_COLOUR, "other"),
     ]
-    _name(ax, "What the plan may rely upon", [*handles, _truth()])
+    _name(ax, "Cells that the plan may enter", [*handles, _truth()])
 
 
 def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
@@ -252,7 +252,7 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
         Line2D([], [], color=SPEED_COLOURS(0.5), linewidth=3, label="plan"),
         Line2D([], [], label="stopped", **STOPPED),
     ]
-    _name(ax, "The path, and the plan to a stop", [*handles, _truth()])
+    _name(ax, "Path, and plan that ends stopped", [*handles, _truth()])
     ax.set_facecolor("#EAEAEA")
 
 
@@ -277,9 +277,9 @@ def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
         box_aspect=1,
     )
     handles: list[Artist] = [
-        swatch(SEEN_SAFE, f"{'rear' if reverse else 'front'} on seen ground"),
-        swatch(RELIED_COLOUR, "on believed ground"),
+        swatch(SEEN_SAFE, f"{'rear' if reverse else 'front'} on observed cells"),
+        swatch(RELIED_COLOUR, "on predicted cells"),
     ]
-    _name(ax, "Where the plan comes to a stop", handles, y=-0.11)
+    _name(ax, "Speed along the plan", handles, y=-0.11)
     ax.set_facecolor("white")
     ax.spines[["top", "right"]].set_visible(False)

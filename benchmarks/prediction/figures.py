@@ -38,8 +38,8 @@ TITLES = {
 """Name of each sheet → title; median and worst are by SSIM."""
 SIMILAR = {
     "ssim": "SSIM, whole square",
-    "ssim_kept": "SSIM, what was seen put back",
-    "ssim_unseen": "SSIM, unseen outside the crop",
+    "ssim_kept": "SSIM, observed cells restored",
+    "ssim_unseen": "SSIM, unobserved, outside the crop",
 }
 """Measures that are drawn over the expansion → labels."""
 MEASURES = {

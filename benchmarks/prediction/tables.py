@@ -14,10 +14,10 @@ Rows = dict[str, dict[str, Any]]
 """Predictor → measures."""
 IMAGES = {
     "ssim": "SSIM of the whole square",
-    "ssim_kept": "SSIM of the whole square, what was seen put back",
-    "ssim_unseen": "SSIM on cells not seen, outside the crop",
-    "ssim_coarse": "SSIM, coarser the farther",
-    "ssim_coarse_unseen": "SSIM, coarser the farther, on cells not seen outside the crop",
+    "ssim_kept": "SSIM of the whole square, observed cells restored",
+    "ssim_unseen": "SSIM of the unobserved cells outside the crop",
+    "ssim_coarse": "SSIM, coarser with the distance from the crop",
+    "ssim_coarse_unseen": "SSIM, coarser with the distance, of the unobserved cells",
 }
 CELLS = (
     "iou_free",
@@ -33,7 +33,7 @@ CELLS = (
 
 SHORT = {
     "ssim": "SSIM",
-    "ssim_unseen": "of cells not seen",
+    "ssim_unseen": "of unobserved cells",
     "brier": "Brier",
     "ece_free": "calibration error of free",
 }
@@ -42,17 +42,17 @@ SHORT = {
 ABOVE = """\
 ## Above the baselines
 
-The best of the paper's networks at each expansion, by SSIM of the whole square, and those called
-`compact…`, which are given what lies beyond the crop too where the car has been. Their differences
-to each baseline, with 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
+Differences in SSIM to the baselines: of the best of the paper's networks at each expansion, by SSIM
+of the whole square, and of the `compact…` networks, whose input also has the cells outside the crop
+that were observed. 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
 """
 BEST = "the paper's best"
 """Name in tables for the best of the paper's networks, which depends on site and expansion."""
 SITES = """
 ## Sites above the baselines
 
-At how many of {count} sites the SSIM is above that of the others for certain: the interval of each
-difference above zero. By expansion: {expansions}.
+Number of sites, of {count}, at which the SSIM is significantly above that of the others: the
+interval of each difference lies above zero. By expansion: {expansions}.
 """
 
 
@@ -68,7 +68,7 @@ def summary(results: dict[str, Any]) -> str:
             _sites(sites, expansions),
             "\n## The networks\n",
             _trainings(results["predictors"]),
-            "\n## What the paper's networks cost, whole\n",
+            "\n## Cost of the paper's networks at full size\n",
             _published(results["published"]),
         )
     )
@@ -97,7 +97,7 @@ def tables_of(results: dict[str, Any]) -> str:
                 title = f"{IMAGES[measure]}: difference to `{other}`"
                 parts.append(f"\n### {title}\n\n{markdown(table)}")
         for expansion, rows in entry.items():
-            parts.append(f"\n### Cells not seen, {expansion}×\n\n{_cells(rows)}")
+            parts.append(f"\n### Unobserved cells, {expansion}×\n\n{_cells(rows)}")
     parts += ["\n## Transients\n", _transients(results["transients"])]
     return "\n".join(parts) + "\n"
 
@@ -160,7 +160,7 @@ def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
     """Count the sites where a predictor is above others, at each expansion."""
     entries = list(sites.values())
     names = [name for entry in entries for name in _compacts(names_of(entry))]
-    rows = [["predictor", "above", "whole square", "cells not seen"]]
+    rows = [["predictor", "above", "whole square", "unobserved cells"]]
     for name in dict.fromkeys([BEST, *names]):
         for others in (BASELINES, ("none",)):
             row = [name if name == BEST else f"`{name}`", " and ".join(f"`{o}`" for o in others)]
@@ -185,7 +185,7 @@ def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) 
 
 def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
     """Return the differences of the best network and of compact to the baselines."""
-    measures = {"ssim": "whole", "ssim_kept": "seen put back", "ssim_unseen": "unseen"}
+    measures = {"ssim": "whole", "ssim_kept": "restored", "ssim_unseen": "unobserved"}
     columns = [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
     rows = [["where", "expansion", "network", "SSIM", *columns]]
     for place, entry in places.items():
