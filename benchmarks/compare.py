@@ -29,7 +29,8 @@ def drive(
     Args:
         world: building, name of a family of generated buildings, or path of a map_server file.
         seed: seed of start and goal, and of a generated building.
-        calibration: calibration.json of `benchmarks.calibrate`; needed for a `risk` above 0.
+        calibration: calibration.json of `benchmarks.calibrate`; needed for a `risk` above 0. It
+            must be for the one family or map file that `world` names; a `World` cannot have one.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
             `risk`, `reliance`, `v_max` and `vehicle`.
 
@@ -37,6 +38,7 @@ def drive(
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
 
     Raises:
+        MapError: if `world` is a string that names neither a family nor a readable map file.
         NoTaskError: if the building has no route of 10 m or more.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used.

@@ -118,7 +118,7 @@ def _run(argv: list[str] | None) -> int:
     if learned:
         print(f"warning: the predictor was trained on the buildings of {learned} episodes")
     if interrupted:
-        print(f"\ninterrupted; what was done is in {out}, the same command goes on from there")
+        print(f"\ninterrupted; {out} keeps the finished drives, the same command continues the run")
         return 130
     if results["summary"]:
         for path in draw_all(out):
@@ -156,7 +156,8 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
             return True
         except LostError as error:
             store.lost = list(error.items)
-            bar.write(f"warning: {error}; the same command tries again", file=sys.stderr)
+            line = f"warning: {error}; give the same command again to retry"
+            bar.write(line, file=sys.stderr)
         except LineError as error:
             raise UsageError(f"{error}; what was finished is kept") from None
     return False

@@ -81,7 +81,7 @@ def _run(args: argparse.Namespace) -> int:
 
     place = Place.of(args)
     if place.disk is not None and not os.path.ismount(place.disk):
-        raise UsageError(f"--disk: {place.disk} is no file system of its own")
+        raise UsageError(f"--disk: no file system of its own is mounted at {place.disk}")
     kinds = [kind for kind in interruptions.KINDS if kind != "disk full" or place.disk is not None]
     commands = args.commands or list(interruptions.CASES)
     unknown = [name for name in commands if name not in interruptions.CASES]

@@ -45,8 +45,8 @@ def causes(run: Run) -> dict[str, Any]:
     """
     if run.settings["vehicle"] != "dubins":
         raise UsageError(
-            f"{run.directory}: drives of {run.settings['vehicle']}; the search knows "
-            "the dubins car alone"
+            f"{run.directory} holds drives of the car {run.settings['vehicle']}; the search is for "
+            "the dubins car only"
         )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}

@@ -1,4 +1,4 @@
-"""Print the tables of results files as Markdown; all published tables are made by this command.
+"""Print the tables of results files as Markdown; the published tables take their numbers from it.
 
 python -m benchmarks.tables docs/results/*.json
 """

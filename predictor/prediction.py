@@ -67,7 +67,7 @@ class Predictor(Protocol):
 
 
 LARGEST_CONTEXT = 100.0
-"""Largest side of the square that a predictor may ask for beyond its own [m]."""
+"""Largest `context_side` that a predictor may have [m]."""
 
 
 class BadPredictionError(LineError):

@@ -29,8 +29,8 @@ over what the others cover."""
 SPACING = 0.14
 """Approximate distance of the places along a tick where the circles are constrained [m]."""
 MARGINS = (0.006, 0.012, 0.025)
-"""Margins to add to the circles' radius [m]: that of the simulator, then larger ones as long as the
-body collides in the simulator."""
+"""Margins to add to the circles' radius [m], tried in this order as long as the solution collides
+in the simulator. The first is a little more than the simulator grows the body by."""
 CAP = 1.0
 """Clearance above which walls have no influence [m]."""
 INSIDE = 1e-4

@@ -129,7 +129,7 @@ def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
     short = f"fused_{Path(spec).name}" if spec.startswith(FUSED) else spec
     one = _contestant(spec, label or (Path(spec).stem if spec.endswith(SUFFIX) else short))
     if one.name in BASELINES:
-        raise PredictorError(f"{spec} cannot be called {one.name}, for a baseline is")
+        raise PredictorError(f"{spec} cannot be called {one.name}: a baseline has this name")
     if not any(map(one.does, expansions)):
         raise PredictorError(
             f"{spec} holds weights for an expansion of {one.expansion:g}: add it to --expansions"

@@ -6,7 +6,8 @@ These modules are not in `predictor`, since they use the simulator and the plann
 - `own_buildings`: reads a user's own maps and logs.
 - `replay`: drives without prediction, and repeats a drive with another LIDAR.
 - `simulated_log`: simulates the log of a robot.
-- `training_drives`: the samples of `predictor.drives` and `predictor.train`, by these three.
+- `training_drives`: the samples of `predictor.drives` and `predictor.train`, made with these three
+  modules.
 - `exploration`: the samples of `predictor.train_frontiers`, and where frontiers truly lead.
 - `paper_drives`: the drives of the paper's simulated data set.
 - `data_sets`: the frames of `predictor.dataset`, of these drives or of real logs.

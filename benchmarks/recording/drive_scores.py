@@ -199,7 +199,7 @@ def table(results: dict[str, Any]) -> str:
     for group, entry in results["groups"].items():
         skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
         if entry["learned"]:
-            skipped += f"; MIND: {entry['learned']} in buildings that a predictor has learned from"
+            skipped += f"; warning: {entry['learned']} in buildings that a predictor was trained on"
         head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
         rows = [["", *(column.replace("_", " ") for column in columns)]]
         for name, row in entry["predictors"].items():

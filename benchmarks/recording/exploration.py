@@ -54,9 +54,9 @@ REPLAN, RECORD = 2, 8
 LONGEST = 8.0
 """Distance after which an exploration ends, as a multiple of the task's way."""
 POLICIES = 3
-"""Number of ways in which explorations choose their route: as if unobserved space were free, by the
-true map, and by the true map with noise. Together they visit the places that a better or worse
-predictor of frontiers leads to."""
+"""Number of ways in which explorations choose their route: without a prediction, by the true map,
+and by the true map with noise. Together they visit the places that a better or worse predictor of
+frontiers leads to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Truth:
     def ways(
         self, found: FrontierMap, goal: tuple[int, int]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return leads and way of each frontier to a goal, see `COLUMNS`, (n,) each.
+        """Return the columns `leads` and `way` (see `COLUMNS`) of each frontier, (n,) each.
 
         Args:
             found: frontiers of the observed map.
@@ -97,7 +97,7 @@ class Truth:
         return leads, way
 
     def depths(self, found: FrontierMap) -> NDArray[np.float64]:
-        """Return `beyond` of each frontier, see `COLUMNS`, (n,)."""
+        """Return the column `beyond` (see `COLUMNS`) of each frontier, (n,)."""
         beyond = self._beyond(found)
         depths = np.zeros(len(found.frontiers))
         for number, cells in enumerate(_cells(found, beyond)):

@@ -145,7 +145,7 @@ def _hash(path: Path) -> str:
     log = read_log(path)
     frame_around(log.poses, REACH)
     if not any(np.isfinite(scan.ranges).any() for scan in log.scans):
-        raise LogError("no scan saw anything")
+        raise LogError("no scan has a finite range")
     return log_hash(log)
 
 

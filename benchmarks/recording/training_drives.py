@@ -287,7 +287,8 @@ def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> 
             "--share below 1"
         )
     if not own.validation:
-        print("--world is one building: scores are of generated buildings", file=sys.stderr)
+        line = "--world has one building, which is trained on: scores are of generated buildings"
+        print(f"warning: {line}", file=sys.stderr)
     both = [one.paths[0] for one in own.validation if learned & set(one.hashes)]
     if both:
         raise UsageError(

@@ -90,13 +90,13 @@ def series_of(
     """Return the series of the study, those first whose answers matter most.
 
     Args:
-        calibration: gives the level for each risk, and the mixture that it was made for.
+        calibration: calibration that gives the level λ of each risk; its buildings are the mixture.
         others: further calibrations, such as one for each family of the mixture. They are only
             tested in their own buildings.
-        predictor: that they were made for.
+        predictor: name of the predictor that the calibrations were made for.
         rivals: other predictors to compare with, such as weights of `unet_ff`.
         maps: map files or folders of real buildings; there may be none.
-        quick: a few drives of each.
+        quick: whether each series has 4 drives only, as a trial.
 
     Raises:
         CalibrationError: if the calibration is for another predictor, planner or car, or was made
@@ -193,7 +193,7 @@ def _in_its_buildings(calibration: Calibration, predictor: str) -> Iterator[Seri
 
 
 def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
-    """What may be worse: no adaptation, and a sham, with and without it."""
+    """Controls that may collide more: no adaptation; a sham predictor, with and without it."""
     if not calibration.levels:
         return
     risk, level = _cautious(calibration)

@@ -42,4 +42,4 @@ class CalibrateSettings(Options):
         super().__post_init__()
         for name in ("risks", "levels"):
             if len(set(getattr(self, name))) < len(getattr(self, name)):
-                raise UsageError(f"--{name} wants each number once")
+                raise UsageError(f"--{name} names a number more than once")

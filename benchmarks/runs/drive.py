@@ -83,7 +83,10 @@ def score(
 
 
 def weights_of(settings: Settings) -> str | None:
-    """Return the fingerprints of the weights that a run's arms use; None if there are none.
+    """Return the fingerprints of the weights of a run's predictors; None if there are none.
+
+    The weights of the chosen predictor always count, those of the frontiers only if an arm uses
+    them.
 
     Raises:
         PredictorError: if a predictor cannot be loaded.

@@ -127,7 +127,7 @@ class DriveFile:
                     if enough():
                         break
             except LostError as error:
-                raise UsageError(f"{error}; the same command tries again") from None
+                raise UsageError(f"{error}; give the same command again to retry") from None
         return skipped
 
     def first(self, count: int) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ class DriveResult:
         seed: seed of the task.
         start: x [m], y [m], yaw [rad] of the start.
         goal: x, y of the goal [m].
-        learned: whether the predictor was trained or validated in this building.
+        learned: whether a predictor of the arm was trained or validated in this building.
         shortest: length of the task's prescribed route [m].
         outcome: outcome, one of `sim.episode.Outcome`.
         time: duration [s].

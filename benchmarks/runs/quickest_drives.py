@@ -59,7 +59,7 @@ def quickest(task: Task, car: CarLimits, goal_radius: float) -> tuple[Drive | No
 
 
 def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
-    """Return the entry of an episode in the results file, or one line why it has no task."""
+    """Return an episode's entry in the results file, or one line that says why it has no task."""
     started = time.perf_counter()
     car = CarLimits(v_max=settings.v_max, braking=settings.braking)
     radius = EpisodeConfig().goal_radius

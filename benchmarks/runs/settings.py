@@ -19,7 +19,8 @@ class Arm:
         reliance: reliance ε; None: the value of --reliance.
         steer: whether the prediction influences the route.
         whole_map: whether the whole map is known from the start.
-        frontiers: whether learned values of the frontiers choose a free route.
+        frontiers: whether a prediction of where each frontier leads influences the route, which
+            must be free (--route free).
     """
 
     predictor: str
@@ -66,7 +67,7 @@ ARMS = {
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
     # Also predicted cells, at the given reliance and level; the prediction influences the route.
     "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False),
-    # As known; and learned values of the frontiers choose a free route.
+    # As known; and a prediction of where each frontier leads influences the free route.
     "known+frontiers": Arm(
         predictor="none", reliance=0.0, steer=False, whole_map=False, frontiers=True
     ),

@@ -135,7 +135,8 @@ class Store(ResumableFolder):
         arms = [arm for arm in self.settings.arms if not ARMS[arm].has_predictor]
         if not arms:
             raise UsageError(
-                "--baselines: all arms ask the chosen predictor, whose drives are never taken over"
+                "--baselines: only drives without the chosen predictor and predicted frontiers are "
+                "copied, and no arm makes such drives"
             )
         alike = [arm for arm in arms if ARMS[arm].drives_alike(other)]
         if not alike:

@@ -11,6 +11,7 @@ In the order of the data:
 - `frame_set`: records the frames of a drive or a log, and writes them into a data set.
 - `frames`: reads the frames of a data set.
 - `samples`: writes and reads the samples of drives.
+- `frontier_samples`: writes and reads the samples of frontiers.
 - `squares`: codes of the observed and the true map, in frames and samples alike.
 """
 

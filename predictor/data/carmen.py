@@ -77,7 +77,7 @@ class Sidecar:
         if not (no_return > 0 and sense):
             raise LogError(f"{beside}: its angles or ranges make no sense")
         if len(angles) == 1:
-            raise LogError(f"{beside} says one of {' and '.join(ANGLES)}: say both")
+            raise LogError(f"{beside} gives only one of {' and '.join(ANGLES)}: give both")
         first, step = (math.radians(angles.get(key, 0.0)) for key in ANGLES)
         clock = bool(facts.get("timestamps_usable", True))
         return cls((first, step) if angles else None, no_return, clock)
@@ -195,7 +195,7 @@ def _beams(path: Path, number: int, count: int) -> tuple[float, float]:
     """Return a SICK's first direction, and the angle from one beam to the next [rad]."""
     if count not in COMMON:
         raise LogError(
-            f"{path}, line {number}: where do {count} beams look? Say so by "
+            f"{path}, line {number}: the directions of {count} beams are not known: give "
             f"{' and '.join(ANGLES)} in {name_of(path)}.json beside it"
         )
     return math.radians(-90.0), math.radians(1.0 if count < HALF_DEGREE else 0.5)

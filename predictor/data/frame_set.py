@@ -28,7 +28,7 @@ from predictor.mapping.conventions import CROP_CELLS, RESOLUTION
 from predictor.mapping.grid import GridFrame, OccupancyGrid
 
 WINDOW = 5.0
-"""Side of the square that the confined LIDAR writes into [m]."""
+"""Side of the window around the car, inside which scans change the map `near` [m]."""
 
 
 class FrameSet:

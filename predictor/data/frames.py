@@ -132,12 +132,12 @@ class Frames:
 
     @cached_property
     def estimated(self) -> NDArray[np.uint8]:
-        """Codes of the 5 m square as seen by the whole LIDAR, (n, 100, 100)."""
+        """Codes of the 5 m square, as observed by the whole LIDAR so far, (n, 100, 100)."""
         return self._images("estimated")
 
     @cached_property
     def remembered(self) -> NDArray[np.uint8]:
-        """Codes of the 10 m square as seen by a LIDAR confined to its window, (n, 200, 200)."""
+        """Codes of the 10 m square, (n, 200, 200), as observed within the 5 m window so far."""
         return self._images("remembered")
 
     def truth(self, index: Any, expansion: float) -> NDArray[np.uint8]:
@@ -276,7 +276,7 @@ def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray[Any]]:
             raise _damaged(path, f"{name} is {heads[name]}, not {wanted}")
     cells, origin, corners = part["map"], part["origin"], part["corners"]
     if cells.ndim != 2 or cells.dtype != np.uint8 or cells.max(initial=0) > NOTHING:
-        raise _damaged(path, "its map is none")
+        raise _damaged(path, "its map is not a 2-D array of codes 0, 1, 2")
     if origin.shape != (2,) or not np.isfinite(part["states"][:, :3]).all():
         raise _damaged(path, "poses or origin are missing or not finite")
     if (corners < -SIDE).any() or (corners > np.array(cells.shape)).any():

@@ -74,7 +74,7 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
             raise LogError(f"{path}: no such file")
     logs = {site_of(path): _fingerprint(path) for path in paths}
     if len(logs) < len(paths):
-        raise LogError("--log wants each site once, and a name of its own for each")
+        raise LogError("--log: name each site once, and give each log a file name of its own")
     return logs
 
 

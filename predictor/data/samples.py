@@ -223,7 +223,7 @@ def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, 
     with np.load(path, allow_pickle=False) as file:
         facts, block, ends = loads(bytes(file["about"])), file["codes"], file["ends"]
     if not isinstance(facts, dict):
-        raise ValueError("it does not say what it is of")
+        raise ValueError("its facts (about) are no JSON object")
     if facts.get("format") != FORMAT or facts.get("side") != SIDE:
         raise SamplesError(
             f"{path} is of format {facts.get('format')}, not {FORMAT}: make new samples in another "
@@ -234,7 +234,7 @@ def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, 
     if ends.dtype.kind not in "iu" or ends.ndim != 1:
         raise ValueError(f"ends are {ends.dtype} {ends.shape}, they must be whole numbers")
     if len(ends) and (ends[-1] > len(block) or ends[0] <= 0 or (np.diff(ends) <= 0).any()):
-        raise ValueError("its samples end where they cannot")
+        raise ValueError("ends do not increase, or lie beyond the codes")
     if "world" not in facts or "original" not in facts:
         raise ValueError("it does not name its building")
     return block, ends.astype(np.int64), facts

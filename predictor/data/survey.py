@@ -77,7 +77,7 @@ def record(log: LaserLog) -> Recording:
     scans = [clipped(scan, REACH) for scan in log.scans]
     truth = surveyed(frame, scans, log.poses)
     if not (truth == 0).any():
-        raise LogError("no scan saw anything free: its ranges say nothing")
+        raise LogError("no cell of its map is free")
     recording = Recording(frame, truth)
     first = frame.square(float(log.poses[0, 0]), float(log.poses[0, 1]), 2 * REACH)
     whole, near = OccupancyGrid(first, 2 * REACH), OccupancyGrid(first, WINDOW)

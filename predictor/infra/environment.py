@@ -54,4 +54,9 @@ def several_states(commits: Iterable[str | None], of: str) -> str:
         of: word for the results in the warning, such as "drives".
     """
     count = len(set(commits))
-    return f"mind: these {of} come from {count} states of the code; see --out" if count > 1 else ""
+    if count < 2:
+        return ""
+    return (
+        f"warning: these {of} were made with {count} versions of the code; to make all with one, "
+        "choose another --out"
+    )

@@ -41,7 +41,7 @@ class LostError(WorkersError):
 
     def __init__(self, items: Sequence[Any]) -> None:
         named = ", ".join(map(str, items[:5])) + (" …" if len(items) > 5 else "")
-        super().__init__(f"left undone, for processes died again and again: {named}")
+        super().__init__(f"not done, because their processes died again and again: {named}")
         self.items = items
 
 

@@ -41,7 +41,9 @@ class FrontierConfig:
         """Make a configuration from the fields in a file's header.
 
         Raises:
-            ValueError: if one is missing, or no positive number.
+            ValueError: if a width is no positive integer up to 1024, or there is none.
+            KeyError: if a field is missing.
+            TypeError: if `widths` is no list.
         """
         widths, hidden = tuple(fields["widths"]), fields["hidden"]
         numbers = (*widths, hidden)

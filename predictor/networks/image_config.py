@@ -74,7 +74,7 @@ class ImageConfig:
 
         Raises:
             ValueError: if no network can have this configuration.
-            TypeError: if a field is missing, unknown or of the wrong type.
+            TypeError: if a field is unknown or of the wrong type; a missing one has its default.
         """
         return cls(**fields)
 

@@ -13,6 +13,11 @@ For the compact network:
 - `compact_training`: its training.
 - `compact_comparison`: its scores before and after a fine-tuning.
 
+For the network of frontiers:
+
+- `frontier_config`: settings of its training.
+- `frontier_training`: its training, losses and scores.
+
 For the paper's networks:
 
 - `image_arguments`: settings of their training on the command line.
