@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.runs.certified import at_risk
-from benchmarks.runs.drive import car_of
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Archive, Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from benchmarks.runs.tasks import task_in, task_in_world
+from predictor.infra.command_line import UsageError
 from predictor.mapping.conventions import TICK
 from sim.world import World
 
@@ -45,9 +45,14 @@ def drive(
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     name = world if isinstance(world, str) else world.name
-    chosen = at_risk(Settings(world=(name,), seed=seed, episodes=1, **settings), calibration)
-    car = car_of(chosen)
-    task = task_in(world, seed, car) if isinstance(world, str) else task_in_world(world, seed, car)
+    chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    if isinstance(world, str):
+        chosen = at_risk(chosen, calibration)
+    elif chosen.risk > 0:
+        raise UsageError(
+            "risk: a calibration is for a family or a map file: give its name as world"
+        )
+    task = task_in(world, seed) if isinstance(world, str) else task_in_world(world, seed)
     results, arrays = [], dict[str, NDArray[Any]]()
     for arm in chosen.arms:
         result, found = drive_episode(chosen, 0, arm, task)

@@ -95,7 +95,7 @@ def _run(args: argparse.Namespace) -> int:
     shares = np.random.default_rng(args.seed).uniform(0.0, LATEST, args.trials).tolist()
     items = [(i, *turns[i % len(turns)], shares[i]) for i in range(args.trials)]
     work = partial(interruptions.interrupted, folder, place.disk and place.disk.absolute(), seconds)
-    store.fill(work, items, place.jobs, lambda trial: f"{trial['command']}, {trial['kind']}")
+    store.fill(work, items, place.jobs, lambda t: f"{t['command']}, {t['kind']}", unit="trial")
     trials = store.first(args.trials)
     print(interruptions.table({"drives": trials}), "", args.out, sep="\n")
     bad = [trial for trial in trials if not interruptions.good(trial)]

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from predictor.infra.command_line import OneLineParser, between, run_command
+from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
 
 DESCRIPTION = """\
 Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
@@ -74,6 +74,9 @@ def _run(options: argparse.Namespace) -> None:
     from benchmarks.figures.run_figures import draw_run, save_figures
     from benchmarks.figures.speed_profile import speed_profile
 
+    labels = [run.label for run in runs]
+    if options.out is not None and len(set(labels)) < len(labels):
+        raise UsageError("--out: the figures of runs of the same name would overwrite each other")
     kind = kind_for(options.format) if options.animate else ""
     paths: list[Path] = []
     for run in runs:

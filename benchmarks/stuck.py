@@ -68,7 +68,6 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     index, arm = episode.index, episode.arm
     world = World(episode.world, run.truth(index))
     states = run.trace(index, arm).states
-    car = CarLimits(v_max=run.setting("v_max", 4.0), braking=run.setting("braking", 1.5))
     goal = np.array(episode.goal)
     # The search starts at the last state in which the car still moved.
     moved = np.flatnonzero(states[:, 3] > 0)
@@ -76,7 +75,7 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     before, speed = None, None
     for tick in (*range(end, 0, -STRIDE), 0):
         x, y, yaw, v = map(float, states[tick])
-        poses = reachable(world, (x, y, yaw), car, LONGEST)
+        poses = reachable(world, (x, y, yaw), CarLimits(), LONGEST)
         if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
             before, speed = (end - tick) * run.setting("dt", TICK), v
             break

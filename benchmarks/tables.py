@@ -71,6 +71,8 @@ def _run(args: argparse.Namespace) -> None:
     runs = {name: of for name, of in relied.items() if "known" in of["summary"]}
     scored = {name: of for name, of in files if of["kind"] == "evaluation"}
     if args.overview:
+        if not runs:
+            raise UsageError("--overview: no file has drives of known and predicted")
         print(overview(runs))
         return
     parts = [f"## {name}\n\n{of['tables']}\n" for name, of in files]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.runs.analysis import analyse
 from predictor.infra.command_line import UsageError
-from predictor.infra.markdown import records
+from predictor.infra.markdown import DASH, records
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -98,7 +98,7 @@ def table(results: dict[str, Any]) -> str:
     for run in results["runs"]:
         for i, threshold in enumerate(run["thresholds"]):
             rates = {
-                arm: f"{100 * of['changes'][i] / of['metres']:.2f}"
+                arm: f"{100 * of['changes'][i] / of['metres']:.2f}" if of["metres"] else DASH
                 for arm, of in run["arms"].items()
             }
             head = {"run": run["label"], "curvature threshold [1/m]": f"{threshold:g}"}

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 from benchmarks.recording.settings import SimulatedConfig
 from predictor.data import LOG_FORMATS, PHYSICAL, SIMULATED
-from predictor.infra.command_line import OneLineParser, run_command
+from predictor.infra.command_line import OneLineParser, UsageError, run_command
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -61,7 +62,25 @@ def _parsed(argv: list[str] | None) -> argparse.Namespace:
         metavar="FRAME",
         help="map frame in /tf (default: %(default)s)",
     )
-    return parser.parse_args(argv)
+    args = parser.parse_args(argv)
+    _check(args, parser)
+    return args
+
+
+def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    """Refuse options that do not belong to the kind of data set that is made.
+
+    Raises:
+        UsageError: if there is one.
+    """
+    simulated = [field.name for field in fields(SimulatedConfig)]
+    others = simulated if args.log else ["scans", "poses", "map_frame"]
+    for name in others:
+        if getattr(args, name) != parser.get_default(name):
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(
+                f"{option} is an option {'without' if args.log else 'with'} --log only"
+            )
 
 
 def _run(args: argparse.Namespace) -> None:

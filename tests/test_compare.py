@@ -28,3 +28,8 @@ def test_a_family_by_name_is_the_building_itself():
 def test_a_setting_that_cannot_be_used_is_refused():
     with pytest.raises(UsageError, match="arm"):
         drive("corridor", arms=("nobody",))
+
+
+def test_a_risk_above_0_is_refused_for_a_building_without_a_name():
+    with pytest.raises(UsageError, match="a calibration is for a family or a map file"):
+        drive(generate("corridor", 3), arms=("predicted",), predictor="none", risk=0.05)

@@ -201,6 +201,8 @@ def test_a_building_in_two_splits_is_refused():
         ["--clutter", "1e300"],
         ["--people", "1e300"],
         ["--noise", "nan"],
+        ["--scans", "/scan"],
+        ["--clutter", "0.1", "--log", "intel.log"],
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(wrong, tmp_path, capsys):

@@ -216,6 +216,20 @@ def test_two_runs_share_one_speed_profile(tmp_path, capsys):
     assert len(printed) == 7
 
 
+def test_runs_of_the_same_name_are_not_written_over_each_other(tmp_path, capsys):
+    runs = [str(write_run(tmp_path / name / "run")) for name in "ab"]
+    assert plot.main([*runs, "--out", str(tmp_path / "out")]) == 2
+    assert "overwrite each other" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_figures_of_one_arm_show_one_that_uses_a_prediction(tmp_path):
+    arms = ("known", "known+route", "optimistic")
+    assert Run.load(write_run(tmp_path / "a", arms=arms)).pick_arm(0) == "known+route"
+    assert Run.load(write_run(tmp_path / "b", arms=("known", "oracle"))).pick_arm(0) == "oracle"
+    assert Run.load(write_run(tmp_path / "c", arms=("known",))).pick_arm(0) == "known"
+
+
 @pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 4)])
 def test_a_gif_has_a_frame_for_every_stride_of_ticks_and_one_for_the_last(tmp_path, stride, frames):
     run = write_run(tmp_path / "run", episodes=1)

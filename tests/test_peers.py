@@ -13,7 +13,6 @@ from benchmarks.timing.tables import peers_table
 from planner.mpc import condense
 from planner.mpc.mpc import MPC
 from planner.navigator import AFRESH
-from predictor.mapping.car_limits import CarLimits
 
 PROBLEMS = {"cost only": peers_mpc.COST_ONLY, "kept inside": peers_mpc.CONSTRAINED}
 
@@ -193,8 +192,8 @@ def test_calls_are_timed_in_turn(monkeypatch):
 def test_peers_of_the_lidar_see_what_ours_sees():
     for name in ("octomap", "raycast2D", "irsim"):
         pytest.importorskip(name)
-    world = task_in("corridor", 0, CarLimits()).world
-    poses = along(task_in("corridor", 0, CarLimits()), 3)
+    world = task_in("corridor", 0).world
+    poses = along(task_in("corridor", 0), 3)
     calls = peers.rays(world, poses)
     for i, pose in enumerate(poses):
         scan = calls[peers.OURS](i)
@@ -213,6 +212,6 @@ def test_peers_of_the_lidar_see_what_ours_sees():
 def test_peers_of_the_map_find_the_walls_that_ours_finds():
     pytest.importorskip("octomap")
     pytest.importorskip("pyoctomap")
-    task = task_in("corridor", 0, CarLimits())
+    task = task_in("corridor", 0)
     for name, call in peers.mapping(task, along(task, 2)).items():
         assert call(0) is not False, name

@@ -8,7 +8,6 @@ import pytest
 from benchmarks.runs.tasks import task_in
 from benchmarks.timing import rates
 from benchmarks.timing import sized_maps as places
-from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from sim import Lidar, LidarConfig
 
@@ -54,7 +53,7 @@ def shifted(by, instead):
 
 
 def test_maps_have_the_size_that_their_names_say_and_poses_lie_in_free_space():
-    world = places.corridors(task_in("corridor", 0, CarLimits()), 1000)
+    world = places.corridors(task_in("corridor", 0), 1000)
     assert world.grid.cells.shape == (1000, 1000)
     for pose in places.anywhere(world, 50):
         assert world.grid.free[world.grid.frame.cell(*pose[:2])]

@@ -65,14 +65,14 @@ def test_the_way_takes_the_shorter_side():
 
 def test_the_way_is_no_shorter_than_the_straight_line_and_no_longer_than_the_tasks():
     for seed in (0, 2):
-        task = task_in("corridor", seed, CAR)
+        task = task_in("corridor", seed)
         length = way_length(shortest_way(task.world, task.start[:2], task.goal, RADIUS))
         straight = math.dist(task.start[:2], task.goal)
         assert straight - 1e-9 <= length <= task.path_length + 1e-6
 
 
 def test_the_way_is_the_same_length_backwards():
-    task = task_in("trap", 2, CAR)
+    task = task_in("trap", 2)
     there = shortest_way(task.world, task.start[:2], task.goal, RADIUS)
     back = shortest_way(task.world, task.goal, task.start[:2], RADIUS)
     assert way_length(there) == pytest.approx(way_length(back), abs=2e-3)

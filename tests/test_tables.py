@@ -47,6 +47,8 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
     assert not "".join(sct.split("|")[2:]).strip()
     assert tables.main([str(path) for path in files]) == 0
     assert "## Overview" in capsys.readouterr().out
+    assert tables.main(["--overview", str(folder / "weave.json")]) == 2
+    assert "no file has drives" in capsys.readouterr().err
 
 
 def test_the_tables_of_runs_have_the_reliance_beside_what_became_of_it(capsys):

@@ -48,6 +48,12 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
     assert weave.table(results) in capsys.readouterr().out
 
 
+def test_an_arm_without_a_straight_has_a_dash():
+    arms = {"known": {"metres": 0.0, "changes": [0]}}
+    text = weave.table({"runs": [{"label": "run", "thresholds": [0.01], "arms": arms}]})
+    assert text.splitlines()[-1].count("–") == 1
+
+
 @pytest.mark.parametrize(
     ("curvature", "count"),
     [

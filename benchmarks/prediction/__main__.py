@@ -77,7 +77,7 @@ def _run(args: argparse.Namespace) -> None:
     from benchmarks.prediction.cost import costs_of, published_costs
     from benchmarks.prediction.evaluation import Evaluation
     from benchmarks.prediction.figures import draw, write_hallway
-    from benchmarks.prediction.pictures import leader, pictures
+    from benchmarks.prediction.pictures import leader_of, pictures
     from benchmarks.prediction.report import report
     from benchmarks.prediction.tables import summary, tables_of
     from predictor.data.frames import MANIFEST
@@ -98,9 +98,8 @@ def _run(args: argparse.Namespace) -> None:
     results = report(evaluation, costs, published)
     write_whole(args.out / "tables.md", tables_of(results).encode())
     sheets = pictures(evaluation)
-    leading = leader(one.name for one in who)
     paths = [args.out / "results.json", args.out / "tables.md"]
-    paths += draw(args.out, results, sheets, evaluation.sets, leading)
+    paths += draw(args.out, results, sheets, evaluation.sets, leader_of(evaluation))
     paths.append(write_hallway(sheets["hallway"], args.out))
     mixed = several_states(results["commits"], "scores")
     print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")

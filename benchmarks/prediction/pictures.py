@@ -128,9 +128,15 @@ def shown(names: Iterable[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if name not in NOTHING][:COLUMNS]
 
 
-def leader(names: Iterable[str]) -> str:
-    """Return the contestant whose worst squares are shown: the first of `LEADERS`, or the last."""
-    names = list(names)
+def leader_of(evaluation: Evaluation) -> str:
+    """Return the name of the contestant whose typical and worst squares are shown.
+
+    Returns:
+        The first of `LEADERS`, or the last contestant, among those that predict every expansion.
+    """
+    # A network of the paper is one contestant for each expansion, all of the same name.
+    able = [{one.name for one in evaluation.who(x)} for x in evaluation.expansions]
+    names = [one.name for one in evaluation.contestants if all(one.name in has for has in able)]
     return next((name for name in LEADERS if name in names), names[-1])
 
 
@@ -192,10 +198,11 @@ def _scored(
     evaluation: Evaluation, drives: list[Drive], expansion: float
 ) -> list[tuple[Drive, int]]:
     """Return drive and frame of all squares, in ascending order of the leader's SSIM."""
-    who = {one.name: one for one in evaluation.who(expansion)}
+    name = leader_of(evaluation)
+    leader = next(one for one in evaluation.who(expansion) if one.name == name)
     found: list[tuple[float, Drive, int]] = []
     for drive in drives:
-        parts = evaluation.kept(drive, expansion, who[leader(who)])
+        parts = evaluation.kept(drive, expansion, leader)
         alike = np.concatenate([kept["ssim"] for _, kept in parts])
         found += zip(alike, [drive] * len(alike), drive.chosen.tolist(), strict=True)
     return [(drive, index) for _, drive, index in sorted(found, key=itemgetter(0))]

@@ -50,8 +50,8 @@ class DriveScores:
         self.config, self.out = config, out
         check_maps(config.world)
         places = sources(config.world)
-        if len(set(places)) < len(places) or len(set(config.predictors)) < len(config.predictors):
-            raise UsageError("--world and --predictors want each name once")
+        if len(set(config.predictors)) < len(config.predictors):
+            raise UsageError("--predictors: a name is given more than once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # The weights are compared, too, since a file of the same name may have changed.
         fingerprints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}

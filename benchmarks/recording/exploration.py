@@ -7,6 +7,7 @@ a drive. The true map of the building tells where each frontier leads.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -245,7 +246,7 @@ def record(config: FrontiersConfig, item: tuple[str, int]) -> tuple[int, str]:
     world = generate(family, seed)
     samples, why = [], ""
     try:
-        task = task_in_world(world, seed, CarLimits())
+        task = task_in_world(world, seed)
         # Independent of the family, whose position in the list the number decides.
         policy = number // len(config.families) % POLICIES
         samples = explore(task, policy, np.random.default_rng([seed, 3]))
@@ -280,11 +281,12 @@ def make(config: FrontiersConfig, jobs: int) -> None:
             ResumableFolder(config.data / split)
         items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
         todo = [item for item in items if not path_of(config, item).exists()]
-        count = 0
+        count, unexplored = 0, set[str]()
         with tqdm(total=len(items), initial=len(items) - len(todo), unit="building") as bar:
             for _, (samples, why) in finished(partial(record, config), todo, jobs):
                 count += samples
-                if why:
-                    bar.write(why)
+                if why and why not in unexplored:
+                    unexplored.add(why)
+                    bar.write(why, file=sys.stderr)
                 bar.set_postfix_str(f"{count} samples")
                 bar.update()

@@ -18,7 +18,6 @@ from predictor.data.log_files import is_folder, is_log, read_log
 from predictor.data.survey import REACH, frame_around
 from predictor.infra.command_line import UsageError
 from predictor.infra.errors import one_line
-from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import RESOLUTION
 from predictor.mapping.grid import world_hash
 from predictor.mapping.resampling import resampled
@@ -140,7 +139,7 @@ def _hash(path: Path) -> str:
     """
     if not is_log(path):
         world = world_of(path)
-        task_in_world(world, 0, CarLimits())
+        task_in_world(world, 0)
         return world_hash(world.grid.cells)
     log = read_log(path)
     frame_around(log.poses, REACH)

@@ -14,7 +14,6 @@ from benchmarks.recording.settings import EvaluateConfig
 from benchmarks.runs.tasks import task_in
 from planner.navigator import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
-from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import world_hash
 from predictor.networks.room import REACH
 from predictor.prediction import asked, context_side
@@ -52,7 +51,7 @@ def score_drive(
     place, seed = item
     square_of_a_car = np.ones((2 * REACH + 1, 2 * REACH + 1), dtype=bool)
     try:
-        task = task_in(place, seed, CarLimits())
+        task = task_in(place, seed)
     except NoTaskError as error:
         return str(error)
     world, rng = task.world, np.random.default_rng(seed)

@@ -30,7 +30,6 @@ from predictor.infra.command_line import UsageError
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
-from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.context import SIDE as CONTEXT
 from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
 from sim import LidarConfig
@@ -137,7 +136,7 @@ def _driven(
     Raises:
         NoTaskError: if the building has no route for the car.
     """
-    task = task_in_world(world, seed, CarLimits())
+    task = task_in_world(world, seed)
     # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
     window, reliance = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
     states = drive_without_prediction(task, window, reliance, rng, config.longest)

@@ -16,6 +16,7 @@ from planner.motion.dynamics import pose_along
 from planner.navigator import NavigatorConfig
 from predictor.infra.command_line import UsageError
 from predictor.mapping.body import Body, covered
+from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import UNKNOWN, Grid
 from predictor.prediction import Predictor, asked, context_side
 from predictor.registry import load_predictor
@@ -54,7 +55,8 @@ def distances_of(run: Run) -> dict[str, Any]:
         raise UsageError(f"{run.directory}: it must have the arm known, and no noise")
     predictor = load_predictor(str(run.settings["predictor"]))
     window, expansion = run.setting("window", 5.0), run.setting("expansion", 2.0)
-    side = NavigatorConfig(window=window, expansion=expansion).predicted_side
+    car = CarLimits(v_max=run.setting("v_max", 4.0), braking=run.setting("braking", 1.5))
+    side = NavigatorConfig(car=car, window=window, expansion=expansion).predicted_side
     arcs: list[NDArray[np.float64]] = []
     worlds: list[str] = []
     for index in tqdm(indices, desc=run.label, unit="drive"):

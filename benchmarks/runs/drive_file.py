@@ -94,6 +94,7 @@ class DriveFile:
         jobs: int,
         about: Callable[[dict[str, Any]], str],
         enough: Callable[[], bool] = lambda: False,
+        unit: str = "drive",
     ) -> dict[Item, str]:
         """Make the drives that are missing in the file, with a progress bar.
 
@@ -104,6 +105,7 @@ class DriveFile:
             jobs: number of worker processes.
             about: function from a drive to the text beside the progress bar.
             enough: function that is called after each drive; True: no more drives are needed.
+            unit: what the progress bar counts.
 
         Returns:
             The items without a drive, each with the reason.
@@ -115,7 +117,7 @@ class DriveFile:
         skipped = dict[Item, str]()
         if enough():
             return skipped
-        with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
+        with tqdm(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
             try:
                 for item, found in finished(work, todo, jobs):
                     if isinstance(found, str):

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from predictor.infra.command_line import UsageError
-from predictor.infra.markdown import records
+from predictor.infra.markdown import DASH, records
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identity of a task: building, seed, start (x, y, yaw) and goal (x, y), rounded."""
@@ -73,15 +73,12 @@ def table(found: dict[str, Any]) -> str:
     """Return a Markdown table of the means over drives whose T_opt and T_bound are known."""
     drives = found["drives"]
     known = [d for d in drives if d["t_opt"] is not None and d["t_bound"] is not None]
-    best, bound, length = (
-        sum(d[name] for d in known) / max(1, len(known))
-        for name in ("t_opt", "t_bound", "shortest")
+    row: dict[str, Any] = {"tasks": len(drives), "drives found": len(known)}
+    columns = (
+        ("t_opt", "T_opt [s]", ".2f"),
+        ("t_bound", "T_bound [s]", ".2f"),
+        ("shortest", "shortest path [m]", ".1f"),
     )
-    row = {
-        "tasks": len(drives),
-        "drives found": len(known),
-        "T_opt [s]": f"{best:.2f}",
-        "T_bound [s]": f"{bound:.2f}",
-        "shortest way [m]": f"{length:.1f}",
-    }
+    for name, head, form in columns:
+        row[head] = f"{sum(d[name] for d in known) / len(known):{form}}" if known else DASH
     return records([row])

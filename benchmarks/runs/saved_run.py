@@ -23,6 +23,8 @@ RESULTS, TRACES = "results.json", "traces.npz"
 """Names of the files of a run."""
 LARGEST = 2**30
 """Largest size of an array [bytes]; a larger one is not read."""
+SHOWN_FIRST = ("predicted", "oracle")
+"""Arms that figures of one arm show, if a run has them."""
 
 
 class RunError(LineError):
@@ -299,8 +301,8 @@ class Run:
         """
         arms = self.arms if index is None else self.arms_of(index)
         if arm is None:
-            wanted = ["predicted", "oracle", "known+route", "optimistic", arms[0]]
-            return next(name for name in wanted if name in arms)
+            predicted = [name for name in arms if ARMS[name].predictor != "none"]
+            return next((name for name in SHOWN_FIRST if name in arms), (predicted or arms)[0])
         if arm not in arms:
             raise RunError(f"{self.directory} has no arm {arm!r} here: it has {', '.join(arms)}")
         return arm

@@ -69,34 +69,33 @@ def task_of(settings: Settings, index: int) -> Task:
     """
     places = sources(settings.world)
     place, seed = places[index % len(places)], settings.seed + index // len(places)
-    return task_in(place, seed, CarLimits(v_max=settings.v_max))
+    return task_in(place, seed)
 
 
-def task_in(place: str, seed: int, car: CarLimits) -> Task:
+def task_in(place: str, seed: int) -> Task:
     """Return a task in one of `sources`.
 
     Args:
         place: family of generated buildings, or path of a map file.
         seed: seed of start and goal, and of a generated building.
-        car: limits of the car that plans the route.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
     world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
-    return task_in_world(world, seed, car)
+    return task_in_world(world, seed)
 
 
-def task_in_world(world: World, seed: int, car: CarLimits) -> Task:
+def task_in_world(world: World, seed: int) -> Task:
     """Return a task in a building, of at least 20 m, or of at least 10 m if there is none.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
     try:
-        return sample_task(world, seed, car)
+        return sample_task(world, seed)
     except NoTaskError:
-        return sample_task(world, seed, car, min_length=10.0)
+        return sample_task(world, seed, min_length=10.0)
 
 
 @lru_cache(maxsize=2)

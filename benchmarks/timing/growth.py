@@ -14,7 +14,6 @@ from benchmarks.timing import sized_maps as places
 from benchmarks.timing.stage_times import closed_loop, spread, timed
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.car_limits import CarLimits
 from predictor.registry import load_predictor
 from sim import Lidar, LidarConfig
 from sim.task import Task
@@ -48,7 +47,7 @@ def grown(axis: str, seed: int, report: Callable[[str], None]) -> list[dict[str,
     Returns:
         For each value: `value`, and stage → times.
     """
-    task = task_in("corridor", seed, CarLimits())
+    task = task_in("corridor", seed)
     measures: dict[str, tuple[tuple[float, ...], Callable[[Any], Times]]] = {
         "beams": (BEAMS, lambda beams: _sensing(task, beams)),
         "map side [cells]": (MAP_SIDES, lambda side: _casting(places.cluttered(side, seed))),

@@ -21,7 +21,6 @@ from benchmarks.timing.sized_maps import along, crops_along
 from benchmarks.timing.stage_times import OURS, beside_ours
 from planner.risk.distance_transform import distance_field
 from predictor.compact import Compact
-from predictor.mapping.car_limits import CarLimits
 from sim import Lidar, LidarConfig
 from sim.task import Task
 from sim.world import World
@@ -62,7 +61,7 @@ REPEATS = 200
 
 def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
     """Time one of `STAGES` and its peers in a building of the family `corridor`; see `compare`."""
-    task = task_in("corridor", seed, CarLimits())
+    task = task_in("corridor", seed)
     poses = along(task, REPEATS)
     if stage == "rays":
         return compare(rays(task.world, poses), REPEATS)

@@ -16,7 +16,6 @@ from benchmarks.timing import sized_maps as places
 from benchmarks.timing.growth import believing
 from benchmarks.timing.stage_times import Measure, measure, timed
 from planner.risk.distance_transform import distance_field
-from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from predictor.mapping.kernels import njit
 from sim import Lidar
@@ -37,7 +36,7 @@ REPEATS = 500
 
 def maps(seed: int) -> dict[str, World]:
     """Return name → map for the two maps on which rays and scans are measured."""
-    task = task_in("corridor", seed, CarLimits())
+    task = task_in("corridor", seed)
     return {
         "corridor 1000²": places.corridors(task, 1000),
         "cluttered 3000²": places.cluttered(3000, seed),
@@ -198,14 +197,14 @@ def mapping(seed: int) -> dict[str, Measure]:
 
 def distance(seed: int) -> dict[str, Measure]:
     """Time the distance transform of maps of 200 × 200 cells, observed in a drive."""
-    task = task_in("corridor", seed, CarLimits())
+    task = task_in("corridor", seed)
     masks = [~crop.free for crop in places.crops_along(task, REPEATS)]
     return {"distance transform 200²": _time(timed(lambda i: distance_field(masks[i]), len(masks)))}
 
 
 def risk(seed: int) -> dict[str, Measure]:
     """Time the computation of the risk map from the observed map and the prediction."""
-    task = task_in("corridor", seed, CarLimits())
+    task = task_in("corridor", seed)
     return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
 
 

@@ -74,7 +74,6 @@ class ResumableFolder:
 
     Attributes:
         notes: one line for each damaged file.
-        is_new: whether the folder had no settings file before.
 
     Raises:
         UsageError: if the folder holds results with other settings, cannot be written, or is in
@@ -103,10 +102,9 @@ class ResumableFolder:
             raise UsageError(f"{folder} cannot be used: {error.strerror}") from None
         clear(folder)
         path = folder / marker
-        self.is_new = not path.exists()
         if settings is None:
             return
-        if not self.is_new:
+        if path.exists():
             try:
                 theirs = dict(absent or {}) | dict(loads(path.read_text()))
             except (OSError, ValueError, TypeError) as error:
