@@ -150,7 +150,7 @@ def test_a_run_that_was_killed_keeps_nobody_out(tmp_path):
 
 def test_results_of_several_states_of_the_code_are_told():
     assert "these drives were made with 2 versions" in several_states(["a", "b", "a"], "drives")
-    assert "2 states" in several_states(["a", None], "scores")
+    assert "2 versions" in several_states(["a", None], "scores")
     assert several_states(["a", "a"], "drives") == several_states([], "drives") == ""
 
 
