@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from benchmarks.runs.calibration_settings import CalibrateSettings
+from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.settings import CONDITIONS, Settings
 from predictor.infra.command_line import OneLineParser, run_command
 
@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from benchmarks.runs.learn_then_test import calibrate, table
+    from benchmarks.calibration.learn_then_test import calibrate, table
     from benchmarks.runs.tasks import check_maps
 
     settings, asked = Settings.of(args, *DRIVEN), CalibrateSettings.of(args)

@@ -9,8 +9,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from benchmarks.calibration.certificate import at_risk
 from benchmarks.figures.speed_profile import speed_profile
-from benchmarks.runs.certified import at_risk
 from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Archive, Run
 from benchmarks.runs.settings import Settings

@@ -89,8 +89,8 @@ def _run(argv: list[str] | None) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
+    from benchmarks.calibration.certificate import at_risk
     from benchmarks.figures.run_figures import draw_all
-    from benchmarks.runs.certified import at_risk
     from benchmarks.runs.drive import weights_of
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store

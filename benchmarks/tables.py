@@ -28,10 +28,10 @@ TABLES = {
     "sweeps": "benchmarks.sweeps:table",
     "stages": "benchmarks.timing.tables:tables",
     "prediction": "benchmarks.prediction.tables:tables_of",
-    "evaluation": "benchmarks.recording.drive_scores:table",
-    "calibration": "benchmarks.runs.learn_then_test:table",
+    "evaluation": "benchmarks.scoring.drive_scores:table",
+    "calibration": "benchmarks.calibration.learn_then_test:table",
     "risk": "benchmarks.risk_study.tables:tables",
-    "calibration drives": "benchmarks.runs.learn_then_test:table_of_drives",
+    "calibration drives": "benchmarks.calibration.learn_then_test:table_of_drives",
     "risk drives": "benchmarks.risk_study.tables:table_of_drives",
 }
 """Kind of results → function that makes its tables; imported when it is needed."""

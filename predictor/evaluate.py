@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from benchmarks.recording.settings import EvaluateConfig
+from benchmarks.scoring.settings import EvaluateConfig
 from predictor.infra.command_line import OneLineParser, run_command
 
 
@@ -34,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from benchmarks.recording.drive_scores import DriveScores, table
+    from benchmarks.scoring.drive_scores import DriveScores, table
     from predictor.infra.environment import several_states
 
     scores = DriveScores(EvaluateConfig.of(args), args.out)

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.recording.drive_scores import group_of, table
-from benchmarks.recording.scored_drive import score_drive
-from benchmarks.recording.settings import EvaluateConfig
+from benchmarks.scoring.drive_scores import group_of, table
+from benchmarks.scoring.scored_drive import score_drive
+from benchmarks.scoring.settings import EvaluateConfig
 from predictor import Prediction
 from predictor.evaluate import main
 from predictor.scoring.scores import Scores
@@ -75,7 +75,7 @@ def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
     def refuse(*_):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr("benchmarks.recording.scored_drive.score_drive", refuse)
+    monkeypatch.setattr("benchmarks.scoring.scored_drive.score_drive", refuse)
     assert run(*command) == 0
     after = json.loads((out / "results.json").read_text())["groups"]
     assert json.dumps(after) == json.dumps(before)

@@ -10,6 +10,7 @@ from drive_results import a_result
 from test_calibration import written
 
 from benchmarks import corridor, risk, tables
+from benchmarks.calibration.certificate import conditions_of
 from benchmarks.risk_study import series as study
 from benchmarks.risk_study.contact_test import touches
 from benchmarks.risk_study.figures import draw
@@ -24,7 +25,6 @@ from benchmarks.risk_study.report import (
 from benchmarks.risk_study.saved_drives import saved_drives
 from benchmarks.risk_study.series import Series, series_of
 from benchmarks.risk_study.tables import tables as tables_of
-from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.checking import check_predictor

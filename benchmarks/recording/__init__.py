@@ -1,4 +1,4 @@
-"""Simulated drives for the commands of `predictor`: training samples, data sets, and scores.
+"""Simulated drives for the commands of `predictor`: training samples and data sets.
 
 These modules are not in `predictor`, since they use the simulator and the planner.
 
@@ -11,6 +11,4 @@ These modules are not in `predictor`, since they use the simulator and the plann
 - `exploration`: the samples of `predictor.train_frontiers`, and where frontiers truly lead.
 - `paper_drives`: the drives of the paper's simulated data set.
 - `data_sets`: the frames of `predictor.dataset`, of these drives or of real logs.
-- `scored_drive`: the scores of predictors along one drive, which is replayed for them.
-- `drive_scores`: the scores of `predictor.evaluate`, of all drives.
 """

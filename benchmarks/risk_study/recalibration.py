@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any
 
+from benchmarks.calibration.betting import capital, decided_after, needed
 from benchmarks.risk_study.drives import Drives
 from benchmarks.risk_study.series import MIXTURE, PROMISE, Series
 from benchmarks.runs import statistics
-from benchmarks.runs.betting import capital, decided_after, needed
 from benchmarks.runs.drive_file import NO_TASK
 
 BLOCK = 75

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from benchmarks.calibration.certificate import conditions_of
 from benchmarks.recording.settings import LEARNED
-from benchmarks.runs.certified import conditions_of
 from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.infra.command_line import UsageError

@@ -1,4 +1,4 @@
-"""The settings, drives, results and statistics of a comparison, and calibrations.
+"""The settings, drives, results and statistics of a comparison.
 
 - `settings`: the options and the arms.
 - `tasks`, `drive`, `drive_result`: building, start and goal of an episode; one drive; its measures.
@@ -6,8 +6,6 @@
 - `statistics`, `summary`, `overview`: intervals, the table of a run, and that of several runs.
 - `quickest_drives`, `optima`: the fastest drives of tasks, found and read; see
   `benchmarks.optimal`.
-- `calibration_settings`, `learn_then_test`, `betting`, `certified`: a calibration: its options, its
-  drives, its test, and the use of its result.
 - `drive_file`: drives that other commands than the comparison add to a file one by one.
 - `analysis`: the command line of commands that analyse runs.
 """

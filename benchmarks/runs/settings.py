@@ -199,7 +199,7 @@ class Settings(Options):
 
 NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level")
 """Settings that a calibration need not share with the drives that use it; the predictor and the
-buildings are compared in `benchmarks.runs.certified`."""
+buildings are compared in `benchmarks.calibration.certificate`."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
 """Settings that a calibration must share with the drives that use it."""
 OLDER = {

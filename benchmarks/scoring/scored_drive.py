@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
 from benchmarks.recording.replay import drive_without_prediction, replayed_with
-from benchmarks.recording.settings import EvaluateConfig
 from benchmarks.runs.tasks import task_in
+from benchmarks.scoring.settings import EvaluateConfig
 from planner.navigator import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
 from predictor.mapping.grid import world_hash

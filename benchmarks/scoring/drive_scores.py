@@ -12,10 +12,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from benchmarks.figures.scores import draw_evaluation
-from benchmarks.recording import scored_drive
-from benchmarks.recording.scored_drive import AS_ROOM, BLANK, VERSION, rows_of
-from benchmarks.recording.settings import LEARNED, EvaluateConfig
+from benchmarks.recording.settings import LEARNED
 from benchmarks.runs.tasks import check_maps, sources
+from benchmarks.scoring import scored_drive
+from benchmarks.scoring.scored_drive import AS_ROOM, BLANK, VERSION, rows_of
+from benchmarks.scoring.settings import EvaluateConfig
 from predictor.infra.command_line import UsageError
 from predictor.infra.environment import commit, machine
 from predictor.infra.markdown import markdown

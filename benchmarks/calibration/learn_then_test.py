@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.betting import capital, decided_after, needed
-from benchmarks.runs.calibration_settings import CalibrateSettings
-from benchmarks.runs.certified import conditions_of
+from benchmarks.calibration.betting import capital, decided_after, needed
+from benchmarks.calibration.certificate import conditions_of
+from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.settings import OLDER, Settings

@@ -1,0 +1,6 @@
+"""The scores of `predictor.evaluate`: predictions compared with the truth along simulated drives.
+
+- `settings`: settings and options of an evaluation.
+- `scored_drive`: the scores of predictors along one drive, which is replayed for them.
+- `drive_scores`: the scores of all drives, and their table.
+"""
