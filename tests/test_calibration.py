@@ -7,9 +7,9 @@ from itertools import pairwise
 import pytest
 
 from benchmarks import calibrate, tables
+from benchmarks.calibration import learn_then_test
 from benchmarks.calibration.certificate import at_risk, conditions_of
 from benchmarks.calibration.settings import CalibrateSettings
-from benchmarks.runs import learn_then_test
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from planner.risk.calibration import Calibration, CalibrationError
