@@ -13,7 +13,7 @@ from benchmarks import corridor, risk, tables
 from benchmarks.calibration.certificate import conditions_of
 from benchmarks.risk_study import series as study
 from benchmarks.risk_study.contact_test import touches
-from benchmarks.risk_study.figures import draw
+from benchmarks.risk_study.figures import _promise, draw
 from benchmarks.risk_study.recalibration import BLOCK, recalibrations
 from benchmarks.risk_study.report import (
     _barn,
@@ -313,6 +313,16 @@ def test_repeated_calibrations_are_shown(levels, tmp_path):
     found = {"promise": [], "pareto": [], "missing": 0, "recalibrations": rows}
     assert f"1 of {BLOCK}" in tables_of(found)
     assert [path.name for path in draw(found, tmp_path)] == ["recalibrations.png"]
+
+
+def test_every_rate_of_collisions_is_inside_its_panel():
+    folder = Path(__file__).parents[1] / "docs/results"
+    figure = _promise(json.loads((folder / "risk.json").read_text()))
+    assert figure is not None
+    for axes in figure.axes:
+        left, right = axes.get_xlim()
+        marks = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
+        assert all(left < mark < right for mark in marks)
 
 
 def test_times_are_compared_in_each_family():
