@@ -73,8 +73,8 @@ def _promise(found: dict[str, Any]) -> Figure | None:
         axes.tick_params(labelbottom=True)
     for axes in panels[len(risks) :]:
         axes.set_axis_off()
-    # Intervals from a few drives would make the others too short to read.
-    ends = [row["interval"][1] for row in rows if row["drives"] >= MANY] or [1.0]
+    # Intervals from a few drives may be cut off: they would make the others too short to read.
+    ends = [row["interval"][1] if row["drives"] >= MANY else row["rate"] for row in rows]
     panels[0].set(xlim=(-1, 100 * max(ends) + 2), ylim=(-0.5, len(kinds) - 0.3))
     names = [place if group == PROMISE else f"{place}, {group}" for group, place in kinds]
     for axes in panels[::columns]:
