@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.runs.analysis import analyse
 from predictor.infra.command_line import UsageError
 from predictor.infra.markdown import DASH, records
+from predictor.mapping.polyline import arc_length
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -77,7 +78,7 @@ def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
         points: points to test [m].
         way: points of the route, (n, 2) [m].
     """
-    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T))]
+    along = arc_length(way)
     at = np.arange(0.0, along[-1], STEP)
     path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
     heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from predictor.infra.errors import LineError
 from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
+from predictor.mapping.polyline import arc_length
 from sim.arc_search import HEADINGS, arc_ways
 from sim.car import wrap
 from sim.lidar import cast_rays
@@ -250,8 +251,7 @@ def _trace(
 
 def _thinned(way: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return evenly spaced points (n, 2) [m] along a way, without its start and with its end."""
-    steps = np.hypot(*np.diff(way[:, :2], axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along = arc_length(way)
     count = max(1, round(along[-1] / SPACING))
     at = along[-1] * np.arange(1, count + 1) / count
     points = np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)

@@ -34,9 +34,9 @@ from benchmarks.figures.palette import (
     set_line,
     speed_line,
 )
-from benchmarks.runs.saved_run import Run
+from benchmarks.runs.saved_run import Run, observed_at
 from predictor.mapping.conventions import TICK
-from predictor.mapping.grid import UNKNOWN, Grid, GridFrame
+from predictor.mapping.grid import Grid, GridFrame
 from sim.car import along_arc
 
 DPI = 100
@@ -152,8 +152,7 @@ class Animation:
 
     def seen(self, tick: int) -> Grid:
         """Return the map of what has been observed up to a tick, with the true values of cells."""
-        seen = (self._first_seen > 0) & (self._first_seen <= tick + 1)
-        return Grid(self.truth.frame, np.where(seen, self.truth.cells, np.int8(UNKNOWN)))
+        return observed_at(self.truth, self._first_seen, tick)
 
 
 class _Near:

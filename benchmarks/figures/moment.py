@@ -38,6 +38,7 @@ from benchmarks.runs.saved_run import Run, frame_of
 from predictor.mapping.body import Body
 from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import Grid, GridFrame
+from predictor.mapping.polyline import arc_length
 
 BELIEVED_FREE, BELIEVED_OCCUPIED = "#A6CEE3", "#B2182B"
 SEEN_SAFE = "#D6ECD2"
@@ -259,7 +260,7 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
 def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
     """Draw the speed along the plan, and whether the car's front is then on observed cells."""
     x, y, yaw, speed = now.plan.T
-    distance = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    distance = arc_length(now.plan)
     reverse = bool(speed.min() < 0)
     ahead = -Body().half_length if reverse else Body().half_length
     ends = np.column_stack([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw)])

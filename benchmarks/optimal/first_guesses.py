@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from benchmarks.optimal.minimum_time import Guess
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.polyline import arc_length
 from sim.arc_search import arc_ways
 from sim.car import along_arc, wrap
 from sim.task import Task
@@ -148,7 +149,7 @@ def _arcs(
 
 def _evenly(way: NDArray[np.float64], left: float) -> NDArray[np.float64]:
     """Return points `STEP` apart along a path, up to the distance `left` before its end [m]."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
+    along = arc_length(way)
     end = max(along[-1] - left, 4 * STEP)
     at = np.linspace(0.0, end, max(4, round(end / STEP)) + 1)
     return np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)

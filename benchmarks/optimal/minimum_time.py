@@ -74,13 +74,11 @@ class Drive(Guess):
 
     Attributes:
         status: return status of the solver.
-        iterations: number of iterations of the solver.
         collides: whether the body collided.
         arrives: whether the drive ended within the goal's radius.
     """
 
     status: str
-    iterations: int
     collides: bool
     arrives: bool
 
@@ -106,7 +104,7 @@ class MinimumTime:
     goal_radius: float
     box: NDArray[np.float64]
 
-    def solve(self, guess: Guess, iterations: int = 300, barrier: float = 0.1) -> Drive:
+    def solve(self, guess: Guess, iterations: int, barrier: float = 0.1) -> Drive:
         """Return the fastest drive near a guess, rolled out with the simulator's car.
 
         Args:
@@ -121,13 +119,12 @@ class MinimumTime:
             guess, barrier = drive, 1e-3
         return drive
 
-    def roll(self, guess: Guess, status: str = "", iterations: int = 0) -> Drive:
+    def roll(self, guess: Guess, status: str = "") -> Drive:
         """Roll out the controls of a guess with the simulator's car.
 
         Args:
             guess: drive whose controls are used.
             status: return status of the solver, for the result.
-            iterations: number of iterations of the solver, for the result.
         """
         car, state = DubinsCar(self.car), np.array([*self.task.start, 0.0])
         states, hit = [state], False
@@ -139,8 +136,7 @@ class MinimumTime:
         driven = np.array(states)
         # The car's yaw is wrapped; unwrapped, it can be interpolated.
         driven[:, 2] = np.unwrap(driven[:, 2])
-        said = (status, iterations, hit, arrives)
-        return Drive(guess.name, guess.dt, driven, guess.controls, *said)
+        return Drive(guess.name, guess.dt, driven, guess.controls, status, hit, arrives)
 
     def _solve(self, guess: Guess, margin: float, iterations: int, barrier: float) -> Drive:
         car, ticks = self.car, len(guess.controls)
@@ -190,10 +186,10 @@ class MinimumTime:
             lbg=np.concatenate([np.full(values.numel(), lowest) for values, lowest, _ in rows]),
             ubg=np.concatenate([np.full(values.numel(), highest) for values, _, highest in rows]),
         )
-        stats, values = solver.stats(), np.array(found["x"]).ravel()
+        values = np.array(found["x"]).ravel()
         controls = values[-2 * ticks :].reshape(ticks, 2)
         drive = Guess(guess.name, float(values[0]), guess.states, controls)
-        return self.roll(drive, stats["return_status"], stats["iter_count"])
+        return self.roll(drive, solver.stats()["return_status"])
 
     def _stage(self, places: int) -> ca.Function:
         """Return the function of one tick from state (4,), control (2,) and duration.

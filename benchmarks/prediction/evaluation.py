@@ -17,6 +17,7 @@ from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_
 from predictor.infra.environment import commit
 from predictor.infra.resumable import Part
 from predictor.infra.workers import finished
+from predictor.mapping.polyline import arc_length
 
 SPLITS = ("test", "more")
 """Splits of a simulated set that are scored."""
@@ -199,7 +200,7 @@ def _drives(frames: Frames, apart: float) -> list[Drive]:
         if about["split"] not in (*SPLITS, "physical"):
             continue
         states = frames.states[frames.trajectory == number]
-        ways = np.append(0.0, np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T)))
+        ways = arc_length(states)
         chosen = spaced(ways, apart)
         place = about["map"] if about["split"] == "physical" else "simulated"
         out.append(Drive(place, frames.folder, number, about, chosen, ways[chosen]))

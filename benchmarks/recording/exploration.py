@@ -38,6 +38,7 @@ from predictor.mapping.car_limits import CarLimits
 from predictor.mapping.conventions import GOAL_RADIUS
 from predictor.mapping.frontier import Frontier
 from predictor.mapping.grid import Grid, GridFrame, OccupancyGrid, world_hash
+from predictor.mapping.polyline import arc_length
 from predictor.networks.frontier_net import FARTHEST
 from sim import Lidar
 from sim.families import generate
@@ -221,8 +222,7 @@ def _samples(
 
 def _advanced(route: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the pose after a step along a route (n, 2), and the rest of the route."""
-    gaps = np.hypot(*np.diff(route, axis=0).T)
-    along = np.append(0.0, np.cumsum(gaps))
+    along = arc_length(route)
     here = min(STEP, float(along[-1]))
     place = np.array([np.interp(here, along, route[:, axis]) for axis in (0, 1)])
     rest = np.vstack([place, route[along > here]])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from predictor.data.laser_log import LaserLog
 from predictor.mapping.body import Body
 from predictor.mapping.car_limits import CarLimits
+from predictor.mapping.polyline import arc_length
 from sim.lidar import Lidar, LidarConfig
 from sim.people import People
 from sim.task import Task
@@ -97,8 +98,7 @@ def poses_along(points: NDArray[np.float64], apart: float) -> NDArray[np.float64
         points: points of the route, (m, 2) [m].
         apart: distance from one pose to the next [m].
     """
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+    along = arc_length(points)
     at = np.arange(0.0, along[-1], apart)
     # The robot faces where it will be a metre later, so that it turns before a bend.
     here, there = (

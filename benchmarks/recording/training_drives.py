@@ -32,6 +32,7 @@ from predictor.infra.resumable import ResumableFolder
 from predictor.infra.workers import finished
 from predictor.mapping.context import SIDE as CONTEXT
 from predictor.mapping.grid import Grid, OccupancyGrid, world_hash
+from predictor.mapping.polyline import arc_length
 from sim import LidarConfig
 from sim.families import generate
 from sim.task import NoTaskError, sample_task
@@ -200,11 +201,10 @@ def _replayed(
         rng: generator of the windows and of the beginnings of the replays.
         longest: distance that a replay covers [m]; if it is finite, each begins at a random scan.
     """
-    import numpy as np
 
     frame = truth.frame
     side = SIDE * frame.resolution
-    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(log.poses[:, :2], axis=0).T)))
+    along = arc_length(log.poses)
     starts = max(1, int((along < along[-1] - longest).sum()))
     for _ in range(config.views):
         window = float(rng.choice(WINDOWS))

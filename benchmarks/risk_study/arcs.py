@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 from tqdm import tqdm
 
-from benchmarks.runs.saved_run import Run
+from benchmarks.runs.saved_run import Run, observed_at
 from benchmarks.runs.statistics import estimate
 from planner.motion.dynamics import pose_along
 from planner.navigator import NavigatorConfig
 from predictor.infra.command_line import UsageError
 from predictor.mapping.body import Body, covered
 from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import UNKNOWN, Grid
+from predictor.mapping.grid import Grid
 from predictor.prediction import Predictor, asked, context_side
 from predictor.registry import load_predictor
 
@@ -81,8 +81,7 @@ def _arcs_of(run: Run, index: int, predictor: Predictor, side: float) -> list[ND
     first_seen = trace["first_seen"]
     for tick in range(0, len(trace.states) - 1, EVERY):
         pose = trace.states[tick, :3].astype(np.float64)
-        seen = (first_seen > 0) & (first_seen <= tick + 1)
-        known = Grid(truth.frame, np.where(seen, truth.cells, np.int8(UNKNOWN)))
+        known = observed_at(truth, first_seen, tick)
         x, y = float(pose[0]), float(pose[1])
         crop, beyond = known.crop(known.frame.square(x, y, side)), context_side(predictor)
         around = known.crop(known.frame.square(x, y, beyond)) if beyond else None

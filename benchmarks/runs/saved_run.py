@@ -16,7 +16,8 @@ from benchmarks.runs.settings import ARMS, up_to_date
 from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import UNREADABLE
-from predictor.mapping.grid import Grid, GridFrame
+from predictor.mapping.grid import UNKNOWN, Grid, GridFrame
+from predictor.mapping.polyline import arc_length
 from sim.recorder import SHAPES
 
 RESULTS, TRACES = "results.json", "traces.npz"
@@ -29,6 +30,18 @@ SHOWN_FIRST = ("predicted", "oracle")
 
 class RunError(LineError):
     """A folder contains no readable run; the message is one line."""
+
+
+def observed_at(truth: Grid, first_seen: NDArray[np.integer], tick: int) -> Grid:
+    """Return the map of what a drive has observed up to a tick, with the true values of cells.
+
+    Args:
+        truth: true map, (rows, columns).
+        first_seen: array of this name of a trace, see `sim.recorder.SHAPES`, (rows, columns).
+        tick: number of the tick.
+    """
+    seen = (first_seen > 0) & (first_seen <= tick + 1)
+    return Grid(truth.frame, np.where(seen, truth.cells, np.int8(UNKNOWN)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +97,7 @@ class Trace:
     @cached_property
     def distance(self) -> NDArray[np.float64]:
         """Distance driven up to each state [m], (T+1,)."""
-        steps = np.hypot(*np.diff(self.states[:, :2], axis=0).T)
-        return np.concatenate([[0.0], np.cumsum(steps)])
+        return arc_length(self.states)
 
     @cached_property
     def gears(self) -> NDArray[np.int8]:

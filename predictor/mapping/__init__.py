@@ -1,1 +1,1 @@
-"""Mapping, the base of all packages: grids, scans, beams, bodies, car limits, compiled kernels."""
+"""Mapping, the base of all packages: grids, scans, bodies, polylines, car limits, kernels."""
