@@ -9,7 +9,6 @@ import os
 import sys
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from predictor.infra.command_line import OneLineParser, UsageError, run_command
@@ -132,13 +131,8 @@ def main(argv: list[str] | None = None) -> int:
         "code, on another machine, with other packages or with other settings are repeated.",
     )
     StageSettings.add_to(parser)
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results/stages"),
-        metavar="DIR",
-        help="folder of results.json, growth.png, and finished measurements (default: %(default)s)",
-    )
+    what = "folder of results.json, growth.png, and finished measurements"
+    parser.add_out("results/stages", what, "DIR")
     return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from benchmarks.scoring.settings import EvaluateConfig
 from predictor.infra.command_line import OneLineParser, run_command
@@ -23,13 +22,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     EvaluateConfig.add_to(parser)
     parser.add_jobs()
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results/evaluate"),
-        metavar="DIR",
-        help="folder of scores and pictures (default: %(default)s)",
-    )
+    parser.add_out("results/evaluate", "folder of scores and pictures", "DIR")
     return run_command("predictor.evaluate", lambda: _run(parser.parse_args(argv)))
 
 

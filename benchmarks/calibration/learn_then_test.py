@@ -240,7 +240,7 @@ def table(found: dict[str, Any]) -> str:
                 "nominal 95 % interval": f"{100 * low:.1f}–{100 * high:.1f} %",
                 "km": f"{entry['km']:.1f}",
                 "speed [m/s]": f"{entry['speed']:.2f}" if entry["speed"] else DASH,
-                "certified for δ": ", ".join(risks) or "–",
+                "certified for δ": ", ".join(risks) or DASH,
             }
         )
     return records(rows)

@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from benchmarks.figures.palette import ARM_COLOURS, INK, OTHER_ARM
+from benchmarks.figures.palette import ARM_COLOURS, INK, arm_colour
 from benchmarks.risk_study.series import OWN, PROMISE
 
 RIVAL_MARKERS = "s^Dv"
@@ -54,7 +54,7 @@ def _promise(found: dict[str, Any]) -> Figure | None:
                 100 * row["rate"],
                 place,
                 xerr=_around(row["rate"], row["interval"]),
-                color=ARM_COLOURS["predicted"] if row["group"] in (PROMISE, OWN) else INK,
+                color=arm_colour("predicted") if row["group"] in (PROMISE, OWN) else INK,
                 marker="o",
                 markersize=4,
                 linewidth=1.0,
@@ -106,7 +106,7 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
             axes.plot(
                 [100 * r["rate"] for r in risks],
                 [r["sct"]["value"] for r in mine],
-                color=ARM_COLOURS.get(arm, OTHER_ARM),
+                color=arm_colour(arm),
                 marker="o" if arm in ARM_COLOURS else next(rivals),
                 markersize=4,
                 linewidth=0.8,

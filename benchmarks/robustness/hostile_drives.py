@@ -12,7 +12,7 @@ from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.settings import ARMS, VEHICLES, Settings
 from benchmarks.runs.tasks import task_of
 from predictor.infra.environment import commit
-from predictor.infra.markdown import records
+from predictor.infra.markdown import DASH, records
 from predictor.mapping.family_names import FAMILIES
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, run_episode
@@ -103,7 +103,7 @@ def table(found: dict[str, Any]) -> str:
                 "drives": len(mine),
                 "collided": sum(d["outcome"] == "collided" for d in mine),
                 "program errors": len(mine) - len(whole),
-                "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else "–",
+                "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else DASH,
                 "faults per drive": f"{sum(map(_faults, whole)) / max(1, len(whole)):.0f}",
             }
         )
