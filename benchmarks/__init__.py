@@ -2,8 +2,9 @@
 
 The modules in this folder are commands, `python -m benchmarks.NAME`, which `foresee` lists, and
 `compare`, the interface in Python. The subpackages do the work. `runs` has the settings, drives and
-results of a comparison, `figures` its plots, `recording` drives that become samples or scores,
-`risk_study` and `prediction` the two studies, and the others what their names say.
+results of a comparison, `figures` its plots, `recording` drives that become samples, `scoring` the
+scores of predictions along drives, `risk_study` and `prediction` the two studies, and the others
+what their names say.
 """
 
 import sys

@@ -108,7 +108,8 @@ def _run(argv: list[str] | None) -> int:
             print(f"warning: {note}", file=sys.stderr)
         interrupted = _drive_all(store, settings, weights, place)
         results = store.pack(optima)
-    if optima is not None and all(e["t_opt"] is None for e in results["episodes"]):
+    done = results["episodes"]
+    if optima is not None and done and all(e["t_opt"] is None for e in done):
         print(f"warning: {place.optimum} has no T_opt of these tasks", file=sys.stderr)
     print(f"\n{comparison(results)}")
     for index, why in store.skipped.items():

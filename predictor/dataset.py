@@ -78,9 +78,7 @@ def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
     for name in others:
         if getattr(args, name) != parser.get_default(name):
             option = f"--{name.replace('_', '-')}"
-            raise UsageError(
-                f"{option} is an option {'without' if args.log else 'with'} --log only"
-            )
+            raise UsageError(f"{option} {'cannot be given with' if args.log else 'needs'} --log")
 
 
 def _run(args: argparse.Namespace) -> None:

@@ -313,7 +313,7 @@ class Run:
         """
         arms = self.arms if index is None else self.arms_of(index)
         if arm is None:
-            predicted = [name for name in arms if ARMS[name].predictor != "none"]
+            predicted = [n for n in arms if n in ARMS and ARMS[n].predictor != "none"]
             return next((name for name in SHOWN_FIRST if name in arms), (predicted or arms)[0])
         if arm not in arms:
             raise RunError(f"{self.directory} has no arm {arm!r} here: it has {', '.join(arms)}")

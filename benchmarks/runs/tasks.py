@@ -44,7 +44,7 @@ def sources(names: tuple[str, ...]) -> list[str]:
             )
     for name in found:
         if found.count(name) > 1:
-            raise UsageError(f"--world: {name} is named twice, so each of its tasks would be too")
+            raise UsageError(f"--world: {name} is given twice: its tasks would be driven twice")
     return found
 
 
