@@ -50,7 +50,8 @@ def drive(
         chosen = at_risk(chosen, calibration)
     elif chosen.risk > 0:
         raise UsageError(
-            "risk: a calibration is for a family or a map file: pass the family's name or the file's path"
+            "risk: a calibration is for a family or a map file: pass the family's name or the "
+            "file's path"
         )
     task = task_in(world, seed) if isinstance(world, str) else task_in_world(world, seed)
     results, arrays = [], dict[str, NDArray[Any]]()
