@@ -61,7 +61,6 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
         RunError: if the run is damaged.
     """
     from predictor.mapping.car_limits import CarLimits
-    from predictor.mapping.conventions import TICK
     from sim.task import reachable
     from sim.world import World
 
@@ -77,7 +76,7 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
         x, y, yaw, v = map(float, states[tick])
         poses = reachable(world, (x, y, yaw), CarLimits(), LONGEST)
         if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
-            before, speed = (end - tick) * run.setting("dt", TICK), v
+            before, speed = (end - tick) * run.setting("dt"), v
             break
     return {"index": index, "arm": arm, "world": episode.world, "seconds": before, "speed": speed}
 

@@ -35,7 +35,6 @@ from benchmarks.figures.palette import (
     speed_line,
 )
 from benchmarks.runs.saved_run import Run, observed_at
-from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import Grid, GridFrame
 from sim.car import along_arc
 
@@ -103,13 +102,13 @@ class Animation:
     ) -> None:
         self.index = run.showcase if index is None else index
         self.arm = run.pick_arm(self.index, arm)
-        self.dt = run.setting("dt", TICK)
+        self.dt = run.setting("dt")
         self.trace = trace = run.trace(self.index, self.arm)
         self.truth = run.truth(self.index)
         self._first_seen = trace["first_seen"]
         self.plans = trace["plans"]
-        self.v_max = run.setting("v_max", 4.0)
-        self.window = run.setting("window", 5.0)
+        self.v_max = run.setting("v_max")
+        self.window = run.setting("window")
         total = len(self.plans)
         self.stride = max(1, math.ceil(total / MOST)) if stride is None else stride
         # The last tick is always shown, since it shows the outcome.

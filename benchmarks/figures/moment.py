@@ -36,7 +36,6 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.saved_run import Run, frame_of
 from predictor.mapping.body import Body
-from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import Grid, GridFrame
 from predictor.mapping.polyline import arc_length
 
@@ -96,8 +95,8 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     # Laid out by hand, to get six squares of equal size with room for a legend below each.
     figure = Figure(figsize=(12.6, 9.0), dpi=150)
     figure.subplots_adjust(0.015, 0.085, 0.985, 0.905, wspace=0.14, hspace=0.2)
-    axes, v_max = figure.subplots(2, 3), run.setting("v_max", 4.0)
-    _observed(axes[0, 0], now, run.setting("window", 5.0))
+    axes, v_max = figure.subplots(2, 3), run.setting("v_max")
+    _observed(axes[0, 0], now, run.setting("window"))
     _predicted(axes[0, 1], now)
     _trust(figure, axes[0, 2], now)
     if now.prediction is None:
@@ -117,7 +116,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
         ax.axis(view)
         bare(ax)
     scale_bar(axes[0, 0], 2.0)
-    time = int(run.trace(index, arm)["moment_tick"]) * run.setting("dt", TICK)
+    time = int(run.trace(index, arm)["moment_tick"]) * run.setting("dt")
     figure.suptitle(
         f"{arm} · episode {index} · {run.drives[index, arm].world} · {time:.1f} s into "
         f"the drive, at {now.plan[0, 3]:.2f} m/s",

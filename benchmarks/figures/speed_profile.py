@@ -73,7 +73,7 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
         height_ratios=(3.6, STRIP * len(drives) + 0.1),
         width_ratios=(5.2, 1) if many else (1,),
     )
-    _profiles(axes[0, 0], drives, max(run.setting("v_max", 4.0) for run in runs))
+    _profiles(axes[0, 0], drives, max(run.setting("v_max") for run in runs))
     _strips(axes[1, 0], drives, room=many)
     # The title is above the legend if the legend is too wide to stand beside it.
     pad, title = 22 if len(drives) > 3 else 6, f"Episode {index} · {drives[0].result.world}"

@@ -57,7 +57,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
         for ax in across[len(row) :]:
             ax.set_visible(False)
         for ax, (episode, trace) in zip(across, row, strict=False):
-            line = _drive(ax, truth, trace, episode, run.setting("v_max", 4.0))
+            line = _drive(ax, truth, trace, episode, run.setting("v_max"))
             ax.axis(box)
         scale_bar(across[0])
         # The layout reserves room for the height of the name, but not for its length, so that a

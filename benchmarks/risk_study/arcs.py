@@ -51,11 +51,11 @@ def distances_of(run: Run) -> dict[str, Any]:
         UsageError: if it has no drives of the arm `known`, or its LIDAR was noisy.
     """
     indices = [index for index in run.indices if (index, "known") in run.drives]
-    if not indices or run.setting("noise", 0.0) > 0.0:
+    if not indices or run.setting("noise") > 0.0:
         raise UsageError(f"{run.directory}: it must have the arm known, and no noise")
     predictor = load_predictor(str(run.settings["predictor"]))
-    window, expansion = run.setting("window", 5.0), run.setting("expansion", 2.0)
-    car = CarLimits(v_max=run.setting("v_max", 4.0), braking=run.setting("braking", 1.5))
+    window, expansion = run.setting("window"), run.setting("expansion")
+    car = CarLimits(v_max=run.setting("v_max"), braking=run.setting("braking"))
     side = NavigatorConfig(car=car, window=window, expansion=expansion).predicted_side
     arcs: list[NDArray[np.float64]] = []
     worlds: list[str] = []

@@ -56,7 +56,7 @@ def _series(run: Run, arm: str) -> Series:
     reliance = ARMS[arm].reliance
     reliance = run.settings["reliance"] if reliance is None else reliance
     # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.
-    risk = None if reliance == 1.0 or run.setting("noise", 0.0) > 0.0 else 0.0
+    risk = None if reliance == 1.0 or run.setting("noise") > 0.0 else 0.0
     return Series("run", run.label, arm, Settings(**told), risk)
 
 

@@ -12,10 +12,11 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import FARTHEST, DriveResult
-from benchmarks.runs.settings import ARMS, up_to_date
+from benchmarks.runs.settings import ARMS, Settings, up_to_date
 from predictor.infra.errors import LineError, one_line
 from predictor.infra.plain_json import loads
 from predictor.infra.resumable import UNREADABLE
+from predictor.mapping.conventions import TICK
 from predictor.mapping.grid import UNKNOWN, Grid, GridFrame
 from predictor.mapping.polyline import arc_length
 from sim.recorder import SHAPES
@@ -279,10 +280,15 @@ class Run:
         kept = set(self.indices[:count])
         return replace(self, episodes=[e for e in self.episodes if e.index in kept])
 
-    def setting(self, name: str, default: float) -> float:
-        """Return a setting that is a number, or the default if the run does not name it."""
+    def setting(self, name: str) -> float:
+        """Return a setting that is a number, or its default if the run does not name it.
+
+        Args:
+            name: field of `Settings`, or "dt", the control period.
+        """
         value = self.settings.get(name)
-        return float(value) if isinstance(value, int | float) else default
+        default = TICK if name == "dt" else getattr(Settings, name)
+        return float(value if isinstance(value, int | float) else default)
 
     @cached_property
     def drives(self) -> dict[tuple[int, str], DriveResult]:
