@@ -209,7 +209,7 @@ def _predicted(ax: Axes, now: _Moment) -> None:
 
 def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
     predicted = now.prediction is not None
-    _name(ax, "Confidence that cells are free", [_truth()], x=0.12 if predicted else 0.5)
+    _name(ax, "Trust that cells are free", [_truth()], x=0.12 if predicted else 0.5)
     if now.prediction is None:
         return
     free, _, confidence = now.prediction
