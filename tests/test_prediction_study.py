@@ -16,13 +16,12 @@ from benchmarks.prediction.pictures import straight
 from benchmarks.prediction.report import SSIM
 from benchmarks.prediction.square import ScoredSquare
 from benchmarks.prediction.transients import Count, found, with_transients
-from benchmarks.runs.statistics import grouped_mean
 from predictor import Prediction, PredictorError
 from predictor.data.frames import Frames
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.registry import load_predictor
-from predictor.scoring.images import LEVELS, beyond_crop, similarity
+from predictor.scoring.images import beyond_crop
 from predictor.weights import save_weights
 
 SPLITS = {"train": 3, "validation": 4, "test": 6, "more": 4}
@@ -144,18 +143,6 @@ def command(sets, out, *more):
     ]
 
 
-def test_an_image_is_wholly_like_itself_and_less_like_any_other():
-    rng = np.random.default_rng(0)
-    truth = rng.choice([0.0, 0.5, 1.0], size=(130, 130))
-    unseen = rng.random(truth.shape) < 0.3
-    same = similarity(truth, truth, truth, unseen)
-    assert all(value == pytest.approx(1.0) for value in vars(same).values())
-    blank = np.full_like(truth, 0.5)
-    other = similarity(blank, np.where(unseen, blank, truth), truth, unseen)
-    assert all(value < 0.9 for value in vars(other).values())
-    assert other.ssim < other.ssim_kept
-
-
 @pytest.mark.parametrize("name", ["compact", "compact-logs"])
 def test_the_cost_of_a_shipped_network_is_counted(name):
     predictor = load_predictor(name)
@@ -172,25 +159,6 @@ def test_a_network_is_given_what_it_was_trained_on(given, sets, tmp_path):
     predictor = load_predictor(str(tmp_path / "mlp.safetensors"))
     assert given_to(predictor, square) is getattr(square, given)
     assert given_to(load_predictor("none"), square) is square.window
-
-
-def test_far_off_a_shift_by_a_cell_costs_less_at_a_coarser_resolution():
-    truth = np.ones((200, 200))
-    truth[:, ::16] = truth[:, 1::16] = 0.0
-    far = beyond_crop(200) > LEVELS[-1][0]
-    moved = np.roll(truth, 1, axis=1)
-    shifted = similarity(moved, moved, truth, far)
-    assert shifted.ssim_coarse_unseen > shifted.ssim_unseen
-    near = beyond_crop(200) < 0
-    of_near = similarity(moved, moved, truth, near)
-    assert of_near.ssim_coarse_unseen == pytest.approx(of_near.ssim_unseen)
-
-
-def test_without_an_unseen_cell_there_is_nothing_to_say_of_them():
-    truth = np.ones((110, 110))
-    nothing = similarity(truth, truth, truth, np.zeros(truth.shape, bool))
-    assert np.isnan(nothing.ssim_unseen)
-    assert nothing.ssim == pytest.approx(1.0)
 
 
 def test_cells_seen_in_the_crop_or_in_the_window_do_not_count(sets):
@@ -212,20 +180,6 @@ def test_frames_are_chosen_by_the_way_between_them():
     assert spaced(ways, 0.5).tolist() == [0, 10, 20, 30]
     assert spaced(ways, 0.0).tolist() == list(range(40))
     assert spaced(np.array([0.0, 1.2, 1.3, 2.0]), 0.5).tolist() == [0, 1, 3]
-
-
-def test_a_mean_by_group_is_that_of_all_and_its_interval_shrinks_with_groups():
-    rng = np.random.default_rng(0)
-    values = rng.normal(1.0, 1.0, 400)
-    few, many = (grouped_mean(np.arange(400) % n, values, np.ones(400)) for n in (4, 200))
-    assert few["value"] == pytest.approx(values.mean())
-    assert many["value"] == pytest.approx(values.mean())
-    assert many["low"] < values.mean() < many["high"]
-    assert many["groups"] == 200
-    same = grouped_mean(np.zeros(400, int), values, np.ones(400))
-    assert same["value"] == pytest.approx(values.mean())
-    assert (same["low"], same["high"]) == (None, None)
-    assert grouped_mean(np.arange(3), np.full(3, np.nan), np.ones(3)) is None
 
 
 def test_results_have_all_that_was_asked(done):

@@ -14,6 +14,7 @@ from benchmarks.runs.statistics import (
     GAP,
     MIN_WORLDS,
     estimate,
+    grouped_mean,
     mcnemar,
     mean_speed,
     promises_broken,
@@ -250,3 +251,17 @@ def test_the_share_of_broken_promises_is_the_mean_over_worlds_not_over_ticks():
     assert found["value"] == pytest.approx(0.1)
     assert (found["low"], found["high"]) == pytest.approx((0.0, 0.3))
     assert promises_broken([result("a")]) is None
+
+
+def test_a_mean_by_group_is_that_of_all_and_its_interval_shrinks_with_groups():
+    rng = np.random.default_rng(0)
+    values = rng.normal(1.0, 1.0, 400)
+    few, many = (grouped_mean(np.arange(400) % n, values, np.ones(400)) for n in (4, 200))
+    assert few["value"] == pytest.approx(values.mean())
+    assert many["value"] == pytest.approx(values.mean())
+    assert many["low"] < values.mean() < many["high"]
+    assert many["groups"] == 200
+    same = grouped_mean(np.zeros(400, int), values, np.ones(400))
+    assert same["value"] == pytest.approx(values.mean())
+    assert (same["low"], same["high"]) == (None, None)
+    assert grouped_mean(np.arange(3), np.full(3, np.nan), np.ones(3)) is None
