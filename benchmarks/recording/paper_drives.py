@@ -13,7 +13,9 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from benchmarks.recording.settings import SimulatedConfig
 from planner.guide.guide import GuideConfig
@@ -30,9 +32,7 @@ from sim.families import generate
 from sim.people import People
 from sim.task import LONGEST_LEG, NoTaskError, prolonged, sample_task
 from sim.variation import cluttered
-
-if TYPE_CHECKING:
-    from sim.world import World
+from sim.world import World
 
 FAMILY = "paper"
 """Family of the generated buildings."""
@@ -125,8 +125,6 @@ def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str,
     Raises:
         DriveError: if with every seed the drive ended before the last frame.
     """
-    import numpy as np
-
     world = generate(FAMILY, drive.map_seed)
     if config.clutter:
         world = cluttered(world, config.clutter, np.random.default_rng(drive.map_seed))
@@ -167,8 +165,6 @@ def frames_of_drive(
     Raises:
         NoTaskError: if the building has no route of that length.
     """
-    import numpy as np
-
     car, lidar = DubinsCar(CarLimits(v_max=SPEED)), Lidar(LidarConfig(range_noise=config.noise))
     # Separate random streams, so that the people do not depend on the noise.
     noise, crowds = (np.random.default_rng([seed, stream]) for stream in (2, 3))

@@ -14,7 +14,9 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.recording.own_buildings import OwnBuildings, log_hash, world_of
 from benchmarks.recording.replay import drive_without_prediction, replayed_with
@@ -22,6 +24,7 @@ from benchmarks.recording.settings import DrivesConfig
 from benchmarks.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
 from benchmarks.runs.tasks import task_in_world
 from predictor.data.frames import MANIFEST
+from predictor.data.laser_log import LaserLog
 from predictor.data.log_files import is_log, read_log
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
@@ -37,13 +40,7 @@ from sim import LidarConfig
 from sim.families import generate
 from sim.task import NoTaskError, sample_task
 from sim.variation import varied
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from predictor.data.laser_log import LaserLog
-    from sim.world import World
+from sim.world import World
 
 SPLITS = {"train": 1_200_000, "validation": 520_000}
 """First seed of each split. Published measurements use other seeds, below 10,000 and from 700,000
@@ -73,8 +70,6 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
     Returns:
         The number of samples; and why there is none, or an empty string.
     """
-    import numpy as np
-
     split, number = item
     seed = SPLITS[split] + number
     rng = np.random.default_rng(seed)

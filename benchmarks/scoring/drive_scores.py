@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.figures.scores import draw_evaluation
@@ -76,8 +77,6 @@ class DriveScores:
 
     def finish(self) -> dict[str, Any]:
         """Write results.json and the figures of all scored drives, and return the results."""
-        import numpy as np
-
         names = rows_of(self.config)
         groups: dict[str, dict[str, Scores]] = {}
         bins: dict[str, dict[str, dict[str, NDArray[Any]]]] = {}
@@ -145,8 +144,6 @@ def _summary(
         sums: predictor → scores of all drives.
         families: for each family, predictor → building → `Scores.bins` of free.
     """
-    import numpy as np
-
     scored = [fact for fact in facts if "skipped" not in fact]
     rows: dict[str, dict[str, Any]] = {}
     for name in [*sums, BLANK] if scored else []:
