@@ -36,7 +36,7 @@ TRAIN_ALL = $(BIN)/python -m predictor.study $(NET) $(STUDY) --out $(OUT)
 study: setup
 	$(BIN)/python -m predictor.dataset
 	$(TRAIN_ALL); failed=$$?; [ $$failed -le 1 ] && \
-	$(BIN)/python -m benchmarks.prediction --predictors none extend compact $(OUT) compact-logs compact-paper --out $(OUT)/prediction && \
+	$(BIN)/python -m benchmarks.studies.katyal2018 --predictors none extend compact $(OUT) compact-logs compact-paper --out $(OUT)/prediction && \
 	exit $$failed
 
 # Beyond the paper: the same U-Net on other data, on compact's own buildings with the crop alone and with
@@ -67,7 +67,7 @@ beyond: setup
 	for given in crop window; do for x in 1.3 2.0; do \
 	    $(UNET) --data data/few-drives --epochs 3.7 --expansion $$x --given $$given \
 	        --out $(BEYOND)/$$given/$$x || exit; done; done
-	$(BIN)/python -m benchmarks.prediction --out $(OUT)/prediction --predictors none extend compact \
+	$(BIN)/python -m benchmarks.studies.katyal2018 --out $(OUT)/prediction --predictors none extend compact \
 	    $(OUT) compact-logs compact-paper fused-unet=fused:$(OUT)/unet_ff \
 	    $(foreach of,$(CHANGED) sigma-0.2 logs,unet-$(of)=$(BEYOND)/$(of)/unet_ff.safetensors) \
 	    unet-crop=$(BEYOND)/crop unet-window=$(BEYOND)/window \

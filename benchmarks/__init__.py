@@ -1,23 +1,16 @@
-"""Comparisons of drives with and without prediction, and all other measurements.
+"""Comparisons of drives with and without prediction.
 
 The modules in this folder are commands, `python -m benchmarks.NAME`, which `foresee` lists, and
-`compare`, the interface in Python. The subpackages do the work. `runs` has the settings, drives and
-results of a comparison, `figures` its plots, `recording` drives that become samples, `scoring` the
-scores of predictions along drives, `risk_study` and `prediction` the two studies, and the others
-what their names say.
+`compare`, the interface in Python. The subpackages do the work: `runs` has the settings, drives and
+results of a comparison, `calibration` the certified levels, `optimal` time-optimal drives, and
+`figures` the plots. `studies` holds the evidence for what the documents state; nothing imports it.
 """
 
-import sys
+import foresee
 
-import predictor
-
-if not hasattr(predictor, "__path__"):
-    # predictor/__init__.py does the same for the other packages.
-    _line = (
-        f"{predictor.__file__} hides the package predictor of foresee: give the command in "
-        "another folder, or as `foresee` followed by its name"
+if not hasattr(foresee, "__path__"):
+    # A file foresee.py of the user; foresee/__init__.py finds the other packages that are hidden.
+    raise SystemExit(
+        f"{foresee.__file__} hides the package foresee: give the command in another folder, or as "
+        "`foresee` followed by its name"
     )
-    if sys.argv[:1] == ["-m"]:
-        print(_line, file=sys.stderr)
-        raise SystemExit(2)
-    raise ImportError(_line)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.settings import CONDITIONS, Settings
-from predictor.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import OneLineParser, run_command
 
 if TYPE_CHECKING:
     import argparse
@@ -43,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     from benchmarks.calibration.learn_then_test import calibrate, table
-    from benchmarks.runs.tasks import check_maps
+    from sim.buildings import check_maps
 
     settings, asked = Settings.of(args, *DRIVEN), CalibrateSettings.of(args)
     check_maps(settings.world)

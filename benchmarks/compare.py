@@ -15,9 +15,9 @@ from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Archive, Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
-from benchmarks.runs.tasks import task_in, task_in_world
-from predictor.infra.command_line import UsageError
-from predictor.mapping.conventions import TICK
+from foresee.infra.command_line import UsageError
+from foresee.mapping.conventions import TICK
+from sim.buildings import task_in, task_in_world
 from sim.world import World
 
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.settings import Settings
-from predictor.infra.command_line import OneLineParser, UsageError, run_command
-from predictor.infra.errors import LineError
-from predictor.infra.options import Options, option
-from predictor.infra.workers import LostError, finished
+from foresee.infra.command_line import OneLineParser, UsageError, run_command
+from foresee.infra.errors import LineError
+from foresee.infra.options import Options, option
+from foresee.infra.workers import LostError, finished
 
 if TYPE_CHECKING:
     from benchmarks.runs.store import Store
@@ -95,8 +95,8 @@ def _run(argv: list[str] | None) -> int:
     from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
-    from benchmarks.runs.tasks import check_maps
-    from predictor.infra.environment import several_states
+    from foresee.infra.environment import several_states
+    from sim.buildings import check_maps
 
     weights = weights_of(settings)
     check_maps(settings.world)

@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.optima import KIND, table
 from benchmarks.runs.settings import Settings
-from predictor.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import OneLineParser, run_command
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -42,8 +42,8 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
 
 def _run(settings: Settings, out: Path, jobs: int) -> int:
     from benchmarks.runs.quickest_drives import attempt
-    from benchmarks.runs.tasks import check_maps
-    from predictor.mapping.car_limits import CarLimits
+    from foresee.mapping.car_limits import CarLimits
+    from sim.buildings import check_maps
     from sim.episode import EpisodeConfig
 
     check_maps(settings.world)

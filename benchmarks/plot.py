@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from predictor.infra.command_line import OneLineParser, UsageError, between, run_command
+from foresee.infra.command_line import OneLineParser, UsageError, between, run_command
 
 DESCRIPTION = """\
 Draw the figures of runs that benchmarks.corridor saved. Nothing is driven again.
@@ -71,8 +71,9 @@ def _run(options: argparse.Namespace) -> None:
     runs = [Run.load(directory) for directory in dict.fromkeys(options.runs)]
     # Imported after loading, so that a bad run is reported without waiting for slow imports.
     from benchmarks.figures.animation import Animation
-    from benchmarks.figures.run_figures import draw_run, save_figures
+    from benchmarks.figures.run_figures import draw_run
     from benchmarks.figures.speed_profile import speed_profile
+    from foresee.infra.drawing import save_figures
 
     labels = [run.label for run in runs]
     if options.out is not None and len(set(labels)) < len(labels):

@@ -10,9 +10,9 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from predictor.infra.command_line import OneLineParser, UsageError, run_command
-from predictor.infra.errors import one_line
-from predictor.infra.results_file import COMMANDS, read_results
+from foresee.infra.command_line import OneLineParser, UsageError, run_command
+from foresee.infra.errors import one_line
+from foresee.infra.results_file import COMMANDS, read_results
 
 if TYPE_CHECKING:
     import argparse
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 TABLES = {
     "comparison": "benchmarks.runs.summary:comparison",
     "optimum": "benchmarks.runs.optima:table",
-    "attack": "benchmarks.robustness.hostile_drives:table",
-    "interrupt": "benchmarks.robustness.interruptions:table",
-    "stuck": "benchmarks.stuck:table",
-    "weave": "benchmarks.weave:table",
-    "sweeps": "benchmarks.sweeps:table",
-    "stages": "benchmarks.timing.tables:tables",
-    "prediction": "benchmarks.prediction.tables:tables_of",
-    "evaluation": "benchmarks.scoring.drive_scores:table",
+    "attack": "benchmarks.studies.robustness.hostile_drives:table",
+    "interrupt": "benchmarks.studies.robustness.interruptions:table",
+    "stuck": "benchmarks.studies.driver.stuck:table",
+    "weave": "benchmarks.studies.driver.weave:table",
+    "sweeps": "benchmarks.studies.driver.sweeps:table",
+    "stages": "benchmarks.studies.performance.tables:tables",
+    "prediction": "benchmarks.studies.katyal2018.tables:tables_of",
+    "evaluation": "predictor.evaluation.drive_scores:table",
     "calibration": "benchmarks.calibration.learn_then_test:table",
-    "risk": "benchmarks.risk_study.tables:tables",
+    "risk": "benchmarks.studies.risk.tables:tables",
     "calibration drives": "benchmarks.calibration.learn_then_test:table_of_drives",
-    "risk drives": "benchmarks.risk_study.tables:table_of_drives",
+    "risk drives": "benchmarks.studies.risk.tables:table_of_drives",
 }
 """Kind of results → function that makes its tables; imported when it is needed."""
 

@@ -10,6 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.frontiers import FrontierPredictor
+from foresee.mapping.car_limits import CarLimits, check_finite
+from foresee.mapping.grid import OccupancyGrid
+from foresee.mapping.scan import Scan
+from foresee.prediction import BadPredictionError, Prediction, Predictor
 from planner.guide.guide import Guide, GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
@@ -20,11 +25,6 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
-from predictor.frontiers import FrontierPredictor
-from predictor.mapping.car_limits import CarLimits, check_finite
-from predictor.mapping.grid import OccupancyGrid
-from predictor.mapping.scan import Scan
-from predictor.prediction import BadPredictionError, Prediction, Predictor
 
 FIRST_DEADLINE = 180.0
 """Longest wait for the first prediction, for which code may have to be loaded and compiled [s]."""

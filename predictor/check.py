@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from predictor.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import OneLineParser, run_command
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -21,8 +21,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(name: str) -> int:
-    from predictor.checking import check_predictor
-    from predictor.prediction import BadPredictionError
+    from foresee.checking import check_predictor
+    from foresee.prediction import BadPredictionError
     from predictor.registry import load_predictor
 
     try:

@@ -11,15 +11,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from foresee.mapping.context import CELLS, SIDE, context_of
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.grid import Grid
+from foresee.mapping.resampling import resampled
+from foresee.prediction import Prediction, check_question, with_observed
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
-from predictor.mapping.context import CELLS, SIDE, context_of
-from predictor.mapping.conventions import RESOLUTION
-from predictor.mapping.grid import Grid
-from predictor.mapping.resampling import resampled
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
 from predictor.networks.room import question, widened
-from predictor.prediction import Prediction, check_question, with_observed
 from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 

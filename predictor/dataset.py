@@ -13,9 +13,9 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from benchmarks.recording.settings import SimulatedConfig
+from foresee.infra.command_line import OneLineParser, UsageError, run_command
 from predictor.data import LOG_FORMATS, PHYSICAL, SIMULATED
-from predictor.infra.command_line import OneLineParser, UsageError, run_command
+from predictor.recording.settings import SimulatedConfig
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -82,9 +82,9 @@ def _check(args: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from benchmarks.recording.data_sets import make_physical, make_simulated
     from predictor.data.bags import BagConfig
     from predictor.data.log_files import logs_in
+    from predictor.recording.data_sets import make_physical, make_simulated
 
     folder = args.out or (PHYSICAL if args.log else SIMULATED)
     if args.log:

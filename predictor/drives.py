@@ -12,8 +12,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from benchmarks.recording.settings import DrivesConfig
-from predictor.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import OneLineParser, run_command
+from predictor.recording.settings import DrivesConfig
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from benchmarks.recording.training_drives import make
+    from predictor.recording.training_drives import make
 
     make(DrivesConfig.of(args), args.jobs)
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from benchmarks.scoring.settings import EvaluateConfig
-from predictor.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import OneLineParser, run_command
+from predictor.evaluation.settings import EvaluateConfig
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -27,8 +27,8 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from benchmarks.scoring.drive_scores import DriveScores, table
-    from predictor.infra.environment import several_states
+    from foresee.infra.environment import several_states
+    from predictor.evaluation.drive_scores import DriveScores, table
 
     scores = DriveScores(EvaluateConfig.of(args), args.out)
     scores.run(args.jobs)

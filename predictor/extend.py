@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from predictor.mapping.kernels import njit
-from predictor.mapping.straight_lines import NONE, OPEN, look_back, main_direction, nearness
-from predictor.prediction import Prediction
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from foresee.mapping.kernels import njit
+from foresee.mapping.straight_lines import NONE, OPEN, look_back, main_direction, nearness
+from foresee.prediction import Prediction
 
 
 @dataclass(frozen=True)

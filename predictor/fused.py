@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.grid import Grid
+from foresee.prediction import Prediction
 from predictor.image_predictor import ImagePredictor, believed
-from predictor.mapping.grid import Grid
-from predictor.prediction import Prediction
 from predictor.weights import WeightsError
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from foresee.mapping.conventions import CROP_SIDE
+from foresee.mapping.grid import Grid, GridFrame, paste
+from foresee.prediction import Prediction, check_question, with_observed
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
-from predictor.mapping.conventions import CROP_SIDE
-from predictor.mapping.grid import Grid, GridFrame, paste
 from predictor.networks.grey_map import level_of
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image import image_of, pixels_at_cells
 from predictor.networks.image_config import ImageConfig
-from predictor.prediction import Prediction, check_question, with_observed
 from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 

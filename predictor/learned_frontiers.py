@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import torch
 
+from foresee.frontiers import FrontierValues
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.frontier import Frontier
+from foresee.mapping.grid import Grid
+from foresee.mapping.resampling import resampled
 from predictor.data.frontier_samples import pictures_of
-from predictor.frontiers import FrontierValues
-from predictor.mapping.conventions import RESOLUTION
-from predictor.mapping.frontier import Frontier
-from predictor.mapping.grid import Grid
-from predictor.mapping.resampling import resampled
 from predictor.networks.frontier_net import FARTHEST, FrontierNet
 from predictor.weights import load_weights
 
@@ -43,7 +43,7 @@ class LearnedFrontiers:
     def values(
         self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]
     ) -> FrontierValues:
-        """Predict where frontiers lead, see `predictor.frontiers`."""
+        """Predict where frontiers lead, see `foresee.frontiers`."""
         # The network was trained on maps of this resolution.
         fine, _, _ = resampled(known, RESOLUTION)
         pictures, middles = pictures_of(fine, frontiers)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import Grid
-from predictor.prediction import Prediction
+from foresee.mapping.grid import Grid
+from foresee.prediction import Prediction
 
 
 class NoPrediction:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import world_hash
+from foresee.mapping.grid import world_hash
 
 
 def fingerprint_of(predictor: Any) -> str | None:

@@ -12,15 +12,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from foresee.frontiers import FrontierPredictor
+from foresee.infra.errors import LineError, one_line
+from foresee.prediction import BadPredictionError, Predictor, context_side
 from predictor.compact import Compact
-from predictor.frontiers import FrontierPredictor
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
-from predictor.infra.errors import LineError, one_line
 from predictor.learned_frontiers import LearnedFrontiers
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.grey_net import GreyNet
-from predictor.prediction import BadPredictionError, Predictor, context_side
 from predictor.weights import WeightsError, facts_of
 
 GROUP = "foresee.predictors"

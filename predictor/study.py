@@ -18,8 +18,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from foresee.infra.command_line import OneLineParser, between, run_command
 from predictor.data import SIMULATED
-from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import PAPER, PROPOSED
 from predictor.networks.image_config import EXPANSIONS
 from predictor.training.image_arguments import add_arguments, configured

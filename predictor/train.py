@@ -9,7 +9,7 @@
 
 The same command resumes a training that was interrupted. compact is trained by
 `predictor.training.compact_training` on samples of simulated drives, which
-`benchmarks.recording.training_drives` makes first. `benchmarks.recording.own_buildings` reads the
+`predictor.recording.training_drives` makes first. `predictor.recording.own_buildings` reads the
 maps and logs of --world and splits them into training and validation. The paper's networks are
 trained by `predictor.training.image_training`.
 """
@@ -23,11 +23,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.recording.settings import DrivesConfig
+from foresee.infra.command_line import OneLineParser, between, run_command
 from predictor.data import SIMULATED
-from predictor.infra.command_line import OneLineParser, between, run_command
 from predictor.networks import ARCHITECTURES
 from predictor.networks.image_config import EXPANSIONS, PRESETS
+from predictor.recording.settings import DrivesConfig
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_config import TUNING, TUNING_DRIVES, CompactTraining
 from predictor.training.image_arguments import NAMES, add_arguments, configured
@@ -78,7 +78,7 @@ def _compact(args: argparse.Namespace) -> Path:
     """Train compact, on drives that are made first if they are missing."""
     import torch
 
-    from benchmarks.recording.training_drives import make
+    from predictor.recording.training_drives import make
     from predictor.training.compact_comparison import table
     from predictor.training.compact_training import CompactTrainer
 

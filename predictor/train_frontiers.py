@@ -4,7 +4,7 @@
     python -m predictor.train_frontiers --train 60 --validation 12 --steps 100 --out results/trial
 
 The samples are made first, by explorations of generated buildings in
-`benchmarks.recording.exploration`. The same command resumes a training that was interrupted.
+`predictor.recording.exploration`. The same command resumes a training that was interrupted.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import argparse
 import sys
 from dataclasses import asdict
 
-from benchmarks.recording.settings import FrontiersConfig
-from predictor.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import OneLineParser, run_command
+from predictor.recording.settings import FrontiersConfig
 from predictor.training.frontier_config import FrontierTraining
 
 SAMPLES = ("train", "validation", "families")
@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    from predictor.infra.resumable import ResumableFolder
+    from foresee.infra.resumable import ResumableFolder
 
     config, training = FrontiersConfig.of(args), FrontierTraining.of(args)
     told = asdict(training) | {name: getattr(config, name) for name in SAMPLES}
@@ -49,9 +49,9 @@ def _run(args: argparse.Namespace) -> None:
 def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.Namespace) -> None:
     import torch
 
-    from benchmarks.recording.exploration import make
     from predictor.data.frontier_samples import FrontierSamples
     from predictor.networks.frontier_net import FrontierNet
+    from predictor.recording.exploration import make
     from predictor.training.checkpoint import TrainError
     from predictor.training.frontier_training import FrontierTrainer, scores
     from predictor.weights import load_weights

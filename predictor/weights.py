@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from safetensors import SafetensorError, safe_open
 
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.errors import LineError
-from predictor.infra.plain_json import loads
+from foresee.infra.atomic_file import write_whole
+from foresee.infra.errors import LineError
+from foresee.infra.plain_json import loads
 
 if TYPE_CHECKING:
     import torch

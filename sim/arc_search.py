@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.body import Body
-from predictor.mapping.kernels import njit
+from foresee.mapping.body import Body
+from foresee.mapping.kernels import njit
 from sim.world import World
 
 HEADINGS = 16

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from predictor.mapping.conventions import RESOLUTION
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 WALL = 3

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from predictor.mapping.body import Body, first_contact
-from predictor.mapping.car_limits import CarLimits
+from foresee.mapping.body import Body, first_contact
+from foresee.mapping.car_limits import CarLimits
 from sim.world import World
 
 SPACING = 0.2
@@ -157,7 +157,7 @@ def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -
     `planner.safety.collision`: it reads the true map, its poses are those of the simulator's
     motion, and their spacing bounds how far a corner of the body moves. Keep it so: an error in
     the planner's test must not hide the collisions that it causes. The two share only
-    `predictor.mapping.body`, which says whether a rectangle meets a cell, and is tested by itself.
+    `foresee.mapping.body`, which says whether a rectangle meets a cell, and is tested by itself.
 
     Args:
         world: the true map.

@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import Grid, GridFrame, OccupancyGrid
-from predictor.mapping.scan import Scan
-from predictor.prediction import Prediction
+from foresee.mapping.grid import Grid, GridFrame, OccupancyGrid
+from foresee.mapping.scan import Scan
+from foresee.prediction import Prediction
 
 
 class Driver(Protocol):

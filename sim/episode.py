@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.body import Body
-from predictor.mapping.conventions import GOAL_RADIUS, TICK
+from foresee.mapping.body import Body
+from foresee.mapping.conventions import GOAL_RADIUS, TICK
 from sim.car import DubinsCar
 from sim.driver_protocol import Driver
 from sim.lidar import Lidar

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from predictor.mapping.family_names import FAMILIES
+from foresee.mapping.family_names import FAMILIES
 from sim.canvas import Canvas
 from sim.corridor_network import draw_corridor
 from sim.floor_plan import draw_floor_plan

@@ -17,7 +17,7 @@ from scipy.ndimage import binary_dilation, label, map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from predictor.mapping.conventions import RESOLUTION
+from foresee.mapping.conventions import RESOLUTION
 from sim.canvas import Canvas, Point
 from sim.office import Room, furnish
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from predictor.mapping.grid import OCCUPIED
-from predictor.mapping.kernels import njit
-from predictor.mapping.scan import Scan
+from foresee.mapping.grid import OCCUPIED
+from foresee.mapping.kernels import njit
+from foresee.mapping.scan import Scan
 from sim.world import World
 
 

@@ -18,10 +18,10 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image
 
-from predictor.infra import plain_yaml
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.errors import LineError, one_line
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.infra import plain_yaml
+from foresee.infra.atomic_file import write_whole
+from foresee.infra.errors import LineError, one_line
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 MODES = ("trinary", "scale", "raw")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
+from foresee.mapping.grid import GridFrame, OccupancyGrid, paste
 from sim.driver_protocol import Decision
 from sim.world import World
 

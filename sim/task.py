@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from predictor.infra.errors import LineError
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
-from predictor.mapping.polyline import arc_length
+from foresee.infra.errors import LineError
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
+from foresee.mapping.polyline import arc_length
 from sim.arc_search import HEADINGS, arc_ways
 from sim.car import wrap
 from sim.lidar import cast_rays

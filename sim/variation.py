@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import affine_transform
 
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
 SCALES = (0.85, 1.25)

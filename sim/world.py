@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
-from predictor.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, paste
-from predictor.mapping.kernels import njit
+from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, paste
+from foresee.mapping.kernels import njit
 
 
 @dataclass(frozen=True, eq=False)

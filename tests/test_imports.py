@@ -9,11 +9,27 @@ from pathlib import Path
 import grimp
 import pytest
 
-from benchmarks.foresee import COMMANDS, main
+from foresee.__main__ import COMMANDS, commands, main
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("planner", "predictor", "sim", "benchmarks")
-LATE = {"benchmarks.foresee", "benchmarks.runs.analysis", *(name for name, _ in COMMANDS.values())}
+PACKAGES = ("foresee", "planner", "predictor", "sim", "benchmarks")
+BOXES = (
+    "foresee.infra",
+    "foresee",
+    "sim",
+    "planner",
+    "predictor.networks",
+    "predictor.training",
+    "predictor.data",
+    "predictor.scoring",
+    "predictor.recording",
+    "predictor.evaluation",
+    "predictor",
+    "benchmarks.studies",
+    "benchmarks",
+)
+"""The boxes of the drawing, the inner ones first."""
+LATE = {"foresee.__main__", "benchmarks.runs.analysis", *(name for name, _ in commands().values())}
 """Modules with imports of our own inside functions: their --help must not wait for what only their
 work needs."""
 
@@ -65,7 +81,7 @@ def test_the_console_script_is_not_misled_by_it(tmp_path):
     for name in PACKAGES:
         (tmp_path / f"{name}.py").write_text("raise RuntimeError")
     code = (
-        f"import sys; sys.path[0] = {str(ROOT)!r}; from benchmarks.foresee import main; "
+        f"import sys; sys.path[0] = {str(ROOT)!r}; from foresee.__main__ import main; "
         "sys.exit(main(['corridor', '--help']))"
     )
     done = subprocess.run(
@@ -78,7 +94,7 @@ def test_the_console_script_is_not_misled_by_it(tmp_path):
 def test_the_console_script_lists_its_commands(capsys):
     assert main([]) == 0
     said = capsys.readouterr().out
-    assert all(f"  {name} " in said for name in COMMANDS)
+    assert all(f"  {name} " in said for name in commands())
     assert main(["no-such-command"]) == 2
 
 
@@ -91,12 +107,9 @@ def drawn():
 
 def package_of(module):
     """The box of the drawing that a module lies in."""
-    commands = {name for name, _ in COMMANDS.values()} | {"benchmarks.foresee"}
-    if module in commands:
+    if module in {home for home, _ in COMMANDS.values()}:
         return "commands"
-    two = ".".join(module.split(".")[:2])
-    apart = ("mapping", "infra", "networks", "training", "data", "scoring")
-    return two if two in {f"predictor.{name}" for name in apart} else module.split(".")[0]
+    return next(box for box in BOXES if module == box or module.startswith(f"{box}."))
 
 
 def test_the_drawing_of_the_packages_is_true():
@@ -107,7 +120,7 @@ def test_the_drawing_of_the_packages_is_true():
         for other in graph.find_modules_directly_imported_by(module)
     }
     # All use the infrastructure; what an arrow of two steps says is not drawn again.
-    arrows = {(a, b) for a, b in arrows if a != b and "predictor.infra" not in (a, b)}
+    arrows = {(a, b) for a, b in arrows if a != b and "foresee.infra" not in (a, b)}
     beyond = {(a, c) for a, b in reachable(arrows) for other, c in arrows if other == b}
     assert drawn() == arrows - beyond
 

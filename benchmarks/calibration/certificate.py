@@ -10,14 +10,14 @@ from typing import Any
 
 from benchmarks.runs.drive import navigator_config
 from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
-from benchmarks.runs.tasks import sources
+from foresee.infra.command_line import UsageError
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.family_names import FAMILIES
+from foresee.mapping.grid import world_hash
 from planner.risk.calibration import Calibration
-from predictor.infra.command_line import UsageError
-from predictor.mapping.conventions import RESOLUTION
-from predictor.mapping.family_names import FAMILIES
-from predictor.mapping.grid import world_hash
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
+from sim.buildings import sources
 from sim.map_server import load_world
 
 

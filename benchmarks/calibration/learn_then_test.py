@@ -20,13 +20,13 @@ from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.statistics import wilson
-from benchmarks.runs.tasks import sources
+from foresee.infra.command_line import UsageError
+from foresee.infra.environment import machine
+from foresee.infra.markdown import DASH, records
+from foresee.infra.results_file import write_results
+from foresee.infra.resumable import ResumableFolder
 from planner.risk.calibration import KIND
-from predictor.infra.command_line import UsageError
-from predictor.infra.environment import machine
-from predictor.infra.markdown import DASH, records
-from predictor.infra.results_file import write_results
-from predictor.infra.resumable import ResumableFolder
+from sim.buildings import sources
 
 ARM = "predicted"
 KIND_OF_DRIVES = "calibration drives"

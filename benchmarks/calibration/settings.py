@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from predictor.infra.command_line import UsageError
-from predictor.infra.options import Options, option
+from foresee.infra.command_line import UsageError
+from foresee.infra.options import Options, option
 
 SEED = 5_000_000
 """Seed of the first building; no training and no published result uses buildings of such seeds."""

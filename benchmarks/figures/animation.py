@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.palette import (
     DASHED,
-    INK,
     LEGEND,
     MARKS,
     RELIED_COLOUR,
     UNKNOWN_COLOUR,
     arm_colour,
-    bare,
     body_outline,
     draw_body,
     draw_image,
@@ -35,7 +33,8 @@ from benchmarks.figures.palette import (
     speed_line,
 )
 from benchmarks.runs.saved_run import Run, observed_at
-from predictor.mapping.grid import Grid, GridFrame
+from foresee.infra.drawing import INK, bare
+from foresee.mapping.grid import Grid, GridFrame
 from sim.car import along_arc
 
 DPI = 100

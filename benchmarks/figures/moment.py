@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 from benchmarks.figures.palette import (
     DASHED,
     FREE_COLOUR,
-    INK,
     LEGEND,
     OCCUPIED_COLOUR,
     RELIED_COLOUR,
     SPEED_COLOURS,
     UNKNOWN_COLOUR,
-    bare,
     draw_body,
     draw_image,
     draw_speed,
@@ -35,9 +33,10 @@ from benchmarks.figures.palette import (
     swatch,
 )
 from benchmarks.runs.saved_run import Run, frame_of
-from predictor.mapping.body import Body
-from predictor.mapping.grid import Grid, GridFrame
-from predictor.mapping.polyline import arc_length
+from foresee.infra.drawing import INK, bare
+from foresee.mapping.body import Body
+from foresee.mapping.grid import Grid, GridFrame
+from foresee.mapping.polyline import arc_length
 
 BELIEVED_FREE, BELIEVED_OCCUPIED = "#A6CEE3", "#B2182B"
 SEEN_SAFE = "#D6ECD2"

@@ -1,32 +1,24 @@
-"""Common elements of all figures: colours, legends, maps as images, lines coloured by speed."""
+"""Common elements of the figures of drives: colours, legends, maps, lines coloured by speed."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable
-from functools import cache
-from typing import Any, Literal
+from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
-from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, Polygon
 from matplotlib.text import Annotation
 from numpy.typing import NDArray
 from skimage.measure import block_reduce
 
-from predictor.mapping.body import Body
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-
-# Rows of maps run upwards, cells stay sharp, and legends have no frame.
-matplotlib.rcParams.update(
-    {"image.origin": "lower", "image.interpolation": "nearest", "legend.frameon": False}
-)
+from foresee.infra.drawing import INK
+from foresee.mapping.body import Body
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 
 ARM_COLOURS = {
     "known": "#0072B2",
@@ -41,22 +33,6 @@ ARM_COLOURS = {
 """Arm → colour; after Okabe & Ito 2008, safe for the colour-blind."""
 OTHER_ARM = "#E69F00"
 """Colour of an arm that has none of its own."""
-
-PREDICTOR_COLOURS = {
-    "unet_ff": "#0072B2",
-    "resnet_ff": "#56B4E9",
-    "gan": "#CC79A7",
-    "mlp": "#B8A000",
-    "compact": "#D55E00",
-    "extend": "#009E73",
-    "copy": "#222222",
-    "grey": "#999999",
-    "none": "#6B5B4B",
-}
-"""Predictor → colour; from the same source, darkened where a line would be hard to see on white."""
-OTHER_PREDICTORS = ("#E69F00", "#882255", "#44AA99", "#332288")
-"""Colours, in turn, of predictors that have none of their own; after P. Tol's `muted` scheme."""
-_TURNS = itertools.cycle(OTHER_PREDICTORS)
 
 LIMIT_COLOURS = {
     "top speed": "#44BB99",
@@ -73,8 +49,6 @@ LIMIT_COLOURS = {
 FREE_COLOUR, OCCUPIED_COLOUR, UNKNOWN_COLOUR = "#FFFFFF", "#222222", "#D9D9D9"
 RELIED_COLOUR = "#FDBE85"
 """Colour of unobserved cells that the plan relies on."""
-INK = "#333333"
-"""Colour of text and thin lines."""
 CRASH_COLOUR = "#C00000"
 RIM: dict[str, Any] = {"edgecolor": "#888888", "linewidth": 0.5}
 """Style of the rim of a legend's entry for a pale area."""
@@ -109,27 +83,9 @@ LEGEND: dict[str, Any] = {"fontsize": 8, "handlelength": 1.2, "columnspacing": 1
 """Style of small legends."""
 
 
-def new_figure(width: float, height: float, maps: bool = False) -> Figure:
-    """Return an empty figure that needs no window system.
-
-    Args:
-        width: width of the figure [inch].
-        height: height of the figure [inch].
-        maps: whether its panels have a fixed aspect ratio and should be close together.
-    """
-    layout: Literal["compressed", "constrained"] = "compressed" if maps else "constrained"
-    return Figure(figsize=(width, height), dpi=150, layout=layout)
-
-
 def arm_colour(arm: str) -> str:
     """Return the colour of an arm, the same in every figure."""
     return ARM_COLOURS.get(arm, OTHER_ARM)
-
-
-@cache
-def predictor_colour(name: str) -> str:
-    """Return the colour of a predictor, the same in every figure of a run."""
-    return PREDICTOR_COLOURS[name] if name in PREDICTOR_COLOURS else next(_TURNS)
 
 
 def limit_colour(limit: str) -> str:
@@ -292,9 +248,3 @@ def scale_bar(ax: Axes, length: float | None = None) -> None:
         ax.plot([x, x + length], [y, y], color=colour, linewidth=width, **style)
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
     note(ax, f"{length:g} m", (x + length / 2, y), (0, 5), ha="center", zorder=9, bbox=box)
-
-
-def bare(ax: Axes) -> None:
-    """Format the axes of a map: no ticks, a thin frame, the same scale along x and y."""
-    ax.set(aspect="equal", xticks=[], yticks=[])
-    ax.spines[:].set(color="#AAAAAA", linewidth=0.8)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -12,7 +11,7 @@ from benchmarks.figures.moment import moment
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
 from benchmarks.runs.saved_run import Run
-from predictor.infra.atomic_file import write_whole
+from foresee.infra.drawing import save_figures
 
 
 def draw_all(directory: Path) -> list[Path]:
@@ -43,19 +42,3 @@ def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = 
         ("moment.png", lambda: moment(run, episode, arm)),
     ]
     return save_figures(figures, out)
-
-
-def save_figures(figures: Sequence[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
-    """Draw figures, and save them as PNG files once all of them are drawn; return their paths.
-
-    Args:
-        figures: name of each file, and function that draws the figure.
-        out: folder for the files; made if it is missing.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    drawn = {out / name: io.BytesIO() for name, _ in figures}
-    for data, (_, draw) in zip(drawn.values(), figures, strict=True):
-        draw().savefig(data, format="png")
-    for path, data in drawn.items():
-        write_whole(path, data.getvalue())
-    return list(drawn)

@@ -11,17 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.figures.palette import (
-    INK,
     OUTCOME_MARKS,
     RIM,
     arm_colour,
     limit_colour,
     limit_patches,
-    new_figure,
     note,
 )
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run, Trace
+from foresee.infra.drawing import INK, new_figure
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 """Line styles that tell runs apart."""

@@ -13,20 +13,18 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.palette import (
     CRASH_COLOUR,
-    INK,
     MARKS,
     arm_colour,
-    bare,
     draw_image,
     draw_speed,
     map_image,
-    new_figure,
     note,
     scale_bar,
 )
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run, Trace
-from predictor.mapping.grid import Grid
+from foresee.infra.drawing import INK, bare, new_figure
+from foresee.mapping.grid import Grid
 
 MARGIN = 2.5
 """Margin of the shown map around the drives [m]."""

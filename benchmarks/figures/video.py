@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from tqdm import tqdm
 
-from predictor.infra.errors import LineError
+from foresee.infra.errors import LineError
 
 Picture = NDArray[np.uint8]
 """Pixels of a frame, (height, width, 3)."""

@@ -12,8 +12,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from benchmarks.optimal.minimum_time import Guess
 from benchmarks.optimal.shortest_way import NoWayError, shortest_way
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.polyline import arc_length
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.polyline import arc_length
 from sim.arc_search import arc_ways
 from sim.car import along_arc, wrap
 from sim.task import Task

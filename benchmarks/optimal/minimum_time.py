@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, spline_filter
 
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import GridFrame, paste
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import GridFrame, paste
 from sim.car import DubinsCar
 from sim.task import Task
 

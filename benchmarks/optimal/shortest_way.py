@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from predictor.infra.errors import LineError
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.kernels import njit
+from foresee.infra.errors import LineError
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.kernels import njit
 from sim.world import World
 
 SLACK = 1e-4

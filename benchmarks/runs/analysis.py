@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.infra.command_line import OneLineParser, between, run_command
-from predictor.infra.environment import commit
-from predictor.infra.results_file import COMMANDS, write_results
+from foresee.infra.command_line import OneLineParser, between, run_command
+from foresee.infra.environment import commit
+from foresee.infra.results_file import COMMANDS, write_results
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -25,7 +25,7 @@ def analyse(
     """Run the command line of an analysis, write its results, and return its exit status.
 
     Args:
-        kind: kind of the results, a key of `predictor.infra.results_file.COMMANDS`.
+        kind: kind of the results, a key of `foresee.infra.results_file.COMMANDS`.
         of_run: function that analyses a run.
         table: function that turns the contents of the results file into Markdown.
         description: description for --help.

@@ -13,13 +13,13 @@ from benchmarks.optimal.shortest_way import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of
+from foresee.frontiers import FrontierPredictor
+from foresee.infra.environment import commit
+from foresee.infra.workers import WorkersError
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import Grid, OccupancyGrid
+from foresee.prediction import Prediction, Predictor
 from planner.navigator import Navigator, NavigatorConfig
-from predictor.frontiers import FrontierPredictor
-from predictor.infra.environment import commit
-from predictor.infra.workers import WorkersError
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import Grid, OccupancyGrid
-from predictor.prediction import Prediction, Predictor
 from predictor.provenance import fingerprint_of, has_learned
 from predictor.registry import load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig

@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 
 from tqdm import tqdm
 
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.command_line import UsageError
-from predictor.infra.results_file import COMMANDS, read_results
-from predictor.infra.resumable import refuse_other_settings
-from predictor.infra.workers import LostError, finished
+from foresee.infra.atomic_file import write_whole
+from foresee.infra.command_line import UsageError
+from foresee.infra.results_file import COMMANDS, read_results
+from foresee.infra.resumable import refuse_other_settings
+from foresee.infra.workers import LostError, finished
 
 NO_TASK = "no task"
 """Outcome in a building without a route that the car can drive."""
@@ -44,7 +44,7 @@ class DriveFile:
 
     Args:
         path: path of the file; it is made if it is missing.
-        kind: kind of the results, a key of `predictor.infra.results_file.COMMANDS`.
+        kind: kind of the results, a key of `foresee.infra.results_file.COMMANDS`.
         settings: settings of the run, plain data for JSON.
         grows: name of the setting that may differ in a file that is continued: the number of
             drives.
@@ -100,7 +100,7 @@ class DriveFile:
 
         Args:
             work: function from an item to a drive, or to a line that says why there is none; see
-                `predictor.infra.workers.finished`.
+                `foresee.infra.workers.finished`.
             items: item of each drive, in the order of the drives' numbers.
             jobs: number of worker processes.
             about: function from a drive to the text beside the progress bar.

@@ -8,8 +8,8 @@ from typing import Any
 
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
-from predictor.infra.command_line import UsageError
-from predictor.infra.markdown import DASH, records
+from foresee.infra.command_line import UsageError
+from foresee.infra.markdown import DASH, records
 
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identity of a task: building, seed, start (x, y, yaw) and goal (x, y), rounded."""

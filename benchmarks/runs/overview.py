@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.summary import broken, gap, summarise
-from predictor.infra.markdown import DASH, figure, interval, records
+from foresee.infra.markdown import DASH, figure, interval, records
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:

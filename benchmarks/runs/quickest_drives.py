@@ -13,9 +13,9 @@ from benchmarks.optimal.minimum_time import AROUND, Drive, MinimumTime
 from benchmarks.optimal.shortest_way import time_bound
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of
-from predictor.infra.environment import commit
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.conventions import TICK
+from foresee.infra.environment import commit
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import TICK
 from sim.episode import EpisodeConfig
 from sim.task import NoTaskError, Task
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import FARTHEST, DriveResult
 from benchmarks.runs.settings import ARMS, Settings, up_to_date
-from predictor.infra.errors import LineError, one_line
-from predictor.infra.plain_json import loads
-from predictor.infra.resumable import UNREADABLE
-from predictor.mapping.conventions import TICK
-from predictor.mapping.grid import UNKNOWN, Grid, GridFrame
-from predictor.mapping.polyline import arc_length
+from foresee.infra.errors import LineError, one_line
+from foresee.infra.plain_json import loads
+from foresee.infra.resumable import UNREADABLE
+from foresee.mapping.conventions import TICK
+from foresee.mapping.grid import UNKNOWN, Grid, GridFrame
+from foresee.mapping.polyline import arc_length
 from sim.recorder import SHAPES
 
 RESULTS, TRACES = "results.json", "traces.npz"

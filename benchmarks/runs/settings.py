@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from predictor.infra.command_line import UsageError
-from predictor.infra.options import Options, option
-from predictor.mapping.family_names import FAMILIES
+from foresee.infra.command_line import UsageError
+from foresee.infra.options import Options, option
+from foresee.mapping.family_names import FAMILIES
 
 
 @dataclass(frozen=True)

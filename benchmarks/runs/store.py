@@ -20,13 +20,13 @@ from benchmarks.runs.optima import Key, task_key
 from benchmarks.runs.saved_run import RESULTS, TRACES, Run, RunError
 from benchmarks.runs.settings import ARMS, OLDER, Settings
 from benchmarks.runs.summary import gap, summarise
-from predictor.infra.command_line import UsageError
-from predictor.infra.environment import commit, machine
-from predictor.infra.errors import one_line
-from predictor.infra.plain_json import loads
-from predictor.infra.results_file import write_results
-from predictor.infra.resumable import SETTINGS, UNREADABLE, ResumableFolder
-from predictor.mapping.conventions import TICK
+from foresee.infra.command_line import UsageError
+from foresee.infra.environment import commit, machine
+from foresee.infra.errors import one_line
+from foresee.infra.plain_json import loads
+from foresee.infra.results_file import write_results
+from foresee.infra.resumable import SETTINGS, UNREADABLE, ResumableFolder
+from foresee.mapping.conventions import TICK
 
 PARTS = "parts"
 """Folder of the drives that are not packed yet."""

@@ -12,7 +12,7 @@ from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
-from predictor.infra.markdown import DASH, figure, interval, markdown
+from foresee.infra.markdown import DASH, figure, interval, markdown
 from sim.episode import Outcome
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.grid import GridFrame
+from foresee.mapping.kernels import njit
 from planner.motion.goal import PLAN_REACHES
 from planner.motion.path import SPACING
-from predictor.mapping.grid import GridFrame
-from predictor.mapping.kernels import njit
 
 BODY_MARGIN = 0.02
 """Margin that paths keep around the body's outline, or around the circles that cover it [m]."""

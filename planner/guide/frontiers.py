@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from foresee.mapping.frontier import Frontier
+from foresee.mapping.grid import GridFrame
 from planner.guide.route import coarse_costs, costs_from, in_pairs, nearest_cell, open_cell
 from planner.risk.cost_map import CostMap
-from predictor.mapping.frontier import Frontier
-from predictor.mapping.grid import GridFrame
 
 EIGHT = np.ones((3, 3), dtype=bool)
 """Cells are connected to their eight neighbours, as in the route search."""

@@ -10,6 +10,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.frontiers import FrontierPredictor
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import OccupancyGrid
+from foresee.prediction import Prediction
 from planner.guide.elastic_band import BODY_MARGIN, LineConfig
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
 from planner.guide.ompl_search import PathConfig, plan_path
@@ -21,10 +25,6 @@ from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.cost_map import CostMap, RememberedCost, remember
 from planner.risk.risk_map import RiskMap
-from predictor.frontiers import FrontierPredictor
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import OccupancyGrid
-from predictor.prediction import Prediction
 
 REST = 1e-6
 """Speed below which a car stands, and may change its gear [m/s]."""

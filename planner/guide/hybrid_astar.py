@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.body import meets
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from foresee.mapping.kernels import njit
 from planner.guide.route import cost_to_go
 from planner.motion.dynamics import pose_along
 from planner.motion.goal import PATH_REACHES
 from planner.risk.cost_map import STUCK_REACH, CostMap, around
-from predictor.mapping.body import meets
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
-from predictor.mapping.kernels import njit
 
 HEADINGS = 48
 """Number of headings that the lattice distinguishes."""

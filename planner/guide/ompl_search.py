@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.body import Body
+from foresee.mapping.car_limits import CarLimits
 from planner.guide.elastic_band import BODY_MARGIN
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.body import Body
-from predictor.mapping.car_limits import CarLimits
 
 if TYPE_CHECKING:
     from ompl import base as ob

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.grid import GridFrame
+from foresee.mapping.kernels import njit
 from planner.risk.cost_map import CostMap
-from predictor.mapping.grid import GridFrame
-from predictor.mapping.kernels import njit
 
 
 def find_route(

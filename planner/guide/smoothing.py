@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.car_limits import CarLimits
 from planner.guide.elastic_band import BODY_MARGIN, LineConfig, curvatures, lines_along, speeds
 from planner.motion.path import SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.car_limits import CarLimits
 
 SLOWEST = 0.5
 """Lower bound of the speed from which a path's price is computed [m/s]."""

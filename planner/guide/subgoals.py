@@ -14,11 +14,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.frontiers import FrontierPredictor, FrontierValues
+from foresee.mapping.grid import OccupancyGrid
 from planner.guide.frontiers import FrontierMap
 from planner.guide.route import costs_from
 from planner.risk.cost_map import CostMap
-from predictor.frontiers import FrontierPredictor, FrontierValues
-from predictor.mapping.grid import OccupancyGrid
 
 MOST = 6
 """Number of frontiers that are compared, the most promising ones: the number of sets of frontiers

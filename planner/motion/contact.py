@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from foresee.mapping.body import meets
+from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along, rollout
-from predictor.mapping.body import meets
-from predictor.mapping.kernels import njit
 
 
 @njit(cache=True, nogil=True)

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.kernels import njit
+from foresee.mapping.kernels import njit
 
 NX, NU = 4, 2
 """Number of entries of a state, and of a control."""

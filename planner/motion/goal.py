@@ -1,6 +1,6 @@
 """Distances to the goal at which the planner treats it as reached.
 
-A drive ends within `predictor.mapping.conventions.GOAL_RADIUS` of the goal. Each distance differs
+A drive ends within `foresee.mapping.conventions.GOAL_RADIUS` of the goal. Each distance differs
 from it for a reason of its own.
 """
 

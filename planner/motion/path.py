@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.kernels import njit
+from foresee.mapping.kernels import njit
 
 SPACING = 0.1
 """Distance between the points of a path [m]."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from predictor.mapping.kernels import cache
+from foresee.mapping.kernels import cache
 
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 """Options of the compiler; without fused operations, results equal those of the interpreter."""

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from predictor.mapping.kernels import njit
+from foresee.mapping.kernels import njit
 
 
 @njit(cache=True, nogil=True)

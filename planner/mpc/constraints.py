@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from predictor.mapping.kernels import njit
+from foresee.mapping.kernels import njit
 
 
 @njit(cache=True, nogil=True)

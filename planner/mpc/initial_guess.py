@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
+from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along
 from planner.motion.path import SPACING, project
-from predictor.mapping.kernels import njit
 
 LOOK = 0.7
 """Distance of the point on a path that pure pursuit aims at, at low speed [m]."""

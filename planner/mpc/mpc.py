@@ -24,14 +24,14 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import TICK
 from planner.motion.dynamics import NX, REFERENCE, rollout, stage_functions
 from planner.motion.path import SPACING, Path, references
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
 from planner.mpc.codegen import compiled
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.conventions import TICK
 
 NEAR = 1.0
 """Excess over the required clearance above which a circle has no constraint in the QP [m]."""

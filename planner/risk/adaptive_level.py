@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.grid import GridFrame, OccupancyGrid, paste
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
 
 SUSTAINED = 0.5
 """Sum of the excess losses (loss - α) that lowers the level from its maximum to 0."""

@@ -8,8 +8,8 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import Grid
-from predictor.prediction import (
+from foresee.mapping.grid import Grid
+from foresee.prediction import (
     BadPredictionError,
     Prediction,
     Predictor,

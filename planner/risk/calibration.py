@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from predictor.infra.errors import LineError, one_line
-from predictor.infra.plain_json import loads
+from foresee.infra.errors import LineError, one_line
+from foresee.infra.plain_json import loads
 
 KIND = "calibration"
 

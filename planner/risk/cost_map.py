@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.grid import GridFrame, OccupancyGrid, paste
+from foresee.prediction import Prediction
 from planner.risk.distance_transform import distance_field
-from predictor.mapping.grid import GridFrame, OccupancyGrid, paste
-from predictor.prediction import Prediction
 
 UNKNOWN_COST = 1.4
 """Cost of a metre of unobserved space, in metres of free space."""

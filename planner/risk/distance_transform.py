@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.kernels import njit
+from foresee.mapping.kernels import njit
 
 
 def distance_field(mask: NDArray[np.bool_]) -> NDArray[np.float32]:

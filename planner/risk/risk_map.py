@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.grid import Grid, GridFrame
+from foresee.prediction import Prediction
 from planner.risk.distance_transform import distance_field
-from predictor.mapping.grid import Grid, GridFrame
-from predictor.prediction import Prediction
 
 
 @dataclass(frozen=True, eq=False)

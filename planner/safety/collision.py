@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.body import Body, covered
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import GridFrame
+from foresee.mapping.kernels import njit
 from planner.motion.contact import first_meeting, leads_on
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.body import Body, covered
-from predictor.mapping.car_limits import CarLimits
-from predictor.mapping.grid import GridFrame
-from predictor.mapping.kernels import njit
 
 CONTACT_SPACING = 0.02
 """Distance between the poses at which a plan is tested [m]."""

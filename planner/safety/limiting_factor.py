@@ -7,10 +7,10 @@ from enum import StrEnum
 
 import numpy as np
 
+from foresee.mapping.car_limits import CarLimits
 from planner.motion.goal import STOPS_FOR_GOAL
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
-from predictor.mapping.car_limits import CarLimits
 
 
 class Limit(StrEnum):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.car_limits import CarLimits
 from planner.motion.goal import GOES_ON, PLAN_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan
@@ -16,7 +17,6 @@ from planner.mpc.mpc import MPC, MPCConfig, stop_controls
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
-from predictor.mapping.car_limits import CarLimits
 
 SLOW = 0.3
 """Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may

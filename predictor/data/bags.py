@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.plain_yaml import read_yaml
+from foresee.mapping.scan import Scan
 from predictor.data import BAGS
 from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.data.transforms import Transforms
-from predictor.infra.plain_yaml import read_yaml
-from predictor.mapping.scan import Scan
 
 SCAN = "sensor_msgs/msg/LaserScan"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -27,10 +27,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.plain_json import loads
+from foresee.mapping.scan import Scan
 from predictor.data import CARMEN
 from predictor.data.laser_log import LaserLog, LogError, cleaned
-from predictor.infra.plain_json import loads
-from predictor.mapping.scan import Scan
 
 NO_RETURN = 80.0
 """Range at or above which a beam of a SICK had no return [m]."""

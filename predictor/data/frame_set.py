@@ -10,6 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.atomic_file import write_whole
+from foresee.infra.environment import commit
+from foresee.infra.resumable import ResumableFolder, refuse_other_settings, write_arrays
+from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
+from foresee.mapping.grid import GridFrame, OccupancyGrid
 from predictor.data.frames import (
     ARRAYS,
     FORMAT,
@@ -21,11 +26,6 @@ from predictor.data.frames import (
 )
 from predictor.data.samples import RECIPE
 from predictor.data.squares import codes_of, middle
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.environment import commit
-from predictor.infra.resumable import ResumableFolder, refuse_other_settings, write_arrays
-from predictor.mapping.conventions import CROP_CELLS, RESOLUTION
-from predictor.mapping.grid import GridFrame, OccupancyGrid
 
 WINDOW = 5.0
 """Side of the window around the car, inside which scans change the map `near` [m]."""

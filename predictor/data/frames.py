@@ -34,11 +34,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.errors import LineError
+from foresee.infra.plain_json import loads
+from foresee.infra.resumable import UNREADABLE
+from foresee.mapping.conventions import CROP_CELLS
 from predictor.data.squares import NOTHING, Square
-from predictor.infra.errors import LineError
-from predictor.infra.plain_json import loads
-from predictor.infra.resumable import UNREADABLE
-from predictor.mapping.conventions import CROP_CELLS
 
 FORMAT = 1
 MANIFEST = "manifest.json"

@@ -25,12 +25,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.errors import one_line
+from foresee.infra.plain_json import loads
+from foresee.infra.resumable import UNREADABLE, as_bytes, write_arrays
+from foresee.mapping.frontier import Frontier
+from foresee.mapping.grid import FREE, OCCUPIED, Grid
 from predictor.data.samples import SamplesError
-from predictor.infra.errors import one_line
-from predictor.infra.plain_json import loads
-from predictor.infra.resumable import UNREADABLE, as_bytes, write_arrays
-from predictor.mapping.frontier import Frontier
-from predictor.mapping.grid import FREE, OCCUPIED, Grid
 
 FORMAT = 1
 CELL = 0.25

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.infra.errors import LineError
-from predictor.mapping.scan import Scan
+from foresee.infra.errors import LineError
+from foresee.mapping.scan import Scan
 
 FARTHEST = 1e7
 """Largest coordinate of a pose [m]; larger ones are refused."""

@@ -10,7 +10,7 @@ running code from it:
                                 as driven through (world) and as generated (original)
 
 A sample is (side, side) uint8 of seen + 3 · truth, see `predictor.data.squares`, followed by its
-context, (2, CELLS, CELLS) uint8, see `predictor.mapping.context`. The robot is in the middle of
+context, (2, CELLS, CELLS) uint8, see `foresee.mapping.context`. The robot is in the middle of
 both, facing +x to within 45°: maps are rotated by quarter turns, which need no resampling.
 """
 
@@ -27,13 +27,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.errors import LineError, one_line
+from foresee.infra.plain_json import loads
+from foresee.infra.resumable import UNREADABLE, as_bytes, write_arrays
+from foresee.mapping.context import CELLS, context_of
+from foresee.mapping.conventions import CROP_CELLS
+from foresee.mapping.grid import Grid
 from predictor.data.squares import Square, codes_of, joined, middle, parted
-from predictor.infra.errors import LineError, one_line
-from predictor.infra.plain_json import loads
-from predictor.infra.resumable import UNREADABLE, as_bytes, write_arrays
-from predictor.mapping.context import CELLS, context_of
-from predictor.mapping.conventions import CROP_CELLS
-from predictor.mapping.grid import Grid
 
 FORMAT = 3
 RECIPE = "recipe.json"

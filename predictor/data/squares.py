@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from predictor.mapping.grid import FREE, OCCUPIED, UNKNOWN
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.grid import GridFrame, OccupancyGrid, marks_of, world_hash
+from foresee.mapping.scan import Scan
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.log_files import read_log, site_of
 from predictor.data.squares import cells_of, truth_codes
-from predictor.mapping.conventions import RESOLUTION
-from predictor.mapping.grid import GridFrame, OccupancyGrid, marks_of, world_hash
-from predictor.mapping.scan import Scan
 
 HITS = 0.25
 """Least share of hits among hits and crossings of an occupied cell."""

@@ -187,7 +187,7 @@ class CompactNet(nn.Module):
             known: 1 where observed free, and 1 where observed occupied, (B, 2, H, W); H and W are
                 multiples of `config.multiple`.
             context: shares in [0, 1] observed free, and observed occupied, (B, 2, CELLS, CELLS),
-                see `predictor.mapping.context`; needed if the network has a context.
+                see `foresee.mapping.context`; needed if the network has a context.
         """
         x = F.relu(self.stem(F.pixel_unshuffle(known, self.config.patch)))
         skips = []

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 from skimage.restoration import denoise_tv_chambolle
 
+from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
+from foresee.mapping.grid import Grid
+from foresee.prediction import Prediction
 from predictor.data.squares import TERNARY, codes_of
-from predictor.mapping.conventions import CROP_CELLS, RESOLUTION
-from predictor.mapping.grid import Grid
-from predictor.prediction import Prediction
 
 PERIMETER = 1.0
 """Cost of an edge of one cell's length, in wrongly drawn cells."""

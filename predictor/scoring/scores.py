@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from predictor.mapping.grid import Grid
+from foresee.mapping.grid import Grid
 
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, np.inf)
 """Edges of the rings of distance beyond the frontier [m]."""

@@ -6,8 +6,8 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.errors import LineError
+from foresee.infra.atomic_file import write_whole
+from foresee.infra.errors import LineError
 from predictor.weights import WeightsError, facts_of
 
 if TYPE_CHECKING:

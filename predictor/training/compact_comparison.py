@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from foresee.infra.markdown import markdown
 from predictor.data.samples import Samples
-from predictor.infra.markdown import markdown
 from predictor.networks.compact_net import CompactNet
 from predictor.scoring.scores import Scores
 from predictor.training.compact_training import USUAL, VALIDATED, validate

@@ -8,8 +8,8 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
+from foresee.mapping.context import CELLS
 from predictor.data.squares import NOTHING, middle, parted
-from predictor.mapping.context import CELLS
 from predictor.networks.compact_net import FREE, ROOM
 from predictor.networks.room import REACH, question, widened
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from predictor.infra.options import Options, option
+from foresee.infra.options import Options, option
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
+from foresee.infra.markdown import records
 from predictor.data.frontier_samples import COLUMNS, GOALS, FrontierSamples, way_back
-from predictor.infra.markdown import records
 from predictor.networks.frontier_net import SCALE, FrontierNet
 from predictor.training.frontier_config import FrontierTraining
 from predictor.training.group import Group

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from predictor.infra.atomic_file import write_whole
-from predictor.infra.errors import one_line
-from predictor.infra.plain_json import loads
-from predictor.infra.workers import follow_parent, interrupts_blocked
+from foresee.infra.atomic_file import write_whole
+from foresee.infra.errors import one_line
+from foresee.infra.plain_json import loads
+from foresee.infra.workers import follow_parent, interrupts_blocked
 from predictor.networks.image_config import ImageConfig, ImageTraining, described
 from predictor.training.checkpoint import is_trained
 from predictor.training.image_training import train_images

@@ -23,8 +23,8 @@ from matplotlib.figure import Figure
 from torch import Tensor
 from tqdm import tqdm
 
-from predictor.infra.atomic_file import clear, write_whole
-from predictor.infra.environment import commit
+from foresee.infra.atomic_file import clear, write_whole
+from foresee.infra.environment import commit
 from predictor.training.checkpoint import read_checkpoint, write_checkpoint
 from predictor.training.group import Group
 

@@ -1,0 +1,8 @@
+"""The evidence for what the documents state; in a checkout only, and nothing imports it.
+
+- `katyal2018`: the prediction study of Katyal et al. 2018.
+- `risk`: requested and realised risk of collisions.
+- `performance`: times, memory and throughput.
+- `robustness`: hostile predictors, interrupted commands.
+- `driver`: why drives got stuck, how much the car weaves, how far it relied on predictions.
+"""

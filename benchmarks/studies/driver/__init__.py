@@ -1,0 +1,1 @@
+"""How the planner drives: `stuck` drives, weaving (`weave`), and how far it relies (`sweeps`)."""

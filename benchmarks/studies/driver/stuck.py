@@ -1,0 +1,114 @@
+"""Find out why drives got stuck: the last moment at which the goal could still be reached.
+
+python -m benchmarks.studies.driver.stuck results/real --out stuck.json
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from benchmarks.runs.analysis import analyse
+from foresee.infra.command_line import UsageError
+from foresee.infra.markdown import records
+
+if TYPE_CHECKING:
+    from benchmarks.runs.drive_result import DriveResult
+    from benchmarks.runs.saved_run import Run
+
+DESCRIPTION = """\
+Find out why drives of the dubins car got stuck. For each stuck drive of a run of
+benchmarks.corridor, a search over the true map tries to reach the goal from where the car stands,
+then from ever earlier states of the drive. The search is that of sim.task, not the planner's; it
+keeps about 0.1 m from walls.
+"""
+STRIDE = 5
+"""Number of ticks between two states from which the search is tried."""
+LONGEST = 120.0
+"""Length of the longest path of the search [m]."""
+CLOSE = 1.0
+"""Distance from the goal at which a path counts as reaching it [m]."""
+LATE = 4.0
+"""Time before the end of a drive that separates a missed way out (later) from a dead end
+(earlier) [s]."""
+
+
+def causes(run: Run) -> dict[str, Any]:
+    """Return the cause of each stuck drive of a run, and the number of drives of each arm.
+
+    Raises:
+        RunError: if the run is damaged.
+        UsageError: if its car has a reverse gear, which the search lacks.
+    """
+    if run.settings["vehicle"] != "dubins":
+        raise UsageError(
+            f"{run.directory} holds drives of the car {run.settings['vehicle']}; the search is for "
+            "the dubins car only"
+        )
+    stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
+    drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
+    found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
+    return {"drives": drives, "stuck": found}
+
+
+def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
+    """Return how long before its end a stuck drive could still have reached its goal [s].
+
+    Raises:
+        RunError: if the run is damaged.
+    """
+    from foresee.mapping.car_limits import CarLimits
+    from sim.task import reachable
+    from sim.world import World
+
+    index, arm = episode.index, episode.arm
+    world = World(episode.world, run.truth(index))
+    states = run.trace(index, arm).states
+    goal = np.array(episode.goal)
+    # The search starts at the last state in which the car still moved.
+    moved = np.flatnonzero(states[:, 3] > 0)
+    end = min(int(moved[-1]) + 1, len(states) - 1) if len(moved) else 0
+    before, speed = None, None
+    for tick in (*range(end, 0, -STRIDE), 0):
+        x, y, yaw, v = map(float, states[tick])
+        poses = reachable(world, (x, y, yaw), CarLimits(), LONGEST)
+        if (np.hypot(*(poses[:, :2] - goal).T) <= CLOSE).any():
+            before, speed = (end - tick) * run.setting("dt"), v
+            break
+    return {"index": index, "arm": arm, "world": episode.world, "seconds": before, "speed": speed}
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return the causes as a Markdown table, one line for each arm of each run."""
+    rows = []
+    for run in results["runs"]:
+        for arm, drives in run["drives"].items():
+            stuck = [one for one in run["stuck"] if one["arm"] == arm]
+            timed = [one for one in stuck if one["seconds"] is not None]
+            late = [one["speed"] for one in timed if 0 < one["seconds"] <= LATE]
+            rows.append(
+                {
+                    "run": run["label"],
+                    "arm": f"`{arm}`",
+                    "drives": drives,
+                    "stuck": len(stuck),
+                    "reachable from the final state": sum(one["seconds"] == 0.0 for one in timed),
+                    f"missed within {LATE:g} s": len(late),
+                    "speed then [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
+                    "in a dead end": sum(one["seconds"] > LATE for one in timed),
+                    "no path found": len(stuck) - len(timed),
+                }
+            )
+    return records(rows)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; return its exit status, 2 for bad input."""
+    return analyse("stuck", causes, table, DESCRIPTION, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""Count how often the car weaves: changes of the sign of its curvature on straight stretches.
+
+python -m benchmarks.studies.driver.weave results/corridor --out weave.json
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.runs.analysis import analyse
+from foresee.infra.command_line import UsageError
+from foresee.infra.markdown import DASH, records
+from foresee.mapping.polyline import arc_length
+
+if TYPE_CHECKING:
+    from benchmarks.runs.saved_run import Run
+
+DESCRIPTION = """\
+Count how often the car changes between turning left and turning right on straight stretches, in
+runs of benchmarks.corridor on a prescribed route. The route is straight where it turns by less than
+10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are ignored.
+"""
+STEP = 0.5
+"""Distance between two points of the route at which its direction is computed [m]."""
+AROUND = 6
+"""Number of points before and behind a point over which a straight route keeps its direction."""
+TURN = np.radians(10.0)
+"""Change of direction below which the route is straight [rad]."""
+THRESHOLDS = (0.01, 0.05)
+"""Curvatures above which the car counts as turning [1/m]."""
+
+
+def counts(run: Run) -> dict[str, Any]:
+    """Return the distance on straights [m] and the changes of sign at each threshold, for each arm.
+
+    Raises:
+        RunError: if the run is damaged.
+        UsageError: if it was not driven on a prescribed route.
+    """
+    if run.settings["route"] != "fixed":
+        raise UsageError(f"{run.directory}: its arms chose their routes; run it with --route fixed")
+    arms: dict[str, Any] = {}
+    for arm in run.arms:
+        metres, changes = 0.0, [0] * len(THRESHOLDS)
+        for index in run.indices:
+            trace = run.trace(index, arm)
+            xy, curvature = trace.states[:, :2], trace["controls"][:, 1].astype(float)
+            way = np.vstack([xy[:1], run.archive.array(f"w{index}/waypoints")])
+            for first, end in stretches(_on_straights(xy[:-1], way)):
+                metres += float(np.hypot(*np.diff(xy[first : end + 1], axis=0).T).sum())
+                for i, threshold in enumerate(THRESHOLDS):
+                    changes[i] += sign_changes(curvature[first:end], threshold)
+        arms[arm] = {"metres": metres, "changes": changes}
+    commits = sorted({str(episode.commit) for episode in run.episodes})
+    return {"commits": commits, "thresholds": THRESHOLDS, "arms": arms}
+
+
+def sign_changes(curvature: NDArray[Any], threshold: float) -> int:
+    """Return how often curvatures (N,) above a threshold [1/m] change their sign."""
+    turning = curvature[np.abs(curvature) > threshold]
+    return int((np.diff(np.sign(turning)) != 0).sum())
+
+
+def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return start and end index of each run of consecutive True values in an array (N,)."""
+    edges = np.flatnonzero(np.diff(np.r_[False, marked, False].astype(int)))
+    return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
+
+
+def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which points (N, 2) are nearest to a straight part of a route, (N,).
+
+    Args:
+        points: points to test [m].
+        way: points of the route, (n, 2) [m].
+    """
+    along = arc_length(way)
+    at = np.arange(0.0, along[-1], STEP)
+    path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
+    heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))
+    straight = np.array(
+        [np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN for i in range(len(at))]
+    )
+    nearest = [int(np.argmin(np.hypot(*(path - point).T))) for point in points]
+    return straight[nearest]
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return the changes of sign per 100 m of straight route as a Markdown table.
+
+    It has a line for each run and threshold, and a column for each arm.
+    """
+    arms = list(dict.fromkeys(arm for run in results["runs"] for arm in run["arms"]))
+    rows = []
+    for run in results["runs"]:
+        for i, threshold in enumerate(run["thresholds"]):
+            rates = {
+                arm: f"{100 * of['changes'][i] / of['metres']:.2f}" if of["metres"] else DASH
+                for arm, of in run["arms"].items()
+            }
+            head = {"run": run["label"], "curvature threshold [1/m]": f"{threshold:g}"}
+            rows.append(head | {f"`{arm}`": rates.get(arm, "") for arm in arms})
+    return records(rows)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; return its exit status, 2 for bad input."""
+    return analyse("weave", counts, table, DESCRIPTION, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

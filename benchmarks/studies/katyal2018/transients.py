@@ -1,0 +1,172 @@
+"""Measurement of whether networks filter transient obstacles, as Katyal et al. 2018 report.
+
+It uses the raw images of the networks, since for a planner observed cells keep their value. In
+simulation, small obstacles are added to the input in observed free space, like traces of people who
+walked past. Real logs contain transients already: cells that were observed occupied, but are free
+in the map of all scans, away from any wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from benchmarks.studies.katyal2018.contestants import Contestant, Entrant, answers_in_grey, entrant
+from benchmarks.studies.katyal2018.evaluation import Drive, Evaluation, key_of
+from benchmarks.studies.katyal2018.square import ScoredSquare
+from benchmarks.studies.katyal2018.stretch_scores import drive_of
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.grid import OCCUPIED, Grid
+
+RADIUS, CLEAR = 0.15, 0.6
+"""Radius of an added obstacle [m], and least distance of its middle from the car, from other added
+obstacles, and from all cells that were not observed free [m]."""
+PUT = 3
+"""Number of obstacles that are added to an input, if there is room."""
+OFF = 0.15
+"""Least distance of a real transient from any cell that is truly not free [m]; a nearer one may be
+a wall that was observed from a wrong pose."""
+FRAMES = 60
+"""Number of frames of each place, spread evenly over its drives."""
+
+
+@dataclass
+class Count:
+    """Numbers of cells, summed over all frames so far.
+
+    Attributes:
+        transient: number of cells of transients.
+        filtered: number of these that the network draws free, nearer to white than to grey.
+        before: number of these that the network draws free if the transients are not added; 0 for
+            real transients.
+        walls: number of cells that were observed occupied and are truly occupied.
+        kept: number of these that the network draws occupied, since a network that erases
+            everything also filters well.
+    """
+
+    transient: int = 0
+    filtered: int = 0
+    before: int = 0
+    walls: int = 0
+    kept: int = 0
+
+    def add(self, answer: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
+        """Add the counts for one square.
+
+        Args:
+            answer: function that asks the network about a square.
+            square: the square.
+            put_in: whether transients are added to the input; else those of the log are counted.
+            seed: seed of the places of added transients.
+        """
+        given, transient = with_transients(square, seed) if put_in else (square, found(square))
+        if not transient.any():
+            return
+        image = answer(given).image
+        self.transient += int(transient.sum())
+        self.filtered += int((image[transient] > 0.75).sum())
+        if put_in:
+            self.before += int((answer(square).image[transient] > 0.75).sum())
+        walls = square.crop.occupied & (square.truth == 1)
+        self.walls += int(walls.sum())
+        self.kept += int((image[walls] < 0.25).sum())
+
+    def shares(self, put_in: bool) -> dict[str, Any]:
+        """Return the shares of cells for the results; NaN if there are no cells.
+
+        Args:
+            put_in: whether the transients were added to the inputs.
+        """
+        of, walls = self.transient or np.nan, self.walls or np.nan
+        return {
+            "cells": self.transient,
+            "filtered": self.filtered / of,
+            "free_without": self.before / of if put_in else None,
+            "wall_cells": self.walls,
+            "walls_kept": self.kept / walls,
+        }
+
+
+def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDArray[np.bool_]]:
+    """Add transients to the inputs of a square, and return it with their cells, (n, n).
+
+    Args:
+        square: square without transients.
+        seed: seed of their places.
+    """
+    rng = np.random.default_rng(seed)
+    n = len(square.truth)
+    rows, cols = np.indices((n, n)) + 0.5 - n / 2
+    clear = square.crop.free & square.window.free & (square.truth == 0)
+    clear &= np.hypot(rows, cols) * RESOLUTION >= CLEAR
+    put = np.zeros((n, n), dtype=bool)
+    for _ in range(PUT):
+        # Cells outside of the square count as not clear.
+        room = distance_transform_edt(np.pad(clear & ~put, 1))[1:-1, 1:-1] * RESOLUTION
+        places = np.argwhere(room >= CLEAR)
+        if not len(places):
+            break
+        row, col = places[rng.integers(len(places))]
+        row, col = row + 0.5 - n / 2, col + 0.5 - n / 2
+        put |= np.hypot(rows - row, cols - col) * RESOLUTION <= RADIUS
+    crop, window = (
+        Grid(grid.frame, np.where(put, np.int8(OCCUPIED), grid.cells))
+        for grid in (square.crop, square.window)
+    )
+    return replace(square, crop=crop, window=window), put
+
+
+def found(square: ScoredSquare) -> NDArray[np.bool_]:
+    """Return cells of the crop observed occupied that are truly free, and far from any wall."""
+    off = np.asarray(distance_transform_edt(square.truth == 0)) * RESOLUTION
+    return np.asarray(square.crop.occupied & (off > OFF))
+
+
+def transients(evaluation: Evaluation) -> dict[str, Any]:
+    """Measure the shares of all networks: place → expansion → network → shares."""
+    from tqdm import tqdm
+
+    out: dict[str, Any] = {place: {} for place in evaluation.places}
+    chosen = {place: _spread(evaluation, place) for place in out}
+    # Ordered by expansion, since only the networks of one expansion fit into memory.
+    asked = [
+        (x, place, one)
+        for x in evaluation.expansions
+        for place in out
+        for one in evaluation.who(x)
+        if answers_in_grey(one)
+    ]
+    for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
+        frames = chosen[place]
+        out[place].setdefault(key_of(expansion), {})[one.name] = evaluation.store.once(
+            partial(_shares, one, evaluation.rates[expansion], expansion, frames),
+            "transients",
+            [(drive.about["sha256"], index) for drive, index in frames],
+            expansion,
+            one.identity,
+        )
+    return out
+
+
+def _shares(
+    one: Contestant, rates: tuple[float, float], expansion: float, frames: list[tuple[Drive, int]]
+) -> dict[str, Any]:
+    """Measure the shares of one network on some frames of a place."""
+    count, put_in = Count(), frames[0][0].place == "simulated"
+    answer = entrant(one, rates)
+    for seed, (drive, index) in enumerate(frames):
+        square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
+        count.add(answer, square, put_in, seed)
+    return count.shares(put_in)
+
+
+def _spread(evaluation: Evaluation, place: str) -> list[tuple[Drive, int]]:
+    """Return frames of a place, spread evenly over its drives."""
+    drives = [drive for drive in evaluation.drives if drive.place == place]
+    frames = [(drive, index) for drive in drives for index in drive.chosen.tolist()]
+    return [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]

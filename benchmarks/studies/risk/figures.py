@@ -1,0 +1,169 @@
+"""The figures of the study: requested against realised risk, and speed against collisions."""
+
+from __future__ import annotations
+
+import math
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from benchmarks.figures.palette import ARM_COLOURS, arm_colour
+from benchmarks.studies.risk.series import OWN, PROMISE
+from foresee.infra.drawing import INK
+
+RIVAL_MARKERS = "s^Dv"
+"""Markers of the predictors that are compared; they have the same colour."""
+MANY = 40
+"""Number of drives from which on an interval decides how far the axis reaches."""
+
+
+def draw(found: dict[str, Any], out: Path) -> list[Path]:
+    """Draw the figures that the results suffice for, and return their files."""
+    paths = []
+    for name, drawn in (
+        ("promise", _promise),
+        ("pareto", _pareto),
+        ("recalibrations", _recalibrations),
+    ):
+        figure = drawn(found)
+        if figure is not None:
+            figure.savefig(path := out / f"{name}.png", dpi=150)
+            paths.append(path)
+    return paths
+
+
+def _promise(found: dict[str, Any]) -> Figure | None:
+    """Draw the realised risk of the mixture, of other buildings and of all controls beside the
+    requested one."""
+    rows = [r for r in found["promise"] if r["requested"]]
+    if not rows:
+        return None
+    kinds = list(dict.fromkeys(map(_kind, rows)))
+    risks = sorted({r["requested"] for r in rows})
+    columns = min(3, len(risks))
+    lines = math.ceil(len(risks) / columns)
+    size = 2.6 + 3.0 * columns, (1.0 + 0.28 * len(kinds)) * lines
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, risk in zip(panels, risks, strict=False):
+        axes.axvline(100 * risk, color=INK, linewidth=0.8, linestyle="--")
+        for row in (r for r in rows if r["requested"] == risk):
+            place = len(kinds) - 1 - kinds.index(_kind(row))
+            axes.errorbar(
+                100 * row["rate"],
+                place,
+                xerr=_around(row["rate"], row["interval"]),
+                color=arm_colour("predicted") if row["group"] in (PROMISE, OWN) else INK,
+                marker="o",
+                markersize=4,
+                linewidth=1.0,
+            )
+            axes.annotate(
+                f"{row['collided']} of {row['drives']}",
+                (1.0, place),
+                (-4, 5),
+                xycoords=axes.get_yaxis_transform(),
+                textcoords="offset points",
+                ha="right",
+                fontsize=7,
+            )
+        axes.set_title(f"requested: {100 * risk:g} %", fontsize=9)
+        axes.set_xlabel("collisions [% of drives]")
+        axes.tick_params(labelbottom=True)
+    for axes in panels[len(risks) :]:
+        axes.set_axis_off()
+    # Intervals from a few drives may be cut off: they would make the others too short to read.
+    ends = [row["interval"][1] if row["drives"] >= MANY else row["rate"] for row in rows]
+    panels[0].set(xlim=(-1, 100 * max(ends) + 2), ylim=(-0.5, len(kinds) - 0.3))
+    names = [place if group == PROMISE else f"{place}, {group}" for group, place in kinds]
+    for axes in panels[::columns]:
+        axes.set_yticks(range(len(kinds)), reversed(names), fontsize=8)
+    return figure
+
+
+def _kind(row: dict[str, Any]) -> tuple[str, str]:
+    return row["group"], row["tasks"]
+
+
+def _pareto(found: dict[str, Any]) -> Figure | None:
+    """Draw SCT over the rate of collisions, for each kind of tasks that `optimistic` drives."""
+    rates = {(r["group"], r["series"]): r for r in found["promise"]}
+    compared = [r for r in found["pareto"] if r["sct"] is not None]
+    kinds = list(dict.fromkeys(_kind(r) for r in compared if r["arm"] == "optimistic"))
+    if not kinds:
+        return None
+    columns = min(3, len(kinds))
+    rows = math.ceil(len(kinds) / columns)
+    figure = Figure(figsize=(3.2 * columns, 3.0 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+    for axes, kind in zip(panels, kinds, strict=False):
+        here = [r for r in compared if _kind(r) == kind]
+        rivals = cycle(RIVAL_MARKERS)
+        for arm in dict.fromkeys(map(_arm, here)):
+            mine = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
+            risks = [rates[r["group"], r["series"]] for r in mine]
+            axes.plot(
+                [100 * r["rate"] for r in risks],
+                [r["sct"]["value"] for r in mine],
+                color=arm_colour(arm),
+                marker="o" if arm in ARM_COLOURS else next(rivals),
+                markersize=4,
+                linewidth=0.8,
+                label=arm,
+            )
+        first = rates[here[0]["group"], here[0]["series"]]
+        car = "{v_max:g} m/s, {braking:g} m/s², window {window:g} m".format(**first)
+        place = first["world"][0] if len(first["world"]) == 1 else "mixture"
+        axes.set_title(f"{place}\n{car}", fontsize=9)
+        # Each panel has its own axis: in one of them three quarters of the drives collide.
+        end = max(10.0, 1.1 * axes.dataLim.x1)
+        axes.set(xlabel="collisions [% of drives]", xlim=(-0.03 * end, end))
+        axes.legend(fontsize=7)
+    for axes in panels[::columns]:
+        axes.set(ylabel="SCT", ylim=(0, 1))
+    for axes in panels[len(kinds) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _recalibrations(found: dict[str, Any]) -> Figure | None:
+    """Draw the realised over the requested risk of each repeated calibration."""
+    rows = [r for r in found["recalibrations"] if r["rate"] is not None]
+    if not rows:
+        return None
+    blocks = sorted({r["block"] for r in rows})
+    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    axes = figure.subplots()
+    largest = 100 * max(r["requested"] for r in rows)
+    axes.plot([0, largest], [0, largest], color=INK, linewidth=0.8, linestyle="--")
+    for place, block in enumerate(blocks):
+        mine = [r for r in rows if r["block"] == block]
+        bars = [_around(r["rate"], r["interval"]) for r in mine]
+        axes.errorbar(
+            # Side by side, since many rates are the same.
+            [100 * r["requested"] + 0.5 * (place - (len(blocks) - 1) / 2) for r in mine],
+            [100 * r["rate"] for r in mine],
+            yerr=[[bar[end][0] for bar in bars] for end in range(2)],
+            marker="o",
+            markersize=4,
+            linewidth=1.0,
+            linestyle="none",
+            label=f"calibrated in block {block + 1}",
+        )
+    axes.set(xlabel="requested δ [% of drives]", ylabel="collisions in the other blocks [%]")
+    axes.legend(fontsize=7)
+    return figure
+
+
+def _around(rate: float, interval: list[float]) -> list[list[float]]:
+    """Return an error bar [%]; an interval ends at 0 or 1 only within the precision of floats."""
+    low, high = interval
+    return [[100 * max(0.0, rate - low)], [100 * max(0.0, high - rate)]]
+
+
+def _arm(row: dict[str, Any]) -> str:
+    """Return the name of a line: the arm, or the predictor if it is a rival."""
+    rival = row["series"] == f"{row['tasks']}-{row['predictor']}"
+    return str(row["predictor"] if rival else row["arm"])

@@ -1,0 +1,241 @@
+"""What the drives of the study say: collisions at each risk, speed, and share of the gap."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Container, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from scipy.stats import chi2
+
+from benchmarks.runs import statistics
+from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.statistics import ResultsByArm
+from benchmarks.studies.risk.drives import Drives
+from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, name_of
+from foresee.mapping.family_names import FAMILIES
+
+BASELINES = ("known", "oracle", "full")
+
+
+def collision_rows(
+    all_series: Sequence[Series], drives: Drives, certified: Container[float]
+) -> list[dict[str, Any]]:
+    """Return the requested and the realised risk of each series that has a drive.
+
+    Args:
+        all_series: series of the study.
+        drives: name of each series → its drives.
+        certified: risks that the calibration has certified.
+    """
+    rows = []
+    for series in all_series:
+        mine = _with_task(drives[series.name])
+        if not mine:
+            continue
+        outcomes = Counter(d["outcome"] for d in mine)
+        collided, km = outcomes["collided"], sum(d["path_length"] for d in mine) / 1e3
+        rows.append(
+            _about(series)
+            | {
+                "requested": series.risk,
+                "certified": series.risk in certified,
+                "drives": len(mine),
+                "no_task": len(drives[series.name]) - len(mine),
+                "collided": collided,
+                "rate": collided / len(mine),
+                "interval": list(statistics.wilson(collided, len(mine))),
+                "touched": sum(d["touched"] for d in mine),
+                "learned": sum(d["learned"] for d in mine),
+                "km": km,
+                "per_km_interval": _poisson(collided, km),
+                "outcomes": dict(outcomes),
+                "by_family": _by_family(series, mine),
+                "sct": _mean([d["sct"] for d in mine]),
+                "barn": _mean([_barn(d, series.settings.v_max) for d in mine]),
+                "speed": 1e3 * km / sum(d["time"] for d in mine),
+                "impact_speed": _mean([d["impact_speed"] for d in mine]),
+                "commits": sorted({str(d["commit"]) for d in mine}),
+            }
+        )
+    return rows
+
+
+def exceeds_its_risk(row: dict[str, Any]) -> bool:
+    """Return whether a row of `collision_rows` shows more collisions than were accepted.
+
+    At a risk of 0 no car may collide. A certified risk is for the buildings of the calibration.
+    """
+    if row["requested"] == 0.0:
+        return bool(row["collided"] or row["touched"])
+    in_mixture = row["certified"] and (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
+    # Further calibrations are driven only at the risks that they certify.
+    certified = in_mixture or row["group"] == OWN
+    return bool(certified and row["interval"][0] > row["requested"])
+
+
+def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+    """Return SCT, times and share of the gap of each series, among the series with its tasks."""
+    rows = []
+    for series in all_series:
+        there = _baselines(series, all_series, drives)
+        if not there:
+            continue
+        # The statistics call the arm that is compared `predicted`.
+        baselines = {arm: of for arm, of in there.items() if arm != series.arm}
+        arms = _paired({"predicted": drives[series.name], **baselines})
+        if not arms["predicted"]:
+            continue
+        known, full = (
+            statistics.time_ratio(arms, "predicted", one) if one in baselines else None
+            for one in ("known", "full")
+        )
+        keys = ("sct", "time") if series.settings.route == "fixed" else ("sct",)
+        rows.append(
+            _about(series)
+            | {
+                "episodes": len(arms["predicted"]),
+                "collided": sum(r.outcome == "collided" for r in arms["predicted"]),
+                "sct": statistics.success(arms, "predicted"),
+                "time_ratio": known,
+                "time_over_full": full,
+                "share_of_gap": {key: statistics.share_of_gap(arms, key) for key in keys},
+                "time_by_family": _times_by_family(series, arms),
+            }
+        )
+    return rows
+
+
+def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+    """Return collisions and times at each risk, over the buildings of all further calibrations.
+
+    Each calibration gives a level of its own for the risk.
+
+    Args:
+        all_series: series of the study.
+        drives: name of each series → its drives.
+    """
+    mine = [s for s in all_series if s.group == OWN and s.arm == "predicted"]
+    rows = []
+    for risk in sorted({s.risk for s in mine if s.risk is not None}):
+        levels, outcomes = dict[str, float](), list[str]()
+        arms: dict[str, list[DriveResult]] = {arm: [] for arm in ("predicted", "known", "oracle")}
+        for series in (s for s in mine if s.risk == risk):
+            levels[series.tasks] = series.settings.level
+            outcomes += [d["outcome"] for d in _with_task(drives[series.name])]
+            baselines = _baselines(series, all_series, drives)
+            for arm, results in _paired({"predicted": drives[series.name], **baselines}).items():
+                arms[arm] += results
+        if outcomes:
+            collided = outcomes.count("collided")
+            rows.append(
+                {
+                    "requested": risk,
+                    "levels": levels,
+                    "drives": len(outcomes),
+                    "collided": collided,
+                    "interval": list(statistics.wilson(collided, len(outcomes))),
+                    "time_ratio": statistics.time_ratio(arms, "predicted", "known"),
+                    "share_of_gap": statistics.share_of_gap(arms, "time"),
+                }
+            )
+    return rows
+
+
+def _baselines(series: Series, all_series: Sequence[Series], drives: Drives) -> Drives:
+    """Return the drives of each baseline, by arm, in the tasks of a series."""
+    same = [s for s in all_series if (s.group, s.tasks) == (series.group, series.tasks)]
+    return {s.arm: drives[s.name] for s in same if s.arm in BASELINES}
+
+
+def _about(series: Series) -> dict[str, Any]:
+    """Return what a row of results says about its series."""
+    same = ("route", "vehicle", "v_max", "braking", "window", "level", "seed")
+    return {
+        "group": series.group,
+        "series": series.label,
+        "tasks": series.tasks,
+        "arm": series.arm,
+        "world": [Path(place).stem for place in series.settings.world],
+        "predictor": name_of(series.settings.predictor),
+        "adapted": not series.settings.fixed_level,
+        **{name: getattr(series.settings, name) for name in same},
+    }
+
+
+def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
+    """Return the results of arms on the episodes that all have driven."""
+    found = {
+        arm: {d["index"]: DriveResult.from_json(d) for d in _with_task(of)}
+        for arm, of in drives.items()
+    }
+    both = sorted(set.intersection(*(set(of) for of in found.values())))
+    return {arm: [of[index] for index in both] for arm, of in found.items()}
+
+
+def _by_family(series: Series, mine: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
+    """Return the collisions and the drives in each family of a mixture."""
+    return {
+        family: [sum(d["outcome"] == "collided" for d in drives), len(drives)]
+        for family in _families(series)
+        if (drives := [d for d in mine if _family(series, d["index"]) == family])
+    }
+
+
+def _times_by_family(series: Series, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
+    """Return the time ratio to `known` and the share of the gap in time, in each family."""
+    found = {}
+    for family in _families(series):
+        here = {
+            arm: [r for r in results if _family(series, r.index) == family]
+            for arm, results in arms.items()
+        }
+        if "known" in here and here["known"] and series.settings.route == "fixed":
+            found[family] = {
+                "time_ratio": statistics.time_ratio(here, "predicted", "known"),
+                "share_of_gap": statistics.share_of_gap(here, "time"),
+            }
+    return found
+
+
+def _families(series: Series) -> tuple[str, ...]:
+    """Return the families of generated buildings that a series drives in; none for maps."""
+    families = series.settings.world
+    return families if set(families) <= set(FAMILIES) else ()
+
+
+def _family(series: Series, index: int) -> str:
+    """Return the family of a drive: families take turns."""
+    return series.settings.world[index % len(series.settings.world)]
+
+
+def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [drive for drive in drives if drive["outcome"] != NO_TASK]
+
+
+def _barn(drive: dict[str, Any], v_max: float) -> float | None:
+    """Return the score of the BARN challenge: with the time T of the shortest way at top speed, T
+    over the time of the drive, which counts as 2 T to 8 T; 0 if the goal was not reached.
+
+    None where the shortest way is not known.
+    """
+    if drive["shortest_length"] is None:
+        return None
+    best = drive["shortest_length"] / v_max
+    in_time = min(max(drive["time"], 2 * best), 8 * best)
+    return float(best / in_time) if drive["outcome"] == "reached" else 0.0
+
+
+def _poisson(count: int, km: float) -> list[float] | None:
+    """Return the exact 95 % interval of a rate [1/km]; None if nothing was driven."""
+    if km == 0.0:
+        return None
+    low = chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
+    return [float(low / km), float(chi2.ppf(0.975, 2 * count + 2) / 2 / km)]
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    there = [value for value in values if value is not None]
+    return sum(there) / len(there) if there else None

@@ -1,0 +1,251 @@
+"""The series of drives of the study: what is driven, and how often."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from benchmarks.calibration.certificate import conditions_of
+from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
+from foresee.infra.command_line import UsageError
+from foresee.infra.errors import one_line
+from foresee.mapping.family_names import FAMILIES
+from planner.risk.calibration import Calibration, CalibrationError
+from predictor.recording.settings import LEARNED
+
+PROMISE, MIXTURE = "promise", "mixture"
+"""Group of the drives at requested risks, and tasks in the buildings of the calibration."""
+OWN = "own calibration"
+"""Group of the drives that test further calibrations, in buildings like those of each."""
+SEED = 6_000_000
+"""Seed of the first building of each series; no network or calibration used such seeds."""
+OTHER_SEED = 6_500_000
+"""Seed of the first building of series with other cars or windows than those of the calibration."""
+OWN_SEED = 6_800_000
+"""Seed of the first building of the drives that test a further calibration."""
+SHAM = "benchmarks.studies.risk.sham:Sham"
+HELD_OUT = tuple(family for family in FAMILIES if family not in LEARNED)
+"""Families that no network, and no calibration, has learned from."""
+MEASURED = {0.005: 0.003, 0.01: 0.01}
+"""Risks too small to certify with some hundred drives, and levels at which they are measured."""
+CARS = (
+    (2.0, 1.5, 5.0),
+    (8.0, 1.5, 5.0),
+    (4.0, 1.0, 5.0),
+    (4.0, 3.0, 5.0),
+    (4.0, 4.0, 5.0),
+    (4.0, 1.5, 7.5),
+    (4.0, 1.5, 10.0),
+)
+"""Top speed [m/s], braking [m/s²] and window [m] at which `optimistic` and `predicted` are
+compared, besides those of the calibration."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A series of drives of one arm with the same settings.
+
+    Attributes:
+        group: name of the question that it answers.
+        tasks: name of its tasks; the series of a group with the same tasks are compared.
+        variant: what distinguishes it from these, such as its arm or risk.
+        settings: settings of the drives; `episodes` is their number.
+        risk: requested risk δ; 0 where the level is 0; None if no risk was requested.
+        turns: number of turns in which it is driven; with fewer turns it is complete sooner.
+    """
+
+    group: str
+    tasks: str
+    variant: str
+    settings: Settings
+    risk: float | None = None
+    turns: int = 5
+
+    @property
+    def arm(self) -> str:
+        """The arm that drives."""
+        return self.settings.arms[0]
+
+    @property
+    def label(self) -> str:
+        """Name in its group."""
+        return f"{self.tasks}-{self.variant}"
+
+    @property
+    def name(self) -> str:
+        """Name of its file."""
+        words = f"{self.group}-{self.label}-{self.arm}"
+        return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
+
+
+def series_of(
+    calibration: Calibration,
+    others: Sequence[Calibration],
+    predictor: str,
+    rivals: Sequence[str],
+    maps: Sequence[str],
+    quick: bool,
+) -> list[Series]:
+    """Return the series of the study, those first whose answers matter most.
+
+    Args:
+        calibration: calibration that gives the level λ of each risk; its buildings are the mixture.
+        others: further calibrations, such as one for each family of the mixture. They are only
+            tested in their own buildings.
+        predictor: name of the predictor that the calibrations were made for.
+        rivals: other predictors to compare with, such as weights of `unet_ff`.
+        maps: map files or folders of real buildings; there may be none.
+        quick: whether each series has 4 drives only, as a trial.
+
+    Raises:
+        CalibrationError: if the calibration is for another predictor, planner or car, or was made
+            in buildings of the study.
+        UsageError: if two of the maps have the same name.
+    """
+    mixture = _settings(calibration, predictor)
+    found = [
+        *_promises(calibration, mixture, rivals, maps),
+        *(one for other in others for one in _in_its_buildings(other, predictor)),
+        *_controls(calibration, mixture),
+        *_mazes(calibration, mixture),
+        *_speeds(calibration, mixture),
+        *_field(calibration, mixture),
+    ]
+    if len({series.name for series in found}) < len(found):
+        raise UsageError(
+            "each map or folder of --maps, each of --rivals, and each calibration must have a name "
+            "of its own"
+        )
+    for one in (calibration, *others):
+        if any(one.has_used(series.settings.seed, series.settings.episodes) for series in found):
+            raise CalibrationError(
+                f"{one.path} was made in buildings of this study: calibrate with another --seed"
+            )
+    if quick:
+        found = [replace(c, settings=replace(c.settings, episodes=4)) for c in found]
+    return found
+
+
+def _settings(calibration: Calibration, predictor: str) -> Settings:
+    """Return the settings that the calibration is for.
+
+    Raises:
+        CalibrationError: if it is for another predictor, planner or car.
+    """
+    try:
+        same = {name: calibration.conditions[name] for name in CONDITIONS}
+        world = tuple(map(str, calibration.conditions["world"]))
+        found = Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CalibrationError(f"{calibration.path} is no calibration: {one_line(error)}") from None
+    calibration.refuse_other(conditions_of(found))
+    return found
+
+
+def _cautious(calibration: Calibration) -> tuple[float, float]:
+    """Return the smallest certified risk, and its level; both are 0 if no risk is certified."""
+    return min(calibration.levels.items(), default=(0.0, 0.0))
+
+
+def _promises(
+    calibration: Calibration, mixture: Settings, rivals: Sequence[str], maps: Sequence[str]
+) -> Iterator[Series]:
+    """Requested against realised risk: the mixture, held-out families, and real maps."""
+    certified = calibration.levels
+    measured = {r: level for r, level in MEASURED.items() if level not in certified.values()}
+    for risk, level in sorted({0.0: 0.0, **measured, **certified}.items()):
+        settings = replace(mixture, level=level, episodes=300 if risk else 60)
+        yield Series(PROMISE, MIXTURE, f"{risk:g}", settings, risk, turns=2)
+    # What the speed and the collisions at each risk are compared with.
+    same = replace(mixture, episodes=60)
+    for arm in ("known", "oracle"):
+        yield Series(PROMISE, MIXTURE, arm, replace(same, arms=(arm,)), 0.0, turns=2)
+    optimistic = replace(same, arms=("optimistic",), episodes=100)
+    yield Series(PROMISE, MIXTURE, "optimistic", optimistic, turns=2)
+    for rival in ("extend", *rivals):
+        settings = replace(same, predictor=rival, level=_cautious(calibration)[1])
+        yield Series(PROMISE, MIXTURE, name_of(rival), settings, turns=2)
+    for place in (*HELD_OUT, *maps):
+        there = replace(mixture, world=(place,), episodes=40)
+        known = replace(there, arms=("known",))
+        yield Series(PROMISE, Path(place).stem, "known", known, 0.0)
+        for risk, level in sorted(certified.items()):
+            # The larger risks need fewer drives.
+            at_level = replace(there, level=level, episodes=40 if risk <= 0.05 else 20)
+            yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)
+
+
+def name_of(predictor: str) -> str:
+    """Return the name of a predictor in the results: a file of weights without its folder."""
+    return Path(predictor).name.removesuffix(".safetensors")
+
+
+def _in_its_buildings(calibration: Calibration, predictor: str) -> Iterator[Series]:
+    """Requested against realised risk of a further calibration, in buildings like its own."""
+    same = replace(_settings(calibration, predictor), seed=OWN_SEED)
+    tasks = "+".join(Path(place).stem for place in same.world)
+    for risk, level in sorted(calibration.levels.items()):
+        settings = replace(same, level=level, episodes=60)
+        yield Series(OWN, tasks, f"{risk:g}", settings, risk, turns=2)
+    for arm in ("known", "oracle"):
+        yield Series(OWN, tasks, arm, replace(same, arms=(arm,), episodes=30), 0.0, turns=2)
+
+
+def _controls(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
+    """Controls that may collide more: no adaptation; a sham predictor, with and without it."""
+    if not calibration.levels:
+        return
+    risk, level = _cautious(calibration)
+    same = replace(mixture, level=level, episodes=40)
+    fixed = replace(same, world=("trap",), fixed_level=True)
+    yield Series("not adapted", "trap", f"{risk:g}", fixed, risk)
+    sham = replace(same, predictor=SHAM, episodes=100)
+    yield Series("sham", MIXTURE, f"{risk:g}", sham, risk)
+    yield Series("sham, not adapted", MIXTURE, f"{risk:g}", replace(sham, fixed_level=True), risk)
+
+
+def _mazes(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
+    """Mazes as in Elhafsi et al. 2020: their top speeds, braking and window, a given route."""
+    for v_max in (1.0, 2.0, 3.0, 4.0):
+        same = replace(
+            mixture,
+            world=("maze",),
+            v_max=v_max,
+            braking=3.0,
+            window=7.5,
+            route="fixed",
+            seed=OTHER_SEED,
+            episodes=30 if v_max == 4.0 else 15,
+        )
+        yield from _with_and_without(calibration, same, "maze", f"{v_max:g}", ("full", "known"))
+
+
+def _speeds(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
+    """Cars and buildings with which `optimistic` may collide."""
+    for v_max, braking, window in CARS:
+        car = replace(mixture, v_max=v_max, braking=braking, window=window)
+        same = replace(car, route="fixed", seed=OTHER_SEED, episodes=12)
+        tasks = f"{v_max:g}-{braking:g}-{window:g}"
+        yield from _with_and_without(calibration, same, "speed", tasks, ("known", "optimistic"))
+    # An obstacle behind a blind corner, as in Tordesillas et al. 2019, and dead ends.
+    corner = replace(mixture, world=("trap",), route="fixed", seed=OTHER_SEED, episodes=20)
+    yield from _with_and_without(calibration, corner, "corner", "trap", ("known", "optimistic"))
+
+
+def _field(calibration: Calibration, mixture: Settings) -> Iterator[Series]:
+    """Fields of obstacles as in BARN: a goal beyond them, no route."""
+    same = replace(mixture, world=("obstacle_field",), route="free", seed=OTHER_SEED, episodes=20)
+    yield from _with_and_without(calibration, same, "field", "barn", ("full", "known"))
+
+
+def _with_and_without(
+    calibration: Calibration, same: Settings, group: str, tasks: str, arms: Sequence[str]
+) -> Iterator[Series]:
+    """Drives of other arms, and of `predicted` at 0 and at the smallest certified risk."""
+    for arm in arms:
+        risk = None if ARMS[arm].may_collide else 0.0
+        yield Series(group, tasks, arm, replace(same, arms=(arm,)), risk)
+    yield Series(group, tasks, "0", same, 0.0)
+    if level := _cautious(calibration)[1]:
+        yield Series(group, tasks, "bold", replace(same, level=level))

@@ -1,6 +1,0 @@
-"""The measurements of `benchmarks.stages`: times of stages and of other libraries, and throughput.
-
-`stage_times` times stages in drives, `growth` varies sizes, `rates` and `throughput` measure rates,
-and `peers…` and `hall…` compare with other libraries. `sized_maps` makes maps and poses for them,
-`measurements` keeps finished measurements in a folder, and `tables` makes the tables.
-"""

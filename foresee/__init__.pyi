@@ -1,0 +1,12 @@
+from benchmarks.compare import drive as drive
+from benchmarks.compare import plot as plot
+from foresee.checking import check_predictor as check_predictor
+from foresee.mapping.grid import Grid as Grid
+from foresee.mapping.scan import Scan as Scan
+from foresee.prediction import Prediction as Prediction
+from foresee.prediction import Predictor as Predictor
+from planner.navigator import Navigator as Navigator
+from planner.navigator import NavigatorConfig as NavigatorConfig
+from predictor.registry import load_predictor as load_predictor
+from sim.families import generate as generate
+from sim.map_server import load_world as load_world

@@ -1,0 +1,62 @@
+"""The command `foresee`, which runs each command by its name, such as `foresee corridor`."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+
+COMMANDS = {
+    "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
+    "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
+    "tables": ("benchmarks.tables", "print the tables of results files"),
+    "optimum": ("benchmarks.optimum", "compute time-optimal drives"),
+    "calibrate": ("benchmarks.calibrate", "certify a level of the last resort for a risk"),
+    "check": ("predictor.check", "check a predictor of your own"),
+    "dataset": ("predictor.dataset", "make the frames of the paper's study"),
+    "drives": ("predictor.drives", "make samples to train on"),
+    "train": ("predictor.train", "train a network"),
+    "train-frontiers": ("predictor.train_frontiers", "train the network of frontiers"),
+    "study": ("predictor.study", "train all of the paper's networks"),
+    "evaluate": ("predictor.evaluate", "score predictors along drives"),
+}
+"""Command → module, and description for the list of commands."""
+STUDIES = {
+    "prediction": ("katyal2018.__main__", "score predictors on the frames of the paper"),
+    "risk": ("risk.__main__", "compare requested with realised risk, and with speed"),
+    "stages": ("performance.__main__", "time the stages of the control cycle"),
+    "attack": ("robustness.attack", "drive with hostile predictors"),
+    "interrupt": ("robustness.interrupt", "interrupt long commands, and compare the results"),
+    "stuck": ("driver.stuck", "find out why drives got stuck"),
+    "weave": ("driver.weave", "count steering oscillations on straights"),
+    "sweeps": ("driver.sweeps", "compare scores that limit the reliance on a prediction"),
+}
+"""Command of a study → module in `benchmarks.studies`, and description."""
+
+
+def commands() -> dict[str, tuple[str, str]]:
+    """Return `COMMANDS`, in a checkout with the studies, which are not installed."""
+    if importlib.util.find_spec("benchmarks.studies") is None:
+        return COMMANDS
+    studies = {name: (f"benchmarks.studies.{home}", what) for name, (home, what) in STUDIES.items()}
+    return COMMANDS | studies
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command by its name, and return its exit status; 2 if there is no such command."""
+    words = sys.argv[1:] if argv is None else argv
+    # The working folder comes last in the search path: a plug-in is found there, and a file such
+    # as sim.py cannot hide a package of this project.
+    sys.path.append("")
+    known = commands()
+    if words and words[0] in known:
+        status: int = importlib.import_module(known[words[0]][0]).main(words[1:])
+        return status
+    listed = [f"  {name:<16} {what}" for name, (_, what) in known.items()]
+    print("usage: foresee COMMAND [options]", "", *listed, "", sep="\n")
+    print("foresee COMMAND --help explains each. `python -m` with the module's name does the same.")
+    return 0 if words in ([], ["-h"], ["--help"]) else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+"""The rules that `predictor.check` tests, for the authors of plug-ins."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee.mapping.conventions import RESOLUTION, TICK
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import (
+    BadPredictionError,
+    Prediction,
+    Predictor,
+    asked,
+    context_side,
+    copied,
+)
+
+CERTAIN = 1.0 - 1e-6
+"""Confidence times probability from which on a cell counts as certain."""
+FIELDS = ("p_free", "p_occupied", "confidence")
+
+
+def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> tuple[str, ...]:
+    """Check that a predictor keeps to the contract with the planner.
+
+    It is asked about an empty, an unknown and a cluttered map, in two sizes and several poses, each
+    twice in a row, and then about all of them again in the opposite order.
+
+    Args:
+        predictor: predictor to check.
+        side: side of the larger maps [m].
+        seed: seed of the maps.
+
+    Returns:
+        Warnings about what the contract allows but what makes drives slower or hard to repeat, one
+        line each, with the remedy.
+
+    Raises:
+        BadPredictionError: if the predictor breaks the contract; the message names the remedy.
+    """
+    if not callable(getattr(predictor, "predict", None)):
+        raise BadPredictionError(
+            f"{type(predictor).__name__} has no method predict(known, pose) -> Prediction"
+        )
+    questions = list(_questions(side, seed))
+    warnings: dict[str, str] = {}
+    answers, times = [], []
+    for known, pose in questions:
+        answer, _ = _ask(predictor, known, pose)
+        again, seconds = _ask(predictor, known, pose)
+        times.append(seconds)
+        if not _same(answer, again):
+            raise BadPredictionError("predict() gave two answers to one question")
+        if answer.nan_cells:
+            if answer.nan_cells == known.unknown.sum():
+                raise BadPredictionError("predict() gave NaN in every cell that was not seen")
+            warnings["nan"] = (
+                f"NaN in {answer.nan_cells} of {known.unknown.sum()} cells not seen: they count as "
+                "unknown, return a confidence of 0 in their place"
+            )
+        certainty = answer.confidence * np.maximum(answer.p_free, answer.p_occupied)
+        certain = int((known.unknown & (certainty >= CERTAIN)).sum())
+        if certain:
+            warnings["certain"] = (
+                f"certainty about {certain} cells that were not seen: the car may rely on them, "
+                "and brakes hard where it is wrong; return a calibrated confidence below 1"
+            )
+        answers.append(answer)
+    # The first call is left out: it may have compiled code or loaded a file.
+    slowest = max(times[1:])
+    if slowest > TICK:
+        warnings["late"] = (
+            f"an answer took {slowest:.2f} s, a tick is {TICK:g} s: it delays every "
+            "control, and one that takes too long is not used; make it faster, or the square "
+            "smaller (expansion)"
+        )
+    for (known, pose), answer in reversed(list(zip(questions, answers, strict=True))):
+        if not _same(answer, _ask(predictor, known, pose)[0]):
+            warnings["memory"] = (
+                "the answer depends on what was asked before: a drive may then depend on the "
+                "building driven before it; keep no state, or forget it in a new building"
+            )
+    return tuple(warnings.values())
+
+
+def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]:
+    """Return maps, and a pose in each."""
+    rng = np.random.default_rng(seed)
+    questions = []
+    for length in (side, 0.55 * side):
+        n = round(length / RESOLUTION)
+        clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
+        for cells in (
+            np.full((n, n), FREE, np.int8),
+            np.full((n, n), UNKNOWN, np.int8),
+            clutter,
+        ):
+            origin = (float(rng.integers(-9, 9)), float(rng.integers(-9, 9)))
+            known = Grid(GridFrame(RESOLUTION, origin, (n, n)), cells)
+            pose = np.array([*known.frame.centre(n / 2, n / 2), rng.uniform(-np.pi, np.pi)])
+            questions.append((known, pose))
+    return questions
+
+
+def _ask(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> tuple[Prediction, float]:
+    """Return a checked answer, and the time that it took [s]."""
+    side = context_side(predictor)
+    around = known.crop(known.frame.square(float(pose[0]), float(pose[1]), side)) if side else None
+    copies = copied(known, pose, around)
+    started = time.perf_counter()
+    answer = asked(predictor, known, pose, around, copies)
+    seconds = time.perf_counter() - started
+    maps = [(copies[0], known)] + ([(copies[2], around)] if around is not None else [])
+    if any(not np.array_equal(a.cells, b.cells) or a.frame != b.frame for a, b in maps):
+        raise BadPredictionError("predict() changed the map that it was given: copy it first")
+    if not np.array_equal(copies[1], pose):
+        raise BadPredictionError("predict() changed the pose that it was given: copy it first")
+    return answer, seconds
+
+
+def _same(one: Prediction, other: Prediction) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in FIELDS)

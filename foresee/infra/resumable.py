@@ -1,0 +1,173 @@
+"""Folders of results that a command continues after an interruption, when it is given again."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import itertools
+import json
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee.infra.atomic_file import clear, write_whole
+from foresee.infra.command_line import UsageError
+from foresee.infra.errors import one_line
+from foresee.infra.plain_json import loads
+
+SETTINGS = "settings.json"
+"""Name of the file with the settings that the results of a folder were made with."""
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    EOFError,
+    RecursionError,
+    NotImplementedError,
+    zlib.error,
+    zipfile.BadZipFile,
+)
+"""Exceptions that reading a damaged file may raise."""
+Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+"""One part of the results: facts (plain data for JSON), and arrays by name."""
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compress: bool = True) -> None:
+    """Write arrays to a NumPy archive (.npz) atomically.
+
+    Args:
+        path: path of the file.
+        arrays: arrays by name.
+        compress: whether to compress them.
+    """
+    buffer = io.BytesIO()
+    (np.savez_compressed if compress else np.savez)(buffer, allow_pickle=False, **arrays)
+    write_whole(path, buffer.getvalue())
+
+
+def as_bytes(facts: Mapping[str, Any]) -> NDArray[np.uint8]:
+    """Return facts (plain data) as JSON in an array of bytes, for an archive of arrays."""
+    return np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+
+
+class ResumableFolder:
+    """A folder in which each finished part of a long computation is a file.
+
+    Parts are written atomically, so that a killed process loses only unfinished parts. A damaged
+    part is renamed to end with `.damaged`, reported in `notes`, and counts as missing.
+
+    Args:
+        folder: folder of the results; made if it is missing.
+        settings: all settings that decide the results, plain data for JSON; None: the settings are
+            not checked, since each part contains its own.
+        marker: name of the file in which the settings are kept.
+        grows: names of settings that may differ from those of an earlier run, such as the number of
+            drives.
+        absent: values of settings that older folders do not name.
+        exclusive: whether to refuse other processes until this one closes the folder or ends.
+
+    Attributes:
+        notes: one line for each damaged file.
+
+    Raises:
+        UsageError: if the folder holds results with other settings, cannot be written, or is in
+            use by another process.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        settings: Mapping[str, Any] | None = None,
+        *,
+        marker: str = SETTINGS,
+        grows: Iterable[str] = (),
+        absent: Mapping[str, Any] | None = None,
+        exclusive: bool = False,
+    ) -> None:
+        self.folder, self.notes = folder, list[str]()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = (folder / ".lock").open("w") if exclusive else None
+            if self._lock is not None:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f"{folder} is in use: another run is at work there") from None
+        except OSError as error:
+            raise UsageError(f"{folder} cannot be used: {error.strerror}") from None
+        clear(folder)
+        path = folder / marker
+        if settings is None:
+            return
+        if path.exists():
+            try:
+                theirs = dict(absent or {}) | dict(loads(path.read_text()))
+            except (OSError, ValueError, TypeError) as error:
+                raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
+            refuse_other_settings(folder, settings, theirs, grows)
+        write_whole(path, json.dumps(settings, indent=1).encode())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._lock is not None:
+            self._lock.close()
+
+    def write(self, name: str, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Write a part; afterwards it survives a kill of the process.
+
+        Args:
+            name: path of its file inside the folder, such as "parts/1.npz".
+            facts: facts of the part, plain data for JSON.
+            arrays: arrays of the part by name.
+        """
+        path = self.folder / name
+        path.parent.mkdir(exist_ok=True)
+        write_arrays(path, {"facts": as_bytes(facts), **arrays})
+
+    def read(self, name: str) -> Part | None:
+        """Read a part; None if it is missing or damaged. A damaged file is set aside."""
+        path = self.folder / name
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            return dict(loads(bytes(arrays.pop("facts")))), arrays
+        except FileNotFoundError:
+            return None
+        except UNREADABLE as error:
+            self.set_aside(path, one_line(error))
+            return None
+
+    def set_aside(self, path: Path, why: str) -> None:
+        """Rename a damaged file so that it ends with `.damaged`, and add a line to `notes`."""
+        names = (path.with_name(f"{path.name}.damaged{n or ''}") for n in itertools.count())
+        target = next(name for name in names if not name.exists())
+        path.rename(target)
+        self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
+
+
+def refuse_other_settings(
+    where: Path, mine: Mapping[str, Any], theirs: Mapping[str, Any], grows: Iterable[str] = ()
+) -> None:
+    """Refuse earlier results that were made with other settings.
+
+    Args:
+        where: folder or file of the results.
+        mine: settings of this run.
+        theirs: settings of the earlier results, as read from JSON.
+        grows: names of settings that may differ.
+
+    Raises:
+        UsageError: if other settings differ; the message names them.
+    """
+    plain = json.loads(json.dumps(mine))
+    other = [k for k in plain | theirs if k not in grows and plain.get(k) != theirs.get(k)]
+    if other:
+        told = ", ".join(f"{k} {theirs[k]}" if k in theirs else f"no {k}" for k in other)
+        raise UsageError(f"{where} holds a run with {told}; choose another place")

@@ -1,0 +1,81 @@
+"""The car's dynamic limits and its body, for the planner and the simulator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from foresee.mapping.body import Body
+
+
+@dataclass(frozen=True)
+class CarLimits:
+    """A car's limits and its body; the defaults are those of a fast indoor robot.
+
+    Attributes:
+        v_max: top speed [m/s].
+        acceleration: maximum acceleration [m/s²].
+        braking: maximum deceleration, positive [m/s²].
+        lateral_acceleration: maximum lateral acceleration v²·κ [m/s²].
+        turning_radius: radius of the tightest arc [m].
+        body: rectangle around (x, y).
+        reverse: top speed in reverse [m/s]; 0: the car has no reverse gear.
+
+    Raises:
+        ValueError: if a limit is not finite, or not positive; `reverse` may be 0.
+    """
+
+    v_max: float = 4.0
+    acceleration: float = 1.5
+    braking: float = 1.5
+    lateral_acceleration: float = 3.0
+    turning_radius: float = 0.8
+    body: Body = field(default_factory=Body)
+    reverse: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_finite(
+            self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
+        )
+        check_finite(self, "reverse", zero=True)
+
+    @property
+    def planned_cornering(self) -> float:
+        """Lateral acceleration that plans may use [m/s²].
+
+        A little below the limit, so that rounding does not lead beyond it.
+        """
+        return 0.99 * self.lateral_acceleration
+
+    @property
+    def driving(self) -> tuple[float, float, float, float]:
+        """Top speed, acceleration, braking and planned cornering, as arguments of kernels."""
+        return self.v_max, self.acceleration, self.braking, self.planned_cornering
+
+    @property
+    def max_curvature(self) -> float:
+        """Curvature of the tightest arc [1/m]."""
+        return 1.0 / self.turning_radius
+
+    @property
+    def stopping_distance(self) -> float:
+        """Distance that braking from top speed takes [m]."""
+        return self.v_max**2 / (2 * self.braking)
+
+
+def check_finite(settings: object, *names: str, zero: bool = False) -> None:
+    """Check that settings are positive and finite.
+
+    Args:
+        settings: object that holds them.
+        names: names of the attributes to check.
+        zero: whether 0 is allowed.
+
+    Raises:
+        ValueError: if a setting is not; the message names it.
+    """
+    wanted = "finite and not negative" if zero else "positive and finite"
+    for name in names:
+        value = getattr(settings, name)
+        if not (value >= 0 if zero else value > 0) or not value < math.inf:
+            raise ValueError(f"{name} is {value}, it must be {wanted}")

@@ -1,0 +1,231 @@
+"""The scores of predictors along drives: their folder, the results, and the tables."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee.infra.command_line import UsageError
+from foresee.infra.environment import commit, machine
+from foresee.infra.markdown import markdown
+from foresee.infra.plain_json import without_nan
+from foresee.infra.results_file import write_results
+from foresee.infra.resumable import Part, ResumableFolder
+from foresee.infra.workers import finished
+from predictor.evaluation import scored_drive
+from predictor.evaluation.figures import draw_evaluation
+from predictor.evaluation.scored_drive import AS_ROOM, BLANK, VERSION, rows_of
+from predictor.evaluation.settings import EvaluateConfig
+from predictor.provenance import fingerprint_of
+from predictor.recording.settings import LEARNED
+from predictor.registry import load_predictor
+from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
+from sim.buildings import check_maps, sources
+
+
+def group_of(place: str) -> str:
+    """Return the group in which a building is reported: its family, or the folder of its map."""
+    path = Path(place)
+    return path.resolve().parent.name if path.suffix else place
+
+
+class DriveScores:
+    """The scores of predictors along drives, in a folder with one part for each drive.
+
+    Args:
+        config: settings of the evaluation.
+        out: folder of the scores.
+
+    Raises:
+        UsageError: if the folder holds scores with other settings or weights, or a name is given
+            twice.
+    """
+
+    def __init__(self, config: EvaluateConfig, out: Path) -> None:
+        self.config, self.out = config, out
+        check_maps(config.world)
+        places = sources(config.world)
+        if len(set(config.predictors)) < len(config.predictors):
+            raise UsageError("--predictors: a name is given more than once")
+        self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
+        # The weights are compared, too, since a file of the same name may have changed.
+        fingerprints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
+        kept = asdict(config) | {"weights": fingerprints, "measures": VERSION}
+        self.settings = json.loads(json.dumps(kept))
+        self.folder = ResumableFolder(out, self.settings)
+
+    def run(self, jobs: int) -> None:
+        """Score the missing drives, with a progress bar."""
+        from tqdm import tqdm
+
+        todo = [item for item in self.items if self._read(item) is None]
+        with tqdm(total=len(self.items), initial=len(self.items) - len(todo), unit="drive") as bar:
+            for item, scored in finished(
+                partial(scored_drive.score_drive, self.config), todo, jobs
+            ):
+                facts, arrays = ({"skipped": scored}, {}) if isinstance(scored, str) else scored
+                facts |= {"place": item[0], "seed": item[1], "commit": commit()}
+                self.folder.write(self._part(item), facts, arrays)
+                bar.update()
+
+    def finish(self) -> dict[str, Any]:
+        """Write results.json and the figures of all scored drives, and return the results."""
+        names = rows_of(self.config)
+        groups: dict[str, dict[str, Scores]] = {}
+        bins: dict[str, dict[str, dict[str, NDArray[Any]]]] = {}
+        facts: dict[str, list[dict[str, Any]]] = {}
+        pictures: list[tuple[float, NDArray[Any]]] = []
+        for item in self.items:
+            part = self._read(item)
+            if part is None:
+                continue
+            fact, arrays = part
+            group = group_of(item[0])
+            facts.setdefault(group, []).append(fact)
+            sums = groups.setdefault(group, {name: Scores() for name in names})
+            each = bins.setdefault(group, {name: {} for name in names})
+            if "skipped" in fact:
+                continue
+            for name in names:
+                scores = Scores.of(arrays, name)
+                sums[name] += scores
+                of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
+                of_building += scores.bins("free")
+            pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
+        summaries = {
+            group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
+        }
+        learned = [group for group in groups if group in LEARNED]
+        if len(learned) > 1:
+            # Scores of all learned families together, since families may resemble each other.
+            pooled = {name: Scores() for name in names}
+            for group in learned:
+                for name in names:
+                    pooled[name] += groups[group][name]
+            every = [fact for group in learned for fact in facts[group]]
+            families = [bins[group] for group in learned]
+            summaries[" + ".join(learned)] = _summary(every, pooled, families)
+        results = {
+            "settings": self.settings,
+            "machine": machine(),
+            "commits": sorted({str(fact["commit"]) for every in facts.values() for fact in every}),
+            "groups": summaries,
+            "drives": facts,
+        }
+        write_results(self.out / "results.json", "evaluation", without_nan(results))
+        draw_evaluation(self.out, groups, pictures, self.config.predictors)
+        return results
+
+    def _read(self, item: tuple[str, int]) -> Part | None:
+        """Read the part of a drive; None if it is missing, damaged or of another drive."""
+        part = self.folder.read(self._part(item))
+        return part if part and [part[0]["place"], part[0]["seed"]] == [*item] else None
+
+    def _part(self, item: tuple[str, int]) -> str:
+        return f"parts/{self.items.index(item):05d}.npz"
+
+
+def _summary(
+    facts: list[dict[str, Any]],
+    sums: dict[str, Scores],
+    families: list[dict[str, dict[str, NDArray[Any]]]],
+) -> dict[str, Any]:
+    """Compute the scores of a group: predictor → measures.
+
+    Args:
+        facts: facts of each drive.
+        sums: predictor → scores of all drives.
+        families: for each family, predictor → building → `Scores.bins` of free.
+    """
+    scored = [fact for fact in facts if "skipped" not in fact]
+    rows: dict[str, dict[str, Any]] = {}
+    for name in [*sums, BLANK] if scored else []:
+        row = rows[name] = {}
+        if name in scored[0]["ssim"]:
+            row["ssim"] = float(np.mean([fact["ssim"][name] for fact in scored]))
+        if name in scored[0]["ms"]:
+            row["ms"] = float(np.median([fact["ms"][name] for fact in scored]))
+        if name in sums:
+            row |= _measures(name, sums[name], slice(None))
+            row["ece_free_95"] = calibration_interval(
+                [list(family[name].values()) for family in families]
+            )
+            row["rings"] = [
+                {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}
+                for i in range(RINGS)
+            ]
+    return {
+        "drives": len(scored),
+        "skipped": len(facts) - len(scored),
+        "moments": sum(fact["moments"] for fact in scored),
+        "learned": sum(bool(fact["learned_by"]) for fact in scored),
+        "predictors": rows,
+    }
+
+
+def _measures(name: str, scores: Scores, rings: slice) -> dict[str, float]:
+    """Compute the measures of a row; rows that end with `AS_ROOM` have none of occupied cells."""
+    measures = scores.measures(rings)
+    if name.endswith(AS_ROOM):
+        return {k: v for k, v in measures.items() if not k.endswith("_occupied") and k != "nll"}
+    return measures
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return the tables of the scores of each group as Markdown: of all cells, and by distance."""
+    columns = (
+        "iou_free",
+        "iou_occupied",
+        "auc_free",
+        "auc_occupied",
+        "brier_free",
+        "brier_occupied",
+        "nll",
+        "ece_free",
+        "ece_occupied",
+        "ssim",
+        "ms",
+    )
+    parts = []
+    for group, entry in results["groups"].items():
+        skipped = f", {entry['skipped']} without a drive" if entry["skipped"] else ""
+        if entry["learned"]:
+            skipped += f"; warning: {entry['learned']} in buildings that a predictor was trained on"
+        head = f"{group}: {entry['drives']} drives, {entry['moments']} moments{skipped}"
+        rows = [["", *(column.replace("_", " ") for column in columns)]]
+        for name, row in entry["predictors"].items():
+            rows.append([name, *(_cell(row.get(column)) for column in columns)])
+        if any(row.get("ece_free_95") for row in entry["predictors"].values()):
+            rows[0].append("ece free, 95 %")
+            for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
+                cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
+        parts.append(f"{head}\n\n{markdown(rows)}")
+        parts.append(_by_distance(entry["predictors"]))
+    return "\n\n".join(parts)
+
+
+def _by_distance(predictors: dict[str, Any]) -> str:
+    """Return the table of the scores of free by the distance beyond the frontier."""
+    rows: list[list[str]] = []
+    for name, row in predictors.items():
+        if "rings" in row and "(" not in name:
+            edges = [ring["from"] for ring in row["rings"]]
+            spans = [f"{low:g}–{high:g} m" for low, high in pairwise(edges)]
+            rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
+            found = [
+                [ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
+                for ring in row["rings"]
+            ]
+            rows.append([name, *(" / ".join(map(_cell, values)) for values in found)])
+    return markdown(rows) if rows else ""
+
+
+def _cell(value: float | None) -> str:
+    return "" if value is None or value != value else f"{value:.3f}"

@@ -1,0 +1,116 @@
+"""The scores of predictors along one drive, on the cells that the car has not observed yet."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_opening
+
+from foresee.mapping.grid import world_hash
+from foresee.prediction import asked, context_side
+from planner.navigator import NavigatorConfig
+from predictor.data.squares import TERNARY, truth_codes
+from predictor.evaluation.settings import EvaluateConfig
+from predictor.networks.room import REACH
+from predictor.provenance import has_learned
+from predictor.recording.replay import drive_without_prediction, replayed_with
+from predictor.registry import load_predictor
+from predictor.scoring.images import ssim, ternary
+from predictor.scoring.scores import Scores, rings_of
+from sim import LidarConfig
+from sim.buildings import task_in
+from sim.task import NoTaskError
+
+BLANK = "grey"
+"""Name in tables for an image that is all grey, as a baseline of SSIM."""
+TRUSTED = " (c·p)"
+"""Suffix of a predictor's name in a row that scores its probabilities times its confidence."""
+AS_ROOM = " (room)"
+"""Suffix of a predictor's name in a row that scores confidence · p_free, which the planner uses, as
+the probability that a cell lies in a free square as wide as the car."""
+
+VERSION = 2
+"""Version of the measures, which changes with the definition of any of them."""
+
+
+def score_drive(
+    config: EvaluateConfig, item: tuple[str, int]
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]] | str:
+    """Drive once, and return facts and scores; or one line that says why there is no drive.
+
+    Args:
+        config: settings of the evaluation.
+        item: family of buildings or path of a map file, and seed.
+
+    Raises:
+        BadPredictionError: if a predictor breaks its contract, or raises.
+    """
+    place, seed = item
+    square_of_a_car = np.ones((2 * REACH + 1, 2 * REACH + 1), dtype=bool)
+    try:
+        task = task_in(place, seed)
+    except NoTaskError as error:
+        return str(error)
+    world, rng = task.world, np.random.default_rng(seed)
+    predictors = {name: load_predictor(name) for name in config.predictors}
+    scores = {name: Scores() for name in rows_of(config)}
+    similar: dict[str, list[float]] = {name: [] for name in (*predictors, BLANK)}
+    taken: dict[str, list[float]] = {name: [] for name in predictors}
+    side = NavigatorConfig(window=config.window, expansion=config.expansion).predicted_side
+    states = drive_without_prediction(task, config.window, 0.0, rng)
+    moments: list[tuple[float, NDArray[np.uint8]]] = []
+    for known, state in replayed_with(
+        task, states, config.window, LidarConfig(), rng, config.every
+    ):
+        square = known.frame.square(state[0], state[1], side)
+        crop = known.crop(square)
+        ring = rings_of(crop)
+        free, occupied = world.truth(square)
+        # Morphological opening; cells outside of the square count as free.
+        room = binary_opening(np.pad(free, REACH, constant_values=True), square_of_a_car)
+        room = room[REACH:-REACH, REACH:-REACH]
+        true_image = TERNARY[truth_codes(free, occupied)]
+        blank = np.full(true_image.shape, 0.5)
+        similar[BLANK].append(ssim(blank, true_image))
+        for name, predictor in predictors.items():
+            begin = time.perf_counter()
+            beyond = context_side(predictor)
+            around = known.frame.square(state[0], state[1], beyond)
+            belief = asked(predictor, crop, state[:3], known.crop(around) if beyond else None)
+            taken[name].append(1e3 * (time.perf_counter() - begin))
+            image = ternary(crop, belief)
+            similar[name].append(ssim(image, true_image))
+            trusted = belief.confidence * belief.p_free, belief.confidence * belief.p_occupied
+            scores[name].add(belief.p_free, belief.p_occupied, free, occupied, ring)
+            scores[name + TRUSTED].add(*trusted, free, occupied, ring)
+            scores[name + AS_ROOM].add(trusted[0], 1.0 - trusted[0], room, ~room, ring)
+            if name == config.predictors[-1] and (ring >= 0).any():
+                off = float(((belief.p_free - free)[ring >= 0] ** 2).mean())
+                moments.append((off, _picture(ternary(crop, None), image, true_image)))
+    arrays = {key: value for name in scores for key, value in scores[name].arrays(name).items()}
+    moments.sort(key=lambda entry: entry[0])
+    shown = [moments[0], moments[len(moments) // 2], moments[-1]] if moments else []
+    arrays |= {f"picture/{i}": picture for i, (_, picture) in enumerate(shown)}
+    building = world.grid.cells
+    facts = {
+        "world": world.name,
+        "hash": world_hash(building),
+        "learned_by": [name for name, p in predictors.items() if has_learned(p, building)],
+        "moments": len(similar[BLANK]),
+        "ssim": {k: float(np.mean(v)) for k, v in similar.items()},
+        "ms": {k: float(np.median(v)) for k, v in taken.items()},
+        "errors": [off for off, _ in shown],
+    }
+    return facts, arrays
+
+
+def rows_of(config: EvaluateConfig) -> list[str]:
+    """Return the names of the rows of scores, three for each predictor."""
+    return [name + end for name in config.predictors for end in ("", TRUSTED, AS_ROOM)]
+
+
+def _picture(*images: NDArray[np.float64]) -> NDArray[np.uint8]:
+    return np.rint(255 * np.stack(images)).astype(np.uint8)

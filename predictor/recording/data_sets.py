@@ -1,0 +1,72 @@
+"""The data sets of the prediction study: the paper's simulated one, and those of real logs."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+
+from tqdm import tqdm
+
+from foresee.infra.workers import finished
+from predictor.data.bags import BagConfig
+from predictor.data.frame_set import FrameSet
+from predictor.data.log_files import site_of, sources_of
+from predictor.data.survey import make_log
+from predictor.data.survey import settings_of as settings_of_logs
+from predictor.recording.paper_drives import check_apart, drives_of, make_drive, settings_of
+from predictor.recording.settings import SimulatedConfig
+
+
+def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
+    """Make all missing drives of the simulated set, with a progress bar.
+
+    Args:
+        folder: folder of the set.
+        config: settings of the set.
+        jobs: number of processes.
+
+    Raises:
+        FramesError: if the folder holds another set.
+        DriveError: if a drive cannot be made.
+    """
+    drives = {drive.name: drive for drive in drives_of(config)}
+    frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
+    # The longest drives first, so that all processes end at about the same time.
+    todo = sorted((drives[name] for name in frames.missing), key=lambda drive: -drive.count)
+    total = sum(drive.count for drive in drives.values())
+    there = total - sum(drive.count for drive in todo)
+    with tqdm(total=total, initial=there, unit="frame") as bar:
+        bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
+        for drive, facts in finished(partial(make_drive, folder, config), todo, jobs):
+            frames.add(drive.name, facts)
+            bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
+            bar.update(drive.count)
+    check_apart(list(frames.done.values()))
+
+
+def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int) -> None:
+    """Make all missing frames of a set of logs, with a progress bar, and report what was skipped.
+
+    The set consists of exactly these logs. The frames of a log that is no longer named stay in the
+    folder, but do not belong to the set.
+
+    Args:
+        folder: folder of the set.
+        paths: paths of the logs.
+        config: topics to read from a bag.
+        jobs: number of processes.
+
+    Raises:
+        FramesError: if the folder holds another set.
+        LogError: if a log cannot be read.
+    """
+    sites = {site_of(path): path for path in paths}
+    frames = FrameSet(folder, "physical", settings_of_logs(config), list(sites), sources_of(paths))
+    todo = [sites[name] for name in frames.missing]
+    with tqdm(total=len(sites), initial=len(sites) - len(todo), unit="log") as bar:
+        for path, facts in finished(partial(make_log, folder, config), todo, jobs):
+            frames.add(site_of(path), facts)
+            passed = "".join(f"; skipped: {n} {what}" for what, n in facts["skipped"].items() if n)
+            bar.write(f"{facts['map']}: {facts['count']} frames{passed}", file=sys.stderr)
+            bar.update()

@@ -1,0 +1,336 @@
+"""Training samples of `predictor.drives` and `predictor.train`, recorded on simulated drives.
+
+The car drives with the project's own planner, without prediction, through generated buildings and
+the user's own ones. Each drive is then replayed with LIDARs of other windows and other noise, which
+takes a tenth of the time of driving. Logs of robots, simulated or the user's, are replayed as well.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee.infra.command_line import UsageError
+from foresee.infra.plain_json import loads
+from foresee.infra.resumable import ResumableFolder
+from foresee.infra.workers import finished
+from foresee.mapping.context import SIDE as CONTEXT
+from foresee.mapping.grid import Grid, OccupancyGrid, world_hash
+from foresee.mapping.polyline import arc_length
+from predictor.data.frames import MANIFEST
+from predictor.data.laser_log import LaserLog
+from predictor.data.log_files import is_log, read_log
+from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
+from predictor.data.squares import cells_of, codes_of, truth_codes
+from predictor.data.survey import REACH, clipped, frame_around, surveyed
+from predictor.recording.own_buildings import OwnBuildings, log_hash, world_of
+from predictor.recording.replay import drive_without_prediction, replayed_with
+from predictor.recording.settings import DrivesConfig
+from predictor.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
+from sim import LidarConfig
+from sim.buildings import task_in_world
+from sim.families import generate
+from sim.task import NoTaskError, sample_task
+from sim.variation import varied
+from sim.world import World
+
+SPLITS = {"train": 1_200_000, "validation": 520_000}
+"""First seed of each split. Published measurements use other seeds, below 10,000 and from 700,000
+on; earlier weights used the 200,000 before the first and the 20,000 before the second."""
+WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
+"""Sides of the square in which the LIDAR is used, drawn at random [m]."""
+JOURNEYS, APART = (1, 2, 4, 8), 2.0
+"""Numbers of routes through the building in a simulated log, drawn at random, since some robots
+visit each room and some only one corridor; distance from one sample of a log to the next [m]."""
+STRETCH = 50.0
+"""Length of a user's log that one replay covers [m], so that it gives no more samples than a
+drive."""
+Posed = tuple[bytes, "NDArray[np.float64]"]
+"""A sample, and the pose of the robot in it, (3,) [m, m, rad]."""
+SPREAD = 10_000_000
+"""Difference of seeds from one route of a log to the next, larger than any split."""
+
+
+def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tuple[int, str]:
+    """Make and write the samples of one drive.
+
+    Args:
+        config: settings of the set.
+        own: the user's own buildings, `config.world`.
+        item: split, and number of the drive in it.
+
+    Returns:
+        The number of samples; and why there is none, or an empty string.
+    """
+    split, number = item
+    seed = SPLITS[split] + number
+    rng = np.random.default_rng(seed)
+    kind, path = place_of(config, own, split, number)
+    if path is not None and is_log(path):
+        log, truth, drawn = _surveyed(path)
+        driven_through, made = drawn, _replayed(config, log, truth, rng, STRETCH)
+    else:
+        world = generate(kind, seed) if path is None else world_of(path)
+        drawn = world_hash(world.grid.cells)
+        # Half of the generated buildings are varied, since the network's probabilities are
+        # calibrated only for kinds of buildings that it was trained on.
+        if path is None and rng.random() < 0.5:
+            world = varied(world, rng)
+        driven_through = world_hash(world.grid.cells)
+        logged = path is None and rng.random() < config.simulated_logs
+        made = (_logged if logged else _driven)(config, world, seed, rng)
+    samples, why = [], ""
+    try:
+        samples = list(made)
+    except NoTaskError as error:
+        why = str(error)
+    about = {"family": kind, "seed": seed, "world": driven_through, "original": drawn}
+    write_samples(path_of(config, item), samples, about)
+    return len(samples), why
+
+
+def place_of(
+    config: DrivesConfig, own: OwnBuildings, split: str, number: int
+) -> tuple[str, Path | None]:
+    """Choose the building of a drive.
+
+    Drives in the user's own buildings are spread evenly among the others. If none of these
+    buildings is held out, all drives for validation are in generated buildings.
+
+    Args:
+        config: settings of the set.
+        own: the user's own buildings.
+        split: "train" or "validation".
+        number: number of the drive in its split.
+
+    Returns:
+        The family of a generated building, "map" or "log"; and the path of the map or log, or None.
+    """
+    mine = own.of(split)
+    share = config.share if mine else 0.0
+    before, after = math.floor(number * share), math.floor((number + 1) * share)
+    if after == before:
+        return config.families[(number - before) % len(config.families)], None
+    paths = mine[before % len(mine)].paths
+    path = Path(paths[before // len(mine) % len(paths)])
+    return "log" if is_log(path) else "map", path
+
+
+def _driven(
+    config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
+) -> Iterator[Posed]:
+    """Yield the samples of a drive, with the map of the building as truth.
+
+    Raises:
+        NoTaskError: if the building has no route for the car.
+    """
+    task = task_in_world(world, seed)
+    # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
+    window, reliance = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
+    states = drive_without_prediction(task, window, reliance, rng, config.longest)
+    for _ in range(config.views):
+        window = float(rng.choice(WINDOWS))
+        noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
+        lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
+        first = int(rng.integers(config.every))
+        for known, state in replayed_with(task, states, window, lidar, rng, config.every, first):
+            side = SIDE * known.frame.resolution
+            crop = known.crop(known.frame.square(state[0], state[1], side))
+            truth = truth_codes(*task.world.truth(crop.frame))
+            around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
+            yield encoded(crop, truth, around, float(state[2])), state[:3]
+
+
+def _logged(
+    config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
+) -> Iterator[Posed]:
+    """Yield the samples of a simulated log, with the map of the whole log as truth.
+
+    Raises:
+        NoTaskError: if the building has no route for the robot.
+    """
+    # All routes but the first may be missing, since from some starts there is none of that length.
+    tasks = [sample_task(world, seed, ROBOT)]
+    for number in range(1, int(rng.choice(JOURNEYS))):
+        with contextlib.suppress(NoTaskError):
+            tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
+    log = simulated_log(tasks, rng)
+    yield from _replayed(config, log, _map_of(log), rng)
+
+
+@lru_cache(maxsize=2)
+def _surveyed(path: Path) -> tuple[LaserLog, Grid, str]:
+    """Return a log, its map, and its hash."""
+    log = read_log(path)
+    return log, _map_of(log), log_hash(log)
+
+
+def _map_of(log: LaserLog) -> Grid:
+    """Return the map of all scans of a log."""
+    frame = frame_around(log.poses, REACH)
+    scans = [clipped(scan, REACH) for scan in log.scans]
+    return Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
+
+
+def _replayed(
+    config: DrivesConfig,
+    log: LaserLog,
+    truth: Grid,
+    rng: np.random.Generator,
+    longest: float = math.inf,
+) -> Iterator[Posed]:
+    """Yield the samples of a log, which is replayed `config.views` times.
+
+    Args:
+        config: settings of the set.
+        log: scans and poses.
+        truth: map of the whole log.
+        rng: generator of the windows and of the beginnings of the replays.
+        longest: distance that a replay covers [m]; if it is finite, each begins at a random scan.
+    """
+
+    frame = truth.frame
+    side = SIDE * frame.resolution
+    along = arc_length(log.poses)
+    starts = max(1, int((along < along[-1] - longest).sum()))
+    for _ in range(config.views):
+        window = float(rng.choice(WINDOWS))
+        begin = int(rng.integers(starts)) if longest < math.inf else 0
+        x, y = (float(value) for value in log.poses[begin, :2])
+        known = OccupancyGrid(frame.square(x, y, window), window)
+        gone = float(rng.uniform(0.0, APART))
+        for number in range(begin, len(log)):
+            if along[number] > along[begin] + longest:
+                break
+            pose = log.poses[number]
+            known.integrate(clipped(log.scans[number], REACH), pose)
+            gone += along[number] - along[max(number - 1, begin)]
+            if gone >= APART:
+                # The remainder is carried over, but not whole jumps from one route to the next.
+                gone %= APART
+                square = frame.square(float(pose[0]), float(pose[1]), side)
+                true = codes_of(truth.crop(square).cells)
+                around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT))
+                yield encoded(known.crop(square), true, around, float(pose[2])), pose
+
+
+def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
+    """Return the path of the file with a drive's samples.
+
+    Args:
+        config: settings of the set.
+        item: split, and number of the drive in it.
+    """
+    return config.out / item[0] / f"{item[1]:06d}.npz"
+
+
+def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset()) -> None:
+    """Make all missing samples of a set, with a progress bar.
+
+    Args:
+        config: settings of the set.
+        jobs: number of worker processes.
+        learned: hashes of buildings that may not be held out, since the weights to start from were
+            trained in them.
+
+    Raises:
+        UsageError: if the folder holds samples that were made with other settings, or if
+            `config.world` names no usable building, or a building in `learned` that would be held
+            out.
+    """
+    from tqdm import tqdm
+
+    own = OwnBuildings.found(config.world)
+    for line in own.skipped:
+        print(f"skipped: {line}", file=sys.stderr)
+    if config.world:
+        _check(config, own, learned)
+    _claim(config, own)
+    items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
+    todo = [item for item in items if not path_of(config, item).exists()]
+    count, undriven = 0, set[str]()
+    with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
+        for _, (samples, why) in finished(partial(record, config, own), todo, jobs):
+            count += samples
+            if why and why not in undriven:
+                undriven.add(why)
+                bar.write(why, file=sys.stderr)
+            bar.set_postfix_str(f"{count} samples")
+            bar.update()
+
+
+def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> None:
+    """Check that the user's own buildings fit the settings, and warn of buildings without drives.
+
+    Raises:
+        UsageError: if they do not fit.
+    """
+    if config.share == 0:
+        raise UsageError("--share is 0: no drive would be in the buildings of --world")
+    if not own.validation and config.share == 1:
+        raise UsageError(
+            "--world: one building cannot be both trained on and held out: give two, or a "
+            "--share below 1"
+        )
+    if not own.validation:
+        line = "--world has one building, which is trained on: scores are of generated buildings"
+        print(f"warning: {line}", file=sys.stderr)
+    both = [one.paths[0] for one in own.validation if learned & set(one.hashes)]
+    if both:
+        raise UsageError(
+            f"--start: its weights have learned from {', '.join(both)}, which would be held out: "
+            "start from other weights, or leave it out"
+        )
+    for split in SPLITS:
+        drives = math.floor(getattr(config, split) * config.share)
+        missed = len(own.of(split)) - drives
+        if missed > 0:
+            print(
+                f"warning: no {split} drive is in {missed} of the buildings of --world: give "
+                f"more --{split}",
+                file=sys.stderr,
+            )
+
+
+def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
+    """Make the folders of the splits; refuse a folder with samples made with other settings.
+
+    Raises:
+        UsageError: if the folder holds frames, or samples made with other settings.
+    """
+    if (config.out / MANIFEST).exists():
+        raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
+    for split in SPLITS:
+        (config.out / split).mkdir(parents=True, exist_ok=True)
+    recipe = {
+        "format": FORMAT,
+        "seeds": SPLITS,
+        "views": config.views,
+        "families": config.families,
+        "own": own.hashes,
+        "share": config.share if config.world else 0,
+        "windows": WINDOWS,
+        "longest": config.longest,
+        "every": config.every,
+        "logs": config.simulated_logs,
+        "log": asdict(SimulatedLogConfig()),
+        "journeys": JOURNEYS,
+        "apart": APART,
+    }
+    theirs = own.hashes
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        theirs = loads((config.out / RECIPE).read_text()).get("own", theirs)
+    if theirs != own.hashes:
+        raise UsageError(
+            f"{config.out} holds samples of other buildings of --world: choose another folder "
+            "(--data, in predictor.drives --out), and another --out for the training"
+        )
+    ResumableFolder(config.out, recipe, marker=RECIPE)

@@ -1,0 +1,217 @@
+"""The peers solve the problem that ours solves, and are timed alike."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from benchmarks.studies.performance import hall, peers, peers_mpc
+from benchmarks.studies.performance.hall_problem import Problem
+from benchmarks.studies.performance.peers_casadi import general
+from benchmarks.studies.performance.sized_maps import along
+from benchmarks.studies.performance.tables import peers_table
+from planner.mpc import condense
+from planner.mpc.mpc import MPC
+from planner.navigator import AFRESH
+from sim.buildings import task_in
+
+PROBLEMS = {"cost only": peers_mpc.COST_ONLY, "kept inside": peers_mpc.CONSTRAINED}
+
+
+def casadis(mpc):
+    return general(mpc, "ipopt", compiled=False)
+
+
+def do_mpcs(mpc):
+    pytest.importorskip("do_mpc")
+    from benchmarks.studies.performance.peers_do_mpc import do_mpc
+
+    return do_mpc(mpc, compiled=False)
+
+
+@pytest.mark.parametrize(
+    ("problem", "make"),
+    [("cost only", casadis), ("kept inside", casadis), ("kept inside", do_mpcs)],
+)
+def test_a_general_solver_finds_the_plan_that_ours_finds(problem, make):
+    mpc = MPC(config=PROBLEMS[problem])
+    path, risk = hall.straight(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
+    state = np.array([4.0, 0.3, 0.1, 2.0])
+    guess = hall.pursuit(mpc, path, state)
+    costs = []
+    for prepare in (peers_mpc.ours(mpc), make(mpc)):
+        plan = mpc.roll(state, prepare(hall.Tick(state, risk, guess, 0.0, True))())
+        assert plan.states[-1, 3] < 1e-3
+        costs.append(mpc.evaluate(plan, path, risk, 58, 0.0))
+    started = mpc.evaluate(mpc.roll(state, guess), path, risk, 58, 0.0)
+    assert costs[0] == pytest.approx(costs[1], rel=5e-3)
+    assert max(costs) < started
+
+
+def test_the_map_is_read_and_derived_as_ours_is():
+    mpc, risk = MPC(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
+    x = ca.MX.sym("x", 4)
+    field = np.asarray(risk.clearance, dtype=np.float64)
+    read = Problem(mpc).clearances(x, ca.MX(risk.frame.origin), ca.MX(field.ravel()))
+    read = ca.Function("read", [x], [read, ca.jacobian(read, x)])
+    rng = np.random.default_rng(0)
+    states = rng.uniform([2, -2, -3, 0], [8, 2, 3, 4], (50, 4))
+    value, gradient = condense.clearances(
+        risk.clearance,
+        risk.frame.resolution,
+        risk.frame.origin,
+        states,
+        mpc.limits.body.length / 4,
+    )
+    for i, state in enumerate(states):
+        got, derived = read(state)
+        assert np.asarray(got).ravel() == pytest.approx(value[i], abs=1e-9)
+        assert np.asarray(derived)[:, :3] == pytest.approx(gradient[i][:, :3], abs=1e-6)
+
+
+def test_a_general_solver_drives_as_ours_does():
+    mpc = MPC(config=peers_mpc.COST_ONLY)
+    drives = [hall.drive(mpc, solver, 5, 12) for solver in (peers_mpc.ours(mpc), casadis(mpc))]
+    assert drives[0].cost == pytest.approx(drives[1].cost, rel=5e-3)
+    assert [d.failures for d in drives] == [0, 0]
+    assert [len(d.times) for d in drives] == [11, 11]
+
+
+def test_every_fifth_tick_the_cheaper_of_two_starts_is_driven():
+    mpc = MPC(config=peers_mpc.CONSTRAINED)
+    state, path = np.array([4.0, 0.3, 0.1, 2.0]), hall.straight()
+    aside = hall.pursuit(mpc, hall.straight(2.4), state)
+    ours, starts = peers_mpc.ours(mpc), []
+
+    def afresh(tick):
+        # What a solver keeps from tick to tick is of another plan.
+        assert tick.is_first
+        starts.append(tick.guess)
+        return ours(tick)
+
+    def cost(controls, risk):
+        return mpc.evaluate(mpc.roll(state, controls), path, risk, 58, 0.0)
+
+    solver, cheaper = peers_mpc.in_turn(mpc, ours, afresh), 0
+    for i in range(16):
+        risk = hall.around(hall.hall(i), state)
+        tick = hall.Tick(state, risk, aside, 0.0, i == 0)
+        one, best = (cost(prepare(tick)(), risk) for prepare in (ours, solver))
+        assert best == pytest.approx(one, abs=1e-9) if i % AFRESH else best <= one + 1e-9
+        cheaper += best < one - 1e-3
+    assert cheaper > 0
+    # The next drive begins with the first way again, whenever the last one ended.
+    solver(hall.Tick(state, risk, aside, 0.0, True))()
+    assert len(starts) == 5
+    assert np.array_equal(starts[4], starts[0])
+    starts.pop()
+    # The three ways, and the first of them again.
+    assert len(starts) == 4
+    assert np.array_equal(starts[0], starts[3])
+    assert not np.array_equal(starts[0], starts[1])
+
+
+def test_where_one_start_fails_the_other_counts():
+    mpc = MPC(config=peers_mpc.COST_ONLY)
+    state = np.array([4.0, 0.3, 0.1, 2.0])
+    tick = hall.Tick(state, hall.around(hall.hall(3), state), np.zeros((mpc.stages, 2)), 0.0, True)
+    ours = peers_mpc.ours(mpc)
+
+    def fails(tick):
+        return lambda: None
+
+    assert peers_mpc.in_turn(mpc, fails, ours)(tick)() is not None
+    assert peers_mpc.in_turn(mpc, ours, fails)(tick)() is not None
+    assert peers_mpc.in_turn(mpc, fails, fails)(tick)() is None
+
+
+def test_sampling_keeps_the_limits_lowers_the_cost_and_repeats_itself():
+    pytest.importorskip("pytorch_mppi")
+    from benchmarks.studies.performance.peers_mppi import mppi
+
+    mpc = MPC(config=peers_mpc.COST_ONLY)
+    path, risk = hall.straight(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
+    state = np.array([4.0, 0.3, 0.1, 2.0])
+    guess = np.tile([-mpc.limits.braking, 0.0], (mpc.stages, 1))
+    tick = hall.Tick(state, risk, guess, 0.0, True)
+    prepare = mppi(mpc)
+    first, again = (mpc.roll(state, prepare(tick)()) for _ in range(2))
+    assert np.array_equal(first.controls, again.controls)
+    started, ended = (
+        mpc.evaluate(plan, path, risk, 58, 0.0) for plan in (mpc.roll(state, guess), first)
+    )
+    assert ended < started - 1.0
+
+
+def test_what_posts_add_to_the_cost_is_told_beside_it(monkeypatch):
+    monkeypatch.setattr(
+        peers_mpc,
+        "makers",
+        lambda mpc: {"ours": lambda: peers_mpc.ours(mpc), "IPOPT": lambda: casadis(mpc)},
+    )
+    found = peers_mpc.compare(peers_mpc.COST_ONLY, 2, 8, lambda _: None)
+    assert found["ours"]["ratio"] == 1.0
+    assert found["ours"]["dearer_percent"] == 0.0
+    assert found["ours"]["excess"] == pytest.approx(found["IPOPT"]["excess"], abs=0.1)
+    assert found["ours"]["excess"] > -0.01
+    other = found["IPOPT"]
+    assert other["dearer_low"] <= other["dearer_percent"] <= other["dearer_high"]
+    assert f"({other['dearer_low']:+.3f} to" in peers_table({"mpc": found})
+
+
+def test_clearance_costs_up_to_where_it_does_in_driving():
+    free, driving = (MPC(config=PROBLEMS[name]) for name in PROBLEMS)
+    assert free.required < 0.0 < driving.required
+    assert free.required + free.config.comfort == pytest.approx(
+        driving.required + driving.config.comfort
+    )
+    assert free.config.closeness == driving.config.closeness
+
+
+def test_calls_are_timed_in_turn(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(peers.time, "perf_counter", lambda: now[0])
+    order = []
+
+    def call(name, seconds):
+        def run(i):
+            order.append((name, i))
+            now[0] += seconds * (100 if order.count((name, i)) == 1 and i in (0, 10) else 1)
+
+        return run
+
+    found = peers.compare({peers.OURS: call("a", 0.001), "other": call("b", 0.01)}, 12)
+    turns = [[0, *range(10)], [10, 10, 11]]
+    assert order == [(name, i) for turn in turns for name in "ab" for i in turn]
+    assert found[peers.OURS] == pytest.approx(
+        {"median_ms": 1.0, "mean_ms": 1.0, "p99_ms": 1.0, "ratio": 1.0}
+    )
+    assert found["other"]["ratio"] == pytest.approx(10.0)
+    assert "| rays | other |" in " ".join(peers_table({"rays": found}).split())
+
+
+def test_peers_of_the_lidar_see_what_ours_sees():
+    for name in ("octomap", "raycast2D", "irsim"):
+        pytest.importorskip(name)
+    world = task_in("corridor", 0).world
+    poses = along(task_in("corridor", 0), 3)
+    calls = peers.rays(world, poses)
+    for i, pose in enumerate(poses):
+        scan = calls[peers.OURS](i)
+        angle = pose[2] + scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+        met = np.isfinite(scan.ranges)
+        hits = pose[:2] + scan.ranges[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        by_tree = np.hypot(*(calls["octomap-python"](i) - hits).T)
+        assert np.nanmedian(by_tree[met]) < 0.05
+        pixels = calls["raycast2D"](i)
+        origin, resolution = world.grid.frame.origin, world.grid.frame.resolution
+        by_pixel = np.hypot(*((pixels + 0.5) * resolution + origin - hits).T)
+        assert np.nanmedian(by_pixel[met]) < 0.1
+        assert np.nanmedian(abs(calls["ir-sim"](i) - scan.ranges)[met]) < 0.1
+
+
+def test_peers_of_the_map_find_the_walls_that_ours_finds():
+    pytest.importorskip("octomap")
+    pytest.importorskip("pyoctomap")
+    task = task_in("corridor", 0)
+    for name, call in peers.mapping(task, along(task, 2)).items():
+        assert call(0) is not False, name

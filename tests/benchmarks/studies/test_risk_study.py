@@ -1,0 +1,372 @@
+"""The study of the risk dial: its series, its independent test, and what it says."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drive_results import a_result
+from test_calibration import written
+
+from benchmarks import corridor, tables
+from benchmarks.calibration.certificate import conditions_of
+from benchmarks.runs.settings import Settings
+from benchmarks.studies.risk import __main__ as risk
+from benchmarks.studies.risk import series as study
+from benchmarks.studies.risk.contact_test import touches
+from benchmarks.studies.risk.figures import _promise
+from benchmarks.studies.risk.report import (
+    _barn,
+    _by_family,
+    _times_by_family,
+    exceeds_its_risk,
+    pooled_rows,
+)
+from benchmarks.studies.risk.saved_drives import saved_drives
+from benchmarks.studies.risk.series import Series, series_of
+from foresee.checking import check_predictor
+from foresee.infra.command_line import UsageError
+from foresee.mapping.body import Body
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from planner.risk.calibration import Calibration, CalibrationError
+from predictor.registry import load_predictor
+
+SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
+CALIBRATION = Calibration(
+    Path("c.json"), conditions_of(SETTINGS), {0.02: 0.001, 0.05: 0.01}, 0.9, seed=7, drives=300
+)
+FRAME = GridFrame(0.05, (0.0, 0.0), (60, 100))
+
+
+def straight(y, yaw=0.0):
+    """A drive along x at a height y [m]."""
+    x = np.arange(1.0, 4.0, 0.3)
+    return np.column_stack([x, np.full(len(x), y), np.full(len(x), yaw), np.full(len(x), 3.0)])
+
+
+@pytest.mark.parametrize(
+    ("y", "yaw", "hit"),
+    [(1.0, 0.0, False), (1.79, 0.0, False), (1.9, 0.0, True), (1.75, 0.5, True)],
+)
+def test_the_independent_test_finds_what_the_body_touches(y, yaw, hit):
+    solid = np.zeros(FRAME.shape, bool)
+    # A post of one cell, with its near side at y = 1.95 m.
+    solid[39, 50] = True
+    assert Body().half_width == pytest.approx(0.15)
+    assert touches(straight(y, yaw), solid, FRAME, Body()) == hit
+
+
+def test_to_leave_the_map_is_to_touch():
+    solid = np.zeros(FRAME.shape, bool)
+    for states in (straight(0.1), straight(2.95), straight(1.0) + np.array([2.0, 0.0, 0.0, 0.0])):
+        assert touches(states, solid, FRAME, Body())
+
+
+def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
+    all_series = series_of(CALIBRATION, [], "none", [], ["maps/a.yaml"], quick=False)
+    names = [series.name for series in all_series]
+    assert len(set(names)) == len(names)
+    asked = {
+        series.risk: series.settings.level for series in all_series if series.group == "promise"
+    }
+    assert asked == {None: 0.001, 0.0: 0.0, 0.005: 0.003, 0.02: 0.001, 0.05: 0.01}
+    assert all(
+        series.settings.fixed_level == ("not adapted" in series.group) for series in all_series
+    )
+    assert {series.settings.level for series in all_series if "sham" in series.group} == {0.001}
+    assert any(series.settings.world == ("maps/a.yaml",) for series in all_series)
+    quick = series_of(CALIBRATION, [], "none", [], [], quick=True)
+    assert {series.settings.episodes for series in quick} == {4}
+
+
+def test_series_are_compared_with_those_that_drive_the_same_tasks():
+    all_series = series_of(CALIBRATION, [], "none", [], [], quick=False)
+    same = {}
+    for series in all_series:
+        same.setdefault((series.group, series.tasks), []).append(series)
+    arms = {kind: sorted(series.arm for series in of) for kind, of in same.items()}
+    # `predicted` at 0, at three risks, and with `extend`.
+    assert arms["promise", "mixture"] == ["known", "optimistic", "oracle", *["predicted"] * 5]
+    assert arms["maze", "2"] == ["full", "known", "predicted", "predicted"]
+    assert arms["speed", "4-3-5"] == ["known", "optimistic", "predicted", "predicted"]
+    for of in same.values():
+        other = {"arms": ("known",), "level": 0.0, "predictor": "none", "episodes": 1}
+        assert len({replace(series.settings, **other) for series in of}) == 1
+
+
+def test_a_calibration_for_another_predictor_is_refused():
+    with pytest.raises(CalibrationError, match="is for predictor none, not extend"):
+        series_of(CALIBRATION, [], "extend", [], [], quick=False)
+
+
+def test_a_calibration_of_another_planner_is_refused_even_if_it_certifies_nothing():
+    conditions = CALIBRATION.conditions | {"planner": "other"}
+    with pytest.raises(CalibrationError, match="is for planner other"):
+        series_of(
+            replace(CALIBRATION, conditions=conditions, levels={}), [], "none", [], [], quick=False
+        )
+
+
+def test_a_calibration_in_buildings_of_the_study_is_refused():
+    with pytest.raises(CalibrationError, match="made in buildings of this study"):
+        series_of(replace(CALIBRATION, seed=study.SEED), [], "none", [], [], quick=False)
+
+
+def test_a_damaged_calibration_is_refused_in_one_line():
+    conditions = {k: v for k, v in CALIBRATION.conditions.items() if k != "v_max"}
+    with pytest.raises(CalibrationError, match=r"c.json is no calibration: .*v_max"):
+        series_of(replace(CALIBRATION, conditions=conditions), [], "none", [], [], quick=False)
+
+
+def test_a_level_that_is_certified_is_not_measured_once_more():
+    levels = {0.05: 0.003}
+    all_series = series_of(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
+    assert [
+        series.risk for series in all_series if series.settings.level == 0.003 and series.turns == 2
+    ] == [
+        0.05,
+        None,
+    ]
+
+
+def test_maps_of_the_same_name_are_refused():
+    with pytest.raises(UsageError, match="a name of its own"):
+        series_of(CALIBRATION, [], "none", [], ["a/map.yaml", "b/map.yaml"], quick=False)
+
+
+def test_a_fixed_level_is_studied_as_it_was_calibrated():
+    fixed = replace(CALIBRATION, conditions=conditions_of(replace(SETTINGS, fixed_level=True)))
+    assert all(
+        series.settings.fixed_level for series in series_of(fixed, [], "none", [], [], quick=False)
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "broken"),
+    [
+        ({}, False),
+        ({"interval": [0.06, 0.2]}, True),
+        ({"interval": [0.06, 0.2], "tasks": "trap"}, False),
+        ({"interval": [0.06, 0.2], "certified": False}, False),
+        ({"interval": [0.06, 0.2], "certified": False, "group": study.OWN}, True),
+        ({"requested": 0.0, "collided": 0}, False),
+        ({"requested": 0.0}, True),
+        ({"requested": 0.0, "collided": 0, "touched": 1}, True),
+        ({"requested": None, "certified": False}, False),
+    ],
+)
+def test_a_broken_promise_is_noticed(change, broken):
+    row = {"group": "promise", "tasks": "mixture", "arm": "predicted", "requested": 0.05}
+    row |= {"certified": True}
+    row |= {"collided": 1, "touched": 0, "interval": [0.04, 0.2]}
+    assert exceeds_its_risk(row | change) == broken
+
+
+def test_buildings_of_the_study_are_not_those_of_the_calibration():
+    seeds = {
+        series.settings.seed for series in series_of(CALIBRATION, [], "none", [], [], quick=False)
+    }
+    assert seeds == {study.SEED, study.OTHER_SEED}
+    assert min(seeds) > 5_000_000 + 100_000
+
+
+def test_the_sham_is_sure_of_all_that_it_has_not_seen():
+    sham = load_predictor(study.SHAM)
+    assert check_predictor(sham) == ()
+    cells = np.full((200, 200), UNKNOWN, np.int8)
+    cells[80:120, :120], cells[79, :120] = FREE, OCCUPIED
+    known = Grid(GridFrame(0.05, (0.0, 0.0), cells.shape), cells)
+    answer = sham.predict(known, np.array([5.0, 5.0, 0.0]))
+    unseen = known.unknown
+    assert (answer.p_free[~unseen] == known.free[~unseen]).all()
+    trust = answer.confidence[unseen] * answer.p_free[unseen]
+    # Enough for the levels that are certified, but not certain.
+    assert (trust == trust[0]).all()
+    assert 0.99 < trust[0] < 0.9999
+
+
+@pytest.fixture
+def few_series(short_map, monkeypatch):
+    """A study of few drives on a short map."""
+    base = Settings(world=(str(short_map),), predictor="none", episodes=2, route="fixed")
+
+    def few(calibration, others, predictor, rivals, maps, quick):
+        found = [
+            Series("promise", "mixture", arm, replace(base, arms=(arm,)), 0.0)
+            for arm in ("known", "oracle")
+        ]
+        found.append(
+            Series("promise", "mixture", "optimistic", replace(base, arms=("optimistic",)))
+        )
+        # The last two share their drives.
+        for wanted, level in ((0.0, 0.0), (0.05, 0.01), (0.1, 0.01)):
+            settings = replace(base, arms=("predicted",), level=level)
+            found.append(Series("promise", "mixture", f"{wanted:g}", settings, wanted))
+        return found
+
+    monkeypatch.setattr(study, "series_of", few)
+
+
+@pytest.mark.slow
+def test_the_study_drives_says_what_is_missing_and_goes_on(few_series, tmp_path, capsys):
+    out = tmp_path / "run"
+    command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1", "--out", str(out)]
+    assert risk.main([*command, "--hours", "0"]) == 0
+    assert "10 drives are still to be made" in capsys.readouterr().out
+    assert risk.main(command) == 0
+    told = capsys.readouterr().out
+    assert "still to be made" not in told
+    assert (out / "promise.png").stat().st_size > 5000
+    assert (out / "pareto.png").stat().st_size > 5000
+    before = {path: path.read_bytes() for path in (out / "drives").iterdir()}
+    assert len(before) == 5
+    assert risk.main(command) == 0
+    assert {path: path.read_bytes() for path in (out / "drives").iterdir()} == before
+    capsys.readouterr()
+    assert tables.main([str(out / "results.json")]) == 0
+    shown = capsys.readouterr().out
+    assert "0 of 2" in shown
+    assert "| mixture-0.05 " in shown
+    assert "| mixture-0.1 " in shown
+
+
+def test_saved_runs_are_tested_too(few_series, short_map, tmp_path, capsys):
+    saved = tmp_path / "saved"
+    words = ["--world", str(short_map), "--route", "fixed", "--predictor", "none", "--jobs", "1"]
+    words += ["--arms", "known,optimistic", "--episodes", "2"]
+    assert corridor.main([*words, "--out", str(saved)]) == 0
+    command = ["--calibration", str(written(tmp_path / "c.json")), "--hours", "0", "--jobs", "1"]
+    command += ["--out", str(tmp_path / "run"), "--runs", str(saved)]
+    assert risk.main(command) == 0
+    rows = json.loads((tmp_path / "run/results.json").read_text())["promise"]
+    mine = [(r["arm"], r["requested"], r["drives"], r["touched"]) for r in rows]
+    assert mine == [("known", 0.0, 2, 0), ("optimistic", None, 2, 0)]
+    capsys.readouterr()
+    assert risk.main([*command, str(saved)]) == 2
+    assert "a name of its own" in capsys.readouterr().err
+    results = saved / "results.json"
+    told = json.loads(results.read_text())
+    told["settings"]["noise"] = 0.02
+    results.write_text(json.dumps(told))
+    all_series, _ = saved_drives([saved])
+    assert [series.risk for series in all_series] == [None, None]
+    told["settings"]["level"] = 0.1
+    results.write_text(json.dumps(told))
+    assert risk.main(command) == 2
+    assert "was not driven at a risk of 0" in capsys.readouterr().err
+
+
+def test_every_rate_of_collisions_is_inside_its_panel():
+    folder = Path(__file__).parents[1] / "docs/results"
+    figure = _promise(json.loads((folder / "risk.json").read_text()))
+    assert figure is not None
+    for axes in figure.axes:
+        left, right = axes.get_xlim()
+        marks = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
+        assert all(left < mark < right for mark in marks)
+
+
+def test_times_are_compared_in_each_family():
+    series = Series(
+        "promise", "mixture", "0.05", replace(SETTINGS, route="fixed", arms=("predicted",))
+    )
+    speeds = {"known": 1.0, "predicted": 1.25, "oracle": 2.0}
+    arms = {
+        arm: [a_result(index=i, arm=arm, world=str(i), time=20.0 / speed) for i in range(12)]
+        for arm, speed in speeds.items()
+    }
+    times = _times_by_family(series, arms)
+    assert set(times) == {"corridor", "narrow"}
+    for of in times.values():
+        assert of["time_ratio"]["value"] == pytest.approx(0.8)
+        assert of["share_of_gap"]["value"] == pytest.approx(0.4)
+    assert _times_by_family(replace(series, settings=SETTINGS), arms) == {}
+
+
+def test_a_further_calibration_is_tested_in_buildings_like_its_own():
+    alone = replace(SETTINGS, world=("narrow",))
+    other = Calibration(Path("n.json"), conditions_of(alone), {0.02: 0.3}, 0.9, seed=900, drives=9)
+    all_series = series_of(CALIBRATION, [other], "none", [], [], quick=False)
+    own = [series for series in all_series if series.group == study.OWN]
+    assert {series.label for series in own} == {"narrow-0.02", "narrow-known", "narrow-oracle"}
+    assert {series.settings.world for series in own} == {("narrow",)}
+    assert {series.settings.level for series in own if series.arm == "predicted"} == {0.3}
+
+
+def test_a_further_calibration_must_not_be_made_in_buildings_of_the_study():
+    used = replace(CALIBRATION, path=Path("u.json"), seed=study.OWN_SEED)
+    with pytest.raises(CalibrationError, match=r"u.json was made in buildings of this study"):
+        series_of(CALIBRATION, [used], "none", [], [], quick=False)
+
+
+def test_a_calibration_given_twice_is_refused():
+    with pytest.raises(UsageError, match="each calibration must have a name of its own"):
+        series_of(CALIBRATION, [CALIBRATION, CALIBRATION], "none", [], [], quick=False)
+
+
+def test_further_calibrations_are_pooled_at_each_risk():
+    settings = replace(SETTINGS, route="fixed", arms=("predicted",))
+    all_series, drives = [], {}
+    for place, collided in (("corridor", 0), ("narrow", 1)):
+        here = replace(settings, world=(place,))
+        for variant, arm, time in (
+            ("0.02", "predicted", 8.0),
+            ("known", "known", 10.0),
+            ("oracle", "oracle", 5.0),
+        ):
+            of = replace(here, arms=(arm,), level=0.1 if arm == "predicted" else 0.0)
+            series = Series(study.OWN, place, variant, of, 0.02 if arm == "predicted" else 0.0)
+            all_series.append(series)
+            hit = collided if arm == "predicted" else 0
+            drives[series.name] = [
+                asdict(
+                    a_result(
+                        index=i,
+                        arm=arm,
+                        world=f"{place}{i}",
+                        time=time,
+                        outcome="collided" if i < hit else "reached",
+                    )
+                )
+                for i in range(6)
+            ]
+    (row,) = pooled_rows(all_series, drives)
+    assert (row["requested"], row["collided"], row["drives"]) == (0.02, 1, 12)
+    assert row["levels"] == {"corridor": 0.1, "narrow": 0.1}
+    assert row["time_ratio"]["value"] == pytest.approx(0.8)
+    assert row["share_of_gap"]["value"] == pytest.approx(0.4)
+
+
+def test_other_predictors_are_compared_at_the_level_of_the_smallest_risk():
+    all_series = series_of(CALIBRATION, [], "none", ["nets/unet.safetensors"], [], quick=False)
+    (rival,) = (s for s in all_series if s.settings.predictor == "nets/unet.safetensors")
+    (extend,) = (s for s in all_series if s.settings.predictor == "extend")
+    assert (rival.variant, rival.settings.level, rival.risk) == ("unet", 0.001, None)
+    assert (rival.group, rival.tasks) == (extend.group, extend.tasks)
+
+
+def test_collisions_are_counted_in_each_family():
+    series = Series("promise", "mixture", "0.05", replace(SETTINGS, arms=("predicted",)), 0.05)
+    outcomes = ["reached", "collided", "collided", "collided", "reached"]
+    drives = [{"index": i, "outcome": one} for i, one in enumerate(outcomes)]
+    assert _by_family(series, drives) == {"corridor": [1, 3], "narrow": [2, 2]}
+    on_maps = replace(series, settings=replace(series.settings, world=("maps/a.yaml",)))
+    assert _by_family(on_maps, drives) == {}
+
+
+@pytest.mark.parametrize(
+    ("outcome", "time", "score"),
+    [("reached", 10.0, 0.5), ("reached", 30.0, 1 / 3), ("reached", 99.0, 1 / 8), ("stuck", 9.0, 0)],
+)
+def test_the_score_of_barn(outcome, time, score):
+    drive = {"outcome": outcome, "time": time, "shortest_length": 40.0}
+    assert _barn(drive, v_max=4.0) == pytest.approx(score)
+
+
+def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_series, tmp_path, monkeypatch):
+    from benchmarks.studies.risk import drives
+
+    monkeypatch.setattr(drives, "touches", lambda *_: True)
+    command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1"]
+    assert risk.main([*command, "--out", str(tmp_path / "run")]) == 1

@@ -1,0 +1,35 @@
+"""Drives in Python: a building is driven by two arms, and the drives are drawn."""
+
+import numpy as np
+import pytest
+
+from benchmarks.compare import drive, plot
+from foresee.infra.command_line import UsageError
+from sim import generate
+
+
+def test_a_building_is_driven_with_and_without_prediction_and_drawn(tmp_path):
+    run = drive(generate("corridor", 3), seed=3, arms=("known", "full"), predictor="none")
+    assert [result.arm for result in run.episodes] == ["known", "full"]
+    assert all(result.outcome == "reached" for result in run.episodes)
+    states = run.trace(0, "full").states
+    assert np.hypot(*(states[-1, :2] - run.episodes[0].goal)) < 0.6
+    figure = plot(run)
+    figure.savefig(tmp_path / "speed_profile.png")
+    assert "corridor-3" in figure.axes[0].get_title(loc="left")
+
+
+def test_a_family_by_name_is_the_building_itself():
+    by_name = drive("corridor", seed=3, arms=("full",), predictor="none")
+    itself = drive(generate("corridor", 3), seed=3, arms=("full",), predictor="none")
+    assert np.array_equal(by_name.trace(0, "full").states, itself.trace(0, "full").states)
+
+
+def test_a_setting_that_cannot_be_used_is_refused():
+    with pytest.raises(UsageError, match="arm"):
+        drive("corridor", arms=("nobody",))
+
+
+def test_a_risk_above_0_is_refused_for_a_building_without_a_name():
+    with pytest.raises(UsageError, match="a calibration is for a family or a map file"):
+        drive(generate("corridor", 3), arms=("predicted",), predictor="none", risk=0.05)

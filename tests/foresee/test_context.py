@@ -1,0 +1,202 @@
+"""The context: what a predictor is told of besides the square that it predicts."""
+
+import numpy as np
+import pytest
+import torch
+from short_drive import drive, navigator, straight
+
+from foresee.checking import check_predictor
+from foresee.mapping.context import CELLS, SIDE
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import BadPredictionError, Prediction, asked
+from predictor.compact import Compact
+from predictor.networks.compact_net import CompactNet
+from predictor.registry import PredictorError, load_predictor
+from predictor.runtime import RUNTIMES
+from predictor.training.compact_targets import contexts_of
+from predictor.weights import load_weights, save_weights
+from sim.episode import EpisodeConfig
+
+
+def trained_on_nothing(width=8):
+    """A network whose context matters: random weights in place of the first ones, which are 0."""
+    torch.manual_seed(1)
+    net = CompactNet().with_context(width)
+    for last in (net.context.here, net.context.everywhere):
+        torch.nn.init.normal_(last.weight, std=0.3)
+    return net.eval()
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    path = tmp_path_factory.mktemp("weights") / "context.safetensors"
+    save_weights(path, trained_on_nothing(), {})
+    return path
+
+
+def rooms(side, seed=0):
+    """A random map, the middle of which holds free, occupied and unobserved cells."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.int8), (side // 20, side // 20))
+    return Grid(
+        GridFrame(0.05, (3.0, -2.0), (side, side)), np.kron(coarse, np.ones((20, 20), "i1"))
+    )
+
+
+def middle_of(grid, side):
+    rows, cols = grid.frame.shape
+    x, y = grid.frame.centre(0.5 * (rows - 1), 0.5 * (cols - 1))
+    return grid.crop(grid.frame.square(x, y, side)), np.array([x, y, 0.0])
+
+
+def test_a_context_that_is_added_to_a_network_changes_nothing_at_first():
+    torch.manual_seed(0)
+    net = CompactNet().eval()
+    known, context = torch.rand(2, 2, 80, 120), torch.rand(2, 2, CELLS, CELLS)
+    more = net.with_context(16).eval()
+    assert torch.equal(more(known, context), net(known))
+    assert more.with_context(16) is more
+    assert (net.architecture, more.architecture) == net.ARCHITECTURES
+
+
+def test_weights_with_a_context_come_back(weights):
+    net, _ = load_weights(weights, CompactNet)
+    assert net.config.context == 8
+    wanted = trained_on_nothing().state_dict()
+    assert all(torch.equal(values, wanted[name]) for name, values in net.state_dict().items())
+
+
+@pytest.mark.parametrize("shape", [(40, 40), (280, 120), (840, 80)])
+def test_the_context_serves_maps_of_every_size(shape):
+    net = trained_on_nothing()
+    context = torch.rand(1, 2, CELLS, CELLS)
+    assert net(torch.zeros(1, 2, *shape), context).shape == (1, 4, *shape)
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+def test_what_lies_beyond_the_square_changes_the_prediction(weights, runtime):
+    pytest.importorskip(runtime)
+    predictor = Compact(weights, runtime)
+    assert predictor.context_side == SIDE
+    around = rooms(800)
+    known, pose = middle_of(around, 10.0)
+    blank = Grid(around.frame, np.full_like(around.cells, UNKNOWN))
+    here, nothing = (predictor.predict(known, pose, one).p_free for one in (around, blank))
+    assert abs(here - nothing).max() > 1e-3
+    # Without a context, the square itself is all that is known.
+    alone = Grid(around.frame, blank.cells.copy())
+    rows, cols = np.indices(known.cells.shape) + 300
+    alone.cells[rows, cols] = known.cells
+    assert np.array_equal(
+        predictor.predict(known, pose).p_free, predictor.predict(known, pose, alone).p_free
+    )
+
+
+def test_openvino_gives_the_answers_of_torch_with_a_context_too(weights):
+    pytest.importorskip("openvino")
+    around = rooms(800, 3)
+    for side in (10.0, 7.0):
+        known, pose = middle_of(around, side)
+        fast, plain = (Compact(weights, name).predict(known, pose, around) for name in RUNTIMES)
+        assert np.allclose(fast.p_free, plain.p_free, atol=1e-4)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_turning_the_building_and_the_car_turns_the_prediction(weights, turns):
+    predictor, around = Compact(weights, "torch"), rooms(800, 5)
+    known, pose = middle_of(around, 10.0)
+    turned = Grid(around.frame, np.ascontiguousarray(np.rot90(around.cells, -turns)))
+    other, _ = middle_of(turned, 10.0)
+    yaw = np.array([0.0, 0.0, 0.5 * np.pi * turns])
+    first = predictor.predict(known, pose, around).p_free
+    second = predictor.predict(other, pose + yaw, turned).p_free
+    assert np.allclose(np.rot90(first, -turns), second, atol=1e-5)
+
+
+def test_in_training_some_samples_are_without_what_lies_beyond_their_square():
+    contexts = [np.full((2, CELLS, CELLS), 50, np.uint8) for _ in range(2)]
+    contexts[0][:, : CELLS // 2] = 100
+    none = np.zeros(2, bool)
+    out = contexts_of(contexts, np.array([True, False]), np.array([False, True]), 200).numpy()
+    assert out[0, 0, 0, 0] == 0.5
+    assert out[0, 0, -1, 0] == 1.0
+    assert out[1].sum() == pytest.approx(2 * 20 * 20 * 0.5)
+    assert contexts_of(contexts, none, none, 200).numpy()[1].min() == 0.5
+
+
+def test_the_contract_holds_for_a_predictor_with_a_context(weights):
+    assert not [line for line in check_predictor(Compact(weights)) if "late" not in line]
+
+
+class Looks:
+    """A predictor that wants a context, and notes what it was given."""
+
+    context_side = 12.0
+
+    def __init__(self):
+        self.sizes = set()
+
+    def predict(self, known, pose, around):
+        self.sizes.add(around.frame.size)
+        nothing = np.zeros(known.frame.shape, np.float32)
+        around.cells[:] = FREE
+        return Prediction(known.frame, nothing, nothing, nothing)
+
+
+def test_the_planner_hands_over_the_context_as_a_copy():
+    task, looks = straight(), Looks()
+    config = EpisodeConfig(timeout=0.5)
+    seen = drive(task, navigator(task, looks, reliance=0.1), config)
+    assert looks.sizes == {(12.0, 12.0)}
+    plain = drive(task, navigator(task, None), config)
+    assert np.array_equal(seen.trace["states"], plain.trace["states"])
+
+
+class Raises(Looks):
+    @property
+    def context_side(self):
+        raise OSError("no")
+
+
+class Writes(Looks):
+    def predict(self, known, pose, around=None):
+        return super().predict(known, pose, around)
+
+
+def test_a_context_side_that_raises_is_a_broken_contract():
+    with pytest.raises(BadPredictionError, match="context_side raised"):
+        navigator(straight(), Raises(), reliance=0.1)
+
+
+def test_a_predictor_that_writes_into_its_context_breaks_the_contract():
+    with pytest.raises(BadPredictionError, match="changed the map"):
+        check_predictor(Writes())
+
+
+def test_only_the_arguments_that_a_predictor_asks_for_have_to_be_taken():
+    assert load_predictor(f"{__name__}:Looks").context_side == 12.0
+    with pytest.raises(PredictorError, match=r"it must be predict\(known, pose, around\)"):
+        load_predictor(f"{__name__}:Narrow")
+
+
+class Narrow:
+    context_side = 12.0
+
+    def predict(self, known, pose):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize("side", [-1.0, 1e9, float("nan"), "wide", None])
+def test_a_context_that_is_no_length_is_refused(side):
+    looks = Looks()
+    looks.context_side = side
+    with pytest.raises(BadPredictionError, match="context_side is"):
+        navigator(straight(), looks, reliance=0.1)
+    with pytest.raises(BadPredictionError, match="context_side is"):
+        check_predictor(looks)
+
+
+def test_a_predictor_that_needs_its_context_fails_without_it():
+    known, pose = middle_of(rooms(200), 5.0)
+    with pytest.raises(BadPredictionError, match="raised TypeError"):
+        asked(Looks(), known, pose)

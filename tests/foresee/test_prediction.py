@@ -1,0 +1,193 @@
+"""The contract of a predictor, over every one that is registered, and what `checked` refuses."""
+
+import dataclasses
+import time
+
+import numpy as np
+import pytest
+
+from foresee.checking import check_predictor
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import BadPredictionError, Prediction, Predictor, checked
+from predictor import check
+from predictor.registry import available, load_predictor
+
+FRAME = GridFrame(0.05, (1.0, -2.0), (80, 80))
+POSE = np.array([3.0, 0.0, 0.4])
+
+
+def cluttered(seed: int = 0) -> Grid:
+    rng = np.random.default_rng(seed)
+    cells = rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.int8), FRAME.shape)
+    return Grid(FRAME, cells)
+
+
+def some_prediction(**changes) -> Prediction:
+    half = np.full(FRAME.shape, 0.5, np.float32)
+    return dataclasses.replace(Prediction(FRAME, half, half, half), **changes)
+
+
+@pytest.mark.parametrize("name", available())
+def test_every_registered_predictor_keeps_the_contract(name):
+    predictor = load_predictor(name)
+    assert isinstance(predictor, Predictor)
+    check_predictor(predictor)
+
+
+@pytest.mark.parametrize("name", available())
+def test_every_registered_predictor_keeps_what_was_observed(name):
+    known = cluttered()
+    prediction = load_predictor(name).predict(known, POSE)
+    seen = ~known.unknown
+    assert np.array_equal(prediction.p_free[seen], known.free[seen])
+    assert np.array_equal(prediction.p_occupied[seen], known.occupied[seen])
+    assert (prediction.confidence[seen] == 1).all()
+
+
+@pytest.mark.parametrize("name", available())
+def test_no_registered_predictor_is_sure_of_a_map_in_which_nothing_was_seen(name):
+    known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
+    assert (load_predictor(name).predict(known, POSE).confidence < 0.5).all()
+
+
+def test_no_prediction_has_no_confidence_in_unknown_cells():
+    known = cluttered()
+    prediction = load_predictor("none").predict(known, POSE)
+    for values in (prediction.p_free, prediction.p_occupied, prediction.confidence):
+        assert not values[known.unknown].any()
+
+
+def test_checked_puts_observed_cells_back():
+    known = cluttered()
+    prediction = checked(some_prediction(), known)
+    assert np.array_equal(prediction.p_free == 1, known.free)
+    assert np.array_equal(prediction.p_occupied == 1, known.occupied)
+    assert (prediction.confidence[known.unknown] == 0.5).all()
+
+
+@pytest.mark.parametrize("field", ["p_free", "p_occupied", "confidence"])
+def test_nan_makes_its_cell_unknown(field):
+    known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
+    values = np.full(FRAME.shape, 0.5, np.float32)
+    values[3, 4] = np.nan
+    prediction = checked(some_prediction(**{field: values}), known)
+    for values in (prediction.p_free, prediction.p_occupied, prediction.confidence):
+        assert values[3, 4] == 0
+        assert values[4, 3] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"p_free": np.full((80, 79), 0.5)}, "p_free"),
+        ({"confidence": np.full((80, 80), 1.5)}, r"outside \[0, 1\]"),
+        ({"p_occupied": np.full((80, 80), -0.1)}, r"outside \[0, 1\]"),
+        ({"p_free": np.full((80, 80), np.inf)}, r"outside \[0, 1\]"),
+        ({"p_free": np.full((80, 80), 0.6)}, "exceeds 1"),
+        ({"p_free": np.full((80, 80), 0.5j)}, "real numbers"),
+        ({"p_free": np.full((80, 80), "a")}, "real numbers"),
+        ({"p_free": None}, "p_free"),
+        ({"frame": GridFrame(0.05, (1.0, -1.0), (80, 80))}, "lies on"),
+    ],
+)
+def test_checked_refuses(changes, message):
+    with pytest.raises(BadPredictionError, match=message):
+        checked(some_prediction(**changes), cluttered())
+
+
+@pytest.mark.parametrize("answer", [None, 3, (np.zeros(3), np.zeros(3))])
+def test_checked_refuses_what_is_no_prediction(answer):
+    with pytest.raises(BadPredictionError, match="must return a Prediction"):
+        checked(answer, cluttered())
+
+
+class Overwrites:
+    def predict(self, known, pose):
+        known.cells[:] = FREE
+        return load_predictor("none").predict(known, pose)
+
+
+class Dithers:
+    def __init__(self):
+        self.calls = 0
+
+    def predict(self, known, pose):
+        self.calls += 1
+        p_free = np.full(known.frame.shape, 0.1 * (self.calls % 2), np.float32)
+        return Prediction(known.frame, p_free, 0 * p_free, p_free)
+
+
+@pytest.mark.parametrize(
+    ("predictor", "message"),
+    [
+        (Overwrites(), "changed the map"),
+        (Dithers(), "two answers"),
+        (object(), "no method predict"),
+    ],
+)
+def test_check_predictor_says_what_is_wrong(predictor, message):
+    with pytest.raises(BadPredictionError, match=message):
+        check_predictor(predictor)
+
+
+class Claims:
+    """All that was not seen is free, with a confidence; NaN in the first cells of each row."""
+
+    def __init__(self, confidence=1.0, nan=0, seconds=0.0):
+        self.confidence, self.nan, self.seconds = confidence, nan, seconds
+
+    def predict(self, known, pose):
+        time.sleep(self.seconds)
+        ones = np.ones(known.frame.shape)
+        confidence = self.confidence * ones
+        confidence[:, : self.nan] = np.nan
+        return Prediction(known.frame, ones, 0 * ones, confidence)
+
+
+class Remembers:
+    """Its first four answers are others than all that follow."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def predict(self, known, pose):
+        self.calls += 1
+        return Claims(0.5 if self.calls <= 4 else 0.25).predict(known, pose)
+
+
+def test_check_predictor_warns_of_what_a_drive_would_suffer_from():
+    assert check_predictor(Claims(0.9)) == ()
+    for predictor, said in [
+        (Claims(1.0), "certainty about"),
+        (Claims(0.5, nan=3), "NaN in"),
+        (Claims(0.5, seconds=0.11), "an answer took"),
+        (Remembers(), "what was asked before"),
+    ]:
+        [warning] = check_predictor(predictor)
+        assert said in warning
+
+
+def test_nan_in_every_cell_breaks_the_contract():
+    with pytest.raises(BadPredictionError, match="NaN in every cell"):
+        check_predictor(Claims(0.5, nan=1000))
+
+
+def test_what_raises_breaks_the_contract_whatever_it_raises():
+    class Exits:
+        def predict(self, known, pose):
+            raise SystemExit(0)
+
+    with pytest.raises(BadPredictionError, match="raised SystemExit"):
+        check_predictor(Exits())
+
+
+def test_the_command_prints_warnings_and_says_with_its_status_what_is_broken(capsys):
+    assert check.main(["none"]) == 0
+    assert capsys.readouterr().out == "none: keeps to the contract, 0 warnings\n"
+    assert check.main(["test_prediction:Claims"]) == 0
+    assert "warning: certainty about" in capsys.readouterr().out
+    assert check.main(["test_prediction:Overwrites"]) == 1
+    assert "error: predict() changed the map" in capsys.readouterr().out
+    for exits in ("sys:exit", "no_such_module:Predictor"):
+        assert check.main([exits]) == 2
+        assert capsys.readouterr().err.count("\n") == 1

@@ -1,0 +1,117 @@
+"""A plan is safe only if no part of the body, anywhere on its way, enters what it may not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from planner.motion.plan import Plan
+from planner.mpc.mpc import MPC
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CollisionChecker
+
+CAR, DT = CarLimits(), 0.1
+CHECKER = CollisionChecker(CAR, DT)
+FRAME = GridFrame(0.05, (-2.0, -3.0), (120, 160))
+
+
+@pytest.fixture(scope="module")
+def mpc() -> MPC:
+    return MPC(CAR)
+
+
+def risk_of(cells) -> RiskMap:
+    return RiskMap.from_prediction(Grid(FRAME, cells), None, 0.0)
+
+
+def room() -> np.ndarray:
+    return np.full(FRAME.shape, FREE, np.int8)
+
+
+def some_plan(mpc: MPC, seed: int) -> Plan:
+    rng = np.random.default_rng(seed)
+    controls = np.column_stack([np.full(mpc.stages, -CAR.braking), np.full(mpc.stages, 0.0)])
+    controls[:, 1] = np.repeat(rng.uniform(-1.2, 1.2, 8), 5)[: mpc.stages]
+    state = np.array([0.0, 0.0, rng.uniform(-0.5, 0.5), rng.uniform(1.0, 3.0)])
+    return mpc.roll(state, controls)
+
+
+def touched(plan: Plan) -> np.ndarray:
+    """Cells that the body overlaps at poses 1 mm apart, of its outline and inside: (rows, cols)."""
+    body, r = CAR.body, FRAME.resolution
+    along = np.arange(-body.half_length, body.half_length + 1e-9, 0.01)
+    across = np.arange(-body.half_width, body.half_width + 1e-9, 0.01)
+    a, b = (m.ravel() for m in np.meshgrid(along, across))
+    hit = np.zeros(FRAME.shape, bool)
+    for x, y, yaw in plan.poses(DT, 0.001):
+        px = x + a * math.cos(yaw) - b * math.sin(yaw)
+        py = y + a * math.sin(yaw) + b * math.cos(yaw)
+        hit[((py - FRAME.origin[1]) / r).astype(int), ((px - FRAME.origin[0]) / r).astype(int)] = 1
+    return hit
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_cell_that_a_much_finer_sweep_touches_is_missed(mpc, seed):
+    plan = some_plan(mpc, seed)
+    hit = touched(plan)
+    # The cells at the edge of what is swept are those that a coarse sweep may miss.
+    inner = hit[1:-1, 1:-1] & hit[:-2, 1:-1] & hit[2:, 1:-1] & hit[1:-1, :-2] & hit[1:-1, 2:]
+    edge = hit.copy()
+    edge[1:-1, 1:-1] &= ~inner
+    cells = np.argwhere(edge)
+    for row, col in cells[:: max(1, len(cells) // 60)]:
+        blocked = np.zeros(FRAME.shape, bool)
+        blocked[row, col] = True
+        assert CHECKER.contact(plan, blocked, FRAME) is not None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_lies_well_beside_the_way_is_not_met(mpc, seed):
+    plan = some_plan(mpc, seed)
+    poses = plan.poses(DT, 0.02)
+    x, y = FRAME.centres()
+    # Half a diagonal of a cell, and what the body is inflated by.
+    reach = math.hypot(CAR.body.half_length, CAR.body.half_width) + 0.036 + 0.022
+    near = np.hypot(x[None, :, None] - poses[:, 0], y[:, None, None] - poses[:, 1]).min(axis=2)
+    assert CHECKER.contact(plan, near > reach, FRAME) is None
+
+
+def test_a_plan_with_a_state_that_is_not_finite_is_not_safe(mpc):
+    plan = some_plan(mpc, 0)
+    assert CHECKER.is_safe(plan, risk_of(room()))
+    for i in range(4):
+        states = plan.states.copy()
+        states[-1, i] = math.nan
+        assert not CHECKER.is_safe(Plan(states, plan.controls), risk_of(room()))
+
+
+def test_beyond_the_map_nothing_is_safe(mpc):
+    straight = np.column_stack([np.full(mpc.stages, -CAR.braking), np.zeros(mpc.stages)])
+    for x, safe in ((3.0, True), (4.5, False)):
+        plan = mpc.roll(np.array([x, 0.0, 0.0, 2.0]), straight)
+        assert CHECKER.is_safe(plan, risk_of(room())) is safe
+
+
+def test_the_first_contact_is_told_where_and_how_fast(mpc):
+    cells = room()
+    wall = 1.5
+    cells[:, FRAME.centres()[0] > wall] = OCCUPIED
+    straight = np.column_stack([np.full(mpc.stages, -CAR.braking), np.zeros(mpc.stages)])
+    plan = mpc.roll(np.array([0.0, 0.0, 0.0, 3.0]), straight)
+    met = CHECKER.contact(plan, cells == OCCUPIED, FRAME)
+    assert met is not None
+    along, speed = met
+    assert along == pytest.approx(wall - CAR.body.half_length, abs=0.05)
+    assert speed == pytest.approx(math.sqrt(9.0 - 2 * CAR.braking * along), abs=0.02)
+
+
+@pytest.mark.parametrize(("gap", "leads"), [(0.1, False), (3.0, True)])
+def test_a_car_leads_on_from_where_some_arc_has_room(gap, leads):
+    cells = room()
+    x, _ = FRAME.centres()
+    cells[:, x > CAR.body.half_length + gap] = OCCUPIED
+    y = FRAME.centres()[1]
+    cells[abs(y) > CAR.body.half_width + 0.1] = OCCUPIED
+    assert CHECKER.leads_on(np.zeros(3), risk_of(cells)) is leads

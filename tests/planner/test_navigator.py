@@ -1,0 +1,229 @@
+"""The chain from scan to control."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from short_drive import LIDAR, drive, navigator, straight
+
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from foresee.prediction import Prediction
+from planner.motion.path import Path as Way
+from planner.mpc.mpc import Solution, Status
+from planner.navigator import NavigatorConfig
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import swept_cells
+from planner.safety.plan_choice import Situation
+from sim import DubinsCar, generate, sample_task
+from sim.episode import EpisodeConfig, Outcome
+
+
+def test_a_state_that_is_not_finite_is_refused():
+    task = straight()
+    driver = navigator(task)
+    with pytest.raises(ValueError, match="finite"):
+        driver.step(np.array([0.0, math.nan, 0.0, 0.0]), LIDAR.scan(task.world, task.start))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"reliance": -0.1},
+        {"reliance": 1.1},
+        {"reliance": math.nan},
+        {"level": -0.1},
+        {"level": 1.0},
+        {"level": math.nan},
+        {"level": 0.2, "reliance": 0.1},
+        {"level": 0.2, "reliance": 1.0},
+        {"expansion": 0.9},
+        {"margin": math.nan},
+        {"margin": -0.1},
+        {"window": math.nan},
+        {"window": 0.0},
+        {"deadline": math.nan},
+        {"start_margin": -1.0},
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(changes):
+    with pytest.raises(ValueError, match="must"):
+        NavigatorConfig(**changes)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("name", ["v_max", "braking", "turning_radius"])
+def test_a_car_without_sensible_limits_is_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        CarLimits(**{name: value})
+
+
+def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():
+    task = straight()
+    driver = navigator(task)
+    state = np.array([*task.start, 0.0])
+    seen = driver.known.crop(driver.known.frame)
+    assert seen.free.sum() * driver.known.frame.resolution**2 < 2.5
+    for _ in range(15):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[3] > 0.5
+
+
+def test_the_first_path_is_planned_and_driven_in_the_first_tick():
+    for task in (straight(), sample_task(generate("office", 1), 1)):
+        driver = navigator(task)
+        state = np.array([*task.start, 0.0])
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        assert decision.path is not None
+        assert decision.faults == ()
+        assert DubinsCar().step(state, decision.control, 0.1)[3] > 0.05
+
+
+@pytest.mark.parametrize("waits", [1, 3, 7])
+@pytest.mark.parametrize("kappa", [0.0, 0.3])
+def test_a_plan_that_waits_first_is_driven_at_once_over_the_same_cells(waits, kappa):
+    task = straight()
+    driver = navigator(task)
+    state = np.array([*task.start, 0.0])
+    controls = np.zeros((driver.chooser.mpc.stages, 2))
+    controls[waits : waits + 5] = (1.0, kappa)
+    controls[waits + 5 : waits + 10] = (-1.0, kappa)
+    waiting = driver.chooser.mpc.roll(state, controls)
+    driver.chooser.mpc.solve = lambda *_: Solution(waiting, 0.0, Status.CONVERGED)
+    decision = driver.step(state, LIDAR.scan(task.world, state))
+    plan, frame = decision.plan, decision.risk_map.frame
+    assert plan.states[1, 3] > 0.05
+    assert plan.states[: len(plan.states) - waits] == pytest.approx(waiting.states[waits:])
+    assert plan.states[-1] == pytest.approx(waiting.states[-1])
+    every = np.ones(frame.shape, dtype=bool)
+    mine, others = (
+        swept_cells(p, 0.1, driver.config.car.body, frame, every) for p in (plan, waiting)
+    )
+    assert np.array_equal(np.array(mine), np.array(others))
+
+
+def test_a_car_never_waits_for_good_where_it_might_go_on():
+    # Whatever the solver puts off, it puts off no more than once.
+    task = straight()
+    driver = navigator(task)
+    solve = driver.chooser.mpc.solve
+
+    def putting_off(state, *others):
+        solution = solve(state, *others)
+        controls = np.vstack([np.zeros((2, 2)), solution.plan.controls[:-2]])
+        return dataclasses.replace(solution, plan=driver.chooser.mpc.roll(state, controls))
+
+    driver.chooser.mpc.solve = putting_off
+    state = np.array([*task.start, 0.0])
+    for _ in range(30):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[0] > task.start[0] + 0.5
+
+
+def test_a_car_that_sees_nothing_stays_where_it_may():
+    task = straight()
+    driver = navigator(task)
+    blind = dataclasses.replace(LIDAR.scan(task.world, task.start), ranges=np.full(541, np.nan))
+    start = driver.known.crop(driver.known.frame).free
+    state = np.array([*task.start, 0.0])
+    for _ in range(40):
+        decision = driver.step(state, blind)
+        assert (decision.risk_map.safe <= decision.risk_map.known.free).all()
+        state = DubinsCar().step(state, decision.control, 0.1)
+    assert state[3] < 0.05
+    assert math.hypot(state[0] - task.start[0], state[1] - task.start[1]) < 0.55
+    assert np.array_equal(driver.known.crop(driver.known.frame).free.sum(), start.sum())
+
+
+@pytest.mark.parametrize("family", ["corridor", "narrow", "office", "trap"])
+def test_at_zero_risk_the_car_never_collides_and_relies_on_nothing_unseen(family):
+    task = sample_task(generate(family, 1), 1)
+    episode = drive(task, navigator(task), EpisodeConfig(timeout=0.6))
+    assert episode.outcome is not Outcome.COLLIDED
+    assert episode.path_length > 1.0
+    assert (episode.trace["kept"] == -1).all()
+    assert not episode.trace["emergency"].any()
+    assert episode.min_clearance > 0.0
+
+
+def test_the_straight_is_driven_to_its_end():
+    task = straight()
+    episode = drive(task, navigator(task))
+    assert episode.outcome is Outcome.REACHED
+    assert episode.faults == {}
+    assert episode.path_length == pytest.approx(task.path_length - 0.5, abs=0.3)
+
+
+def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
+    driver = navigator(straight())
+    frame = GridFrame(0.05, (-6.0, -8.0), (200, 200))
+    x, y = frame.centres()
+    # What had looked like a way out is where two walls meet.
+    room = (y[:, None] < 0.34 * x) & (x < -0.35 * y[:, None])
+    cells = np.where(room, np.int8(FREE), np.int8(OCCUPIED))
+    risk = RiskMap.from_prediction(Grid(frame, cells), None, 0.0)
+    way = np.array([[-3.0, -3.1], [-2.3, -2.95], [0.6, 0.85]])
+    state = np.array([-2.4, -2.98, 0.26, 3.08])
+    choice = driver.chooser.choose(
+        Situation(state, risk, Way.through(way, "ompl"), 0, False, []), False
+    )
+    assert not choice.emergency
+    assert driver.chooser.checker.is_safe(choice.plan, risk)
+    assert driver.chooser.goes_on(choice.plan, risk)
+
+
+class Sure:
+    """Believes that all there is is free, with one confidence."""
+
+    def __init__(self, confidence=1.0):
+        self.confidence = confidence
+
+    def predict(self, known, pose):
+        ones = np.ones(known.frame.shape, np.float32)
+        return Prediction(known.frame, ones, 0 * ones, self.confidence * ones)
+
+
+@pytest.mark.parametrize(("family", "seed"), [("narrow", 1), ("trap", 1), ("office", 2)])
+def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family, seed):
+    task = sample_task(generate(family, seed), seed)
+    driver = navigator(task, Sure(0.95), reliance=0.1)
+    decide = driver.step
+
+    def step(state, scan):
+        decision = decide(state, scan)
+        # From where this tick leads some way to a stop lies in what has been seen free.
+        after = driver.chooser.mpc.roll(state, decision.plan.controls).states[1]
+        resort = driver.chooser.mpc.roll(after, driver.chooser.resort.controls)
+        risk = decision.risk_map
+        assert resort.states[-1, 3] < 1e-6
+        assert driver.chooser.checker.contact(resort, ~risk.known.free, risk.frame) is None
+        return decision
+
+    driver.step = step
+    episode = drive(task, driver, EpisodeConfig(timeout=0.6))
+    assert episode.outcome is not Outcome.COLLIDED
+    assert "no_last_resort" not in episode.faults
+    assert (episode.trace["kept"] == 0).any()
+
+
+def test_a_sure_prediction_of_free_space_makes_the_car_faster():
+    task = straight()
+    config = EpisodeConfig(timeout=0.9)
+    plain = drive(task, navigator(task, None), config)
+    sure = drive(task, navigator(task, Sure(), reliance=0.1), config)
+    distrusted = drive(task, navigator(task, Sure(), reliance=0.0), config)
+    assert sure.max_speed > plain.max_speed + 0.3
+    assert (sure.trace["kept"] >= 0).any()
+    assert np.array_equal(distrusted.trace["states"], plain.trace["states"])
+
+
+def test_the_same_drive_twice_is_the_same_drive():
+    task = sample_task(generate("narrow", 2), 2)
+    config = EpisodeConfig(timeout=0.2)
+    first, second = (drive(task, navigator(task), config).trace for _ in range(2))
+    for name in first:
+        if name != "times":
+            assert np.array_equal(first[name], second[name]), name

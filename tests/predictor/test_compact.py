@@ -1,0 +1,263 @@
+"""The compact network and the predictor that runs it."""
+
+import signal
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from foresee.checking import check_predictor
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.mapping.resampling import resampled
+from predictor.compact import LOGS, PAPER, SHIPPED, Compact
+from predictor.networks.compact_net import CompactNet
+from predictor.provenance import fingerprint_of
+from predictor.registry import load_predictor
+from predictor.runtime import RUNTIMES, runner
+from predictor.training.compact_targets import known_of, losses, question, room_of
+
+
+@pytest.fixture(scope="module")
+def compact():
+    return Compact()
+
+
+def corridor(side=200, resolution=0.05):
+    """Two walls 2 m apart along x, seen up to the middle and 2 m further."""
+    cells = np.full((side, side), UNKNOWN, np.int8)
+    middle, half, far = side // 2, round(1.0 / resolution), round(2.0 / resolution)
+    cells[middle - half : middle + half, : middle + far] = FREE
+    cells[[middle - half - 1, middle + half], : middle + far] = OCCUPIED
+    return Grid(GridFrame(resolution, (0.0, 0.0), (side, side)), cells)
+
+
+def random_map(shape, seed=0):
+    rng = np.random.default_rng(seed)
+    coarse = rng.choice(np.array([FREE, UNKNOWN, OCCUPIED], np.int8), (9, 9), p=[0.5, 0.4, 0.1])
+    cells = np.kron(coarse, np.ones((40, 40), np.int8))[: shape[0], : shape[1]]
+    return Grid(GridFrame(0.05, (1.0, 2.0), shape), np.ascontiguousarray(cells))
+
+
+def centre_pose(grid, yaw=0.0):
+    rows, cols = grid.frame.shape
+    return np.array([*grid.frame.centre(rows / 2, cols / 2), yaw])
+
+
+def test_it_is_as_small_as_promised():
+    assert sum(p.numel() for p in CompactNet().parameters()) <= 1_500_000
+    assert max(path.stat().st_size for path in (SHIPPED, LOGS, PAPER)) <= 8_000_000
+
+
+@pytest.mark.parametrize(("name", "weights"), [("compact-logs", LOGS), ("compact-paper", PAPER)])
+def test_what_learned_on_goes_by_its_own_name(name, weights):
+    predictor = load_predictor(name)
+    assert isinstance(predictor, Compact)
+    assert predictor.weights == weights
+    assert predictor.facts["before"]["fingerprint"] in weights.with_suffix(".md").read_text()
+    check_predictor(predictor)
+
+
+@pytest.mark.parametrize("weights", [SHIPPED, LOGS, PAPER])
+def test_the_card_beside_weights_is_theirs(weights):
+    card = weights.with_suffix(".md").read_text()
+    facts = Compact(weights).facts
+    assert facts["fingerprint"] in card
+    metadata = yaml.safe_load(card.split("---\n")[1])
+    assert metadata["license"] == "mit"
+    (index,) = metadata["model-index"]
+    assert index["name"] == weights.stem
+    (result,) = index["results"]
+    measured = facts["validation"]
+    for metric in result["metrics"]:
+        assert metric["value"] == pytest.approx(measured[metric["type"]], abs=5e-4)
+
+
+@pytest.mark.parametrize("shape", [(40, 40), (200, 200), (280, 120)])
+def test_the_network_keeps_the_shape_of_its_input(shape):
+    assert CompactNet().eval()(torch.zeros(2, 2, *shape)).shape == (2, 4, *shape)
+
+
+def test_folding_the_normalisation_changes_no_output():
+    torch.manual_seed(0)
+    net = CompactNet()
+    known = torch.rand(4, 2, 80, 80)
+    net.train()(known)
+    before = net.eval()(known)
+    assert torch.allclose(net.folded()(known), before, atol=1e-4)
+
+
+@pytest.mark.parametrize("shape", [(200, 200), (273, 150)])
+def test_openvino_gives_the_answers_of_torch(shape):
+    pytest.importorskip("openvino")
+    grid = random_map(shape)
+    fast, plain = (Compact(runtime=name).predict(grid, centre_pose(grid)) for name in RUNTIMES)
+    for name in ("p_free", "p_occupied", "confidence"):
+        assert np.allclose(getattr(fast, name), getattr(plain, name), atol=1e-4)
+
+
+def test_a_runtime_that_does_not_exist_is_named():
+    with pytest.raises(ValueError, match=r"'onnx'.*openvino, torch"):
+        Compact(runtime="onnx")
+
+
+def test_results_can_tell_the_runtime(compact):
+    assert (
+        fingerprint_of(compact) == f"{compact.facts['fingerprint']} on {compact.facts['runtime']}"
+    )
+    assert compact.facts["runtime"].split()[0] in RUNTIMES
+
+
+@pytest.mark.parametrize("shape", [(200, 200), (110, 150), (273, 273), (7, 3)])
+def test_every_size_of_window_gets_probabilities(compact, shape):
+    grid = random_map(shape)
+    prediction = compact.predict(grid, centre_pose(grid, 0.3))
+    for name in ("p_free", "p_occupied", "confidence"):
+        values = getattr(prediction, name)
+        assert values.shape == shape
+        assert values.dtype == np.float32
+        assert ((values >= 0) & (values <= 1)).all()
+    assert (prediction.p_free + prediction.p_occupied <= 1 + 1e-5).all()
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_turning_the_building_and_the_car_turns_the_prediction(compact, turns):
+    grid = random_map((200, 200))
+    # Counter-clockwise in the world, where rows grow upwards.
+    turned = Grid(grid.frame, np.ascontiguousarray(np.rot90(grid.cells, -turns)))
+    plain = compact.predict(grid, centre_pose(grid, 0.1))
+    other = compact.predict(turned, centre_pose(grid, 0.1 + turns * np.pi / 2))
+    for name in ("p_free", "p_occupied", "confidence"):
+        assert np.allclose(np.rot90(getattr(plain, name), -turns), getattr(other, name), atol=1e-5)
+
+
+def test_a_corridor_is_believed_to_go_on(compact):
+    grid = corridor()
+    prediction = compact.predict(grid, centre_pose(grid))
+    ahead = prediction.p_free[95:105, 142:150]
+    inside_the_wall = prediction.p_free[60:70, 110:130]
+    assert ahead.mean() > 0.8
+    assert inside_the_wall.mean() < 0.5
+    far = prediction.p_free[95:105, 185:195]
+    assert far.mean() < ahead.mean()
+
+
+def test_confidence_leaves_less_than_p_free_beside_walls(compact):
+    grid = corridor()
+    prediction = compact.predict(grid, centre_pose(grid))
+    trust = prediction.confidence * prediction.p_free
+    unseen = grid.unknown
+    assert (trust[unseen] <= prediction.p_free[unseen] + 1e-6).all()
+    assert trust[100, 145] > trust[81, 145]
+
+
+def test_of_what_was_not_seen_it_is_never_certain(compact):
+    for grid in (corridor(), random_map((200, 200))):
+        prediction = compact.predict(grid, centre_pose(grid))
+        assert (prediction.confidence[grid.unknown] < 0.99995).all()
+        assert (prediction.confidence[~grid.unknown] == 1.0).all()
+
+
+def test_where_nothing_was_seen_there_is_no_confidence(compact):
+    grid = Grid(GridFrame(0.05, (0.0, 0.0), (200, 200)), np.full((200, 200), UNKNOWN, np.int8))
+    assert not compact.predict(grid, centre_pose(grid)).confidence.any()
+
+
+@pytest.mark.parametrize("resolution", [0.025, 0.1])
+def test_maps_of_other_resolutions_are_predicted_alike(compact, resolution):
+    plain = compact.predict(corridor(), np.array([5.0, 5.0, 0.0]))
+    grid = corridor(round(10 / resolution), resolution)
+    other = compact.predict(grid, np.array([5.0, 5.0, 0.0]))
+    assert other.p_free.shape == grid.frame.shape
+    at = [(x, y) for x in (7.3, 8.0, 9.0) for y in (4.5, 5.0, 5.5)]
+    for x, y in at:
+        a = plain.p_free[plain.frame.cell(x, y)]
+        b = other.p_free[other.frame.cell(x, y)]
+        assert abs(a - b) < 0.2
+
+
+@pytest.mark.parametrize("resolution", [0.02, 0.025, 0.04, 0.05, 0.1])
+def test_no_wall_is_lost_between_resolutions(resolution):
+    for at in range(12):
+        cells = np.full((24, 24), FREE, np.int8)
+        cells[:, at] = OCCUPIED
+        seen, _, _ = resampled(Grid(GridFrame(resolution, (0.0, 0.0), (24, 24)), cells), 0.05)
+        assert seen.occupied.any(axis=1).all()
+
+
+def test_an_empty_window_is_an_error(compact):
+    grid = Grid(GridFrame(0.05, (0.0, 0.0), (0, 0)), np.zeros((0, 0), np.int8))
+    with pytest.raises(ValueError, match="empty"):
+        compact.predict(grid, np.zeros(3))
+
+
+def test_a_pose_that_is_no_number_is_an_error(compact):
+    grid = corridor()
+    with pytest.raises(ValueError, match="finite"):
+        compact.predict(grid, np.array([0.0, np.nan, 0.0]))
+
+
+def test_losses_count_only_what_was_not_seen():
+    codes = torch.zeros(1, 40, 40, dtype=torch.uint8)
+    codes[:, :, 20:] = 2 + 3 * 2  # Not seen, never observable.
+    logits = torch.zeros(1, 4, 40, 40)
+    logits[:, 2, :, 20:] = 20.0
+    logits[:, 3, :, 17:] = -20.0
+    logits[:, 2, :, :17] = 20.0  # Wrong where it was seen: no matter.
+    assert all(float(loss) == pytest.approx(0.0, abs=1e-6) for loss in losses(logits, codes))
+    assert float(losses(-logits, codes)[0]) > 10
+
+
+def test_room_is_a_free_square_as_wide_as_the_car():
+    codes = torch.full((1, 30, 30), 2, dtype=torch.uint8)  # Not seen, free.
+    codes[0, 15, 15] = 2 + 3  # Not seen, a surface.
+    room, asked = room_of(codes)
+    assert asked.all()
+    assert not room[0, 12:19, 12:19].any()
+    assert int((~room).sum()) == 49
+
+
+def test_squares_that_reach_out_of_the_map_are_not_asked_for():
+    codes = torch.full((1, 30, 30), 2, dtype=torch.uint8)  # Not seen, free.
+    logits = torch.zeros(1, 4, 30, 30)
+    inside = logits.clone()
+    inside[:, 3, 3:-3, 3:-3] = 20.0  # Right, where it counts.
+    inside[:, 3, :3], inside[:, 3, -3:] = -20.0, -20.0
+    assert float(losses(inside, codes)[1]) == pytest.approx(0.0, abs=1e-6)
+    assert float(losses(logits, codes)[1]) == pytest.approx(np.log(2), abs=1e-5)
+
+
+def test_what_was_seen_settles_the_question_of_room():
+    seen = torch.zeros(1, 30, 30, dtype=torch.uint8)
+    seen[0, :, 20:], seen[0, 5, 5] = 2, 1
+    barred, asked = question(seen)
+    assert barred[0, 5, 8]
+    assert not asked[0, 5, 8]
+    assert not asked[0, 15, 10]
+    assert asked[0, 15, 18]
+
+
+def test_the_input_has_a_channel_for_each_thing_seen():
+    codes = torch.tensor([[[0, 1, 2], [3, 4, 5], [6, 7, 8]]], dtype=torch.uint8)
+    known = known_of(codes)
+    assert known[0, 0].tolist() == [[1, 0, 0]] * 3
+    assert known[0, 1].tolist() == [[0, 1, 0]] * 3
+
+
+def test_an_interrupt_while_openvino_converts_the_network_is_an_interrupt(monkeypatch):
+    pytest.importorskip("openvino")
+    trace = torch.jit.trace
+
+    def interrupted(*args, **options):
+        signal.raise_signal(signal.SIGINT)
+        return trace(*args, **options)
+
+    monkeypatch.setattr(torch.jit, "trace", interrupted)
+    # A worker of pytest-xdist ignores the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            runner(torch.nn.Identity(), "openvino", (4, 4))
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

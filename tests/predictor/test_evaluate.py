@@ -1,0 +1,223 @@
+"""Scoring predictors along drives, over worlds and maps."""
+
+import json
+
+import numpy as np
+import pytest
+
+from foresee.prediction import Prediction
+from predictor.evaluate import main
+from predictor.evaluation.drive_scores import group_of, table
+from predictor.evaluation.scored_drive import score_drive
+from predictor.evaluation.settings import EvaluateConfig
+from predictor.scoring.scores import Scores
+from sim import empty_straight, save_world
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("halls")
+    save_world(empty_straight(24.0, 3.0), folder / "hall.yaml")
+    save_world(empty_straight(2.0, 2.0), folder / "hut.yaml")
+    return folder
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def evaluated(maps, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out")
+    command = (
+        "--world",
+        maps,
+        "--drives",
+        1,
+        "--predictors",
+        "none",
+        "extend",
+        "--jobs",
+        1,
+        "--out",
+        out,
+    )
+    assert run(*command) == 0
+    return out, command
+
+
+def test_it_writes_scores_and_pictures(evaluated):
+    out, _ = evaluated
+    assert {"results.json", "reliability.png", "rings.png", "sheet.png"} <= {
+        path.name for path in out.iterdir()
+    }
+    results = json.loads((out / "results.json").read_text())
+    (entry,) = results["groups"].values()
+    assert entry["drives"] == 1
+    assert entry["skipped"] == 1
+    rows = entry["predictors"]
+    ways = ("", " (c·p)", " (room)")
+    assert set(rows) == {name + way for name in ("none", "extend") for way in ways} | {"grey"}
+    assert rows["extend"]["iou_free"] > rows["none"]["iou_free"] == 0.0
+    assert rows["extend"]["brier_free"] < rows["none"]["brier_free"]
+    assert rows["extend"]["ssim"] > rows["grey"]["ssim"]
+    assert len(rows["extend"]["rings"]) == 7
+    # Of one building there is no knowing what another would have been like.
+    assert rows["extend"]["ece_free_95"] is None
+    assert results["settings"]["weights"] == {"none": None, "extend": None}
+    assert "| 0.25–0.5 m" in table(results)
+
+
+def test_the_same_command_again_drives_nothing_more(evaluated, monkeypatch):
+    out, command = evaluated
+    before = json.loads((out / "results.json").read_text())["groups"]
+
+    def refuse(*_):
+        pytest.fail("it drove again")
+
+    monkeypatch.setattr("predictor.evaluation.scored_drive.score_drive", refuse)
+    assert run(*command) == 0
+    after = json.loads((out / "results.json").read_text())["groups"]
+    assert json.dumps(after) == json.dumps(before)
+
+
+def test_other_settings_do_not_overwrite_what_is_there(evaluated, capsys):
+    _, command = evaluated
+    assert run(*command, "--window", 7) == 2
+    assert "holds a run with" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ("--world", "nowhere"),
+        ("--world", "office", "office"),
+        ("--predictors", "nobody"),
+        ("--drives", 0),
+        ("--seed", -1),
+        ("--window", "inf"),
+        ("--expansion", 0.5),
+    ],
+)
+def test_bad_arguments_are_one_line_and_leave_nothing_behind(wrong, tmp_path, capsys):
+    assert run(*wrong, "--out", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("predictor.evaluate: ")
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_damaged_part_is_scored_again(maps, tmp_path):
+    command = (
+        "--world",
+        maps / "hall.yaml",
+        "--drives",
+        1,
+        "--predictors",
+        "none",
+        "--jobs",
+        1,
+        "--out",
+        tmp_path,
+    )
+    assert run(*command) == 0
+    before = json.loads((tmp_path / "results.json").read_text())["groups"]
+    (part,) = (tmp_path / "parts").iterdir()
+    part.write_bytes(part.read_bytes()[:500])
+    assert run(*command) == 0
+    after = json.loads((tmp_path / "results.json").read_text())["groups"]
+    for groups in (before, after):
+        for row in next(iter(groups.values()))["predictors"].values():
+            row.pop("ms", None)
+    assert after == before
+
+
+def test_damaged_settings_are_named(maps, tmp_path, capsys):
+    (tmp_path / "settings.json").write_text("{")
+    assert run("--world", maps, "--predictors", "none", "--out", tmp_path) == 2
+    assert "settings.json cannot be read" in capsys.readouterr().err
+
+
+def test_cells_that_were_seen_do_not_count(maps):
+    config = EvaluateConfig((str(maps / "hall.yaml"),), ("none",), 1, every=20)
+    facts, arrays = score_drive(config, (str(maps / "hall.yaml"), 0))
+    scores = Scores(**{key: arrays[f"none/{key}"] for key in vars(Scores())})
+    cells = facts["moments"] * 200 * 200
+    assert 0 < scores.measures()["cells"] < cells
+    # `none` gives no cell a chance of being free: all its mass is in the lowest level.
+    assert scores.free[:, 1:].sum() == 0
+
+
+def test_maps_are_reported_under_their_folder(maps):
+    assert group_of("office") == "office"
+    assert group_of(str(maps / "hall.yaml")) == maps.name
+
+
+class Graduate:
+    """A predictor that has learned from the very building that it is asked about."""
+
+    def __init__(self):
+        from foresee.mapping.grid import world_hash
+        from sim.map_server import load_world
+        from sim.world import sealed
+
+        self.facts = {"worlds": [world_hash(sealed(load_world(self.place)).grid.cells)]}
+
+    def predict(self, known, pose):
+        from predictor import NoPrediction
+
+        return NoPrediction().predict(known, pose)
+
+
+def test_buildings_that_a_predictor_has_learned_from_are_told(maps, monkeypatch):
+    monkeypatch.setattr(Graduate, "place", maps / "hall.yaml", raising=False)
+    names = ("none", f"{__name__}:Graduate")
+    config = EvaluateConfig((str(maps / "hall.yaml"),), names, 1, every=50)
+    facts, _ = score_drive(config, (str(maps / "hall.yaml"), 0))
+    assert facts["learned_by"] == [names[1]]
+
+
+def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
+    command = (
+        "--world",
+        "corridor",
+        "office",
+        "--drives",
+        1,
+        "--predictors",
+        "none",
+        "--jobs",
+        2,
+        "--out",
+        tmp_path,
+    )
+    assert run(*command) == 0
+    groups = json.loads((tmp_path / "results.json").read_text())["groups"]
+    one, other, both = (
+        groups[name]["predictors"]["none"] for name in ("corridor", "office", "corridor + office")
+    )
+    assert both["cells"] == one["cells"] + other["cells"]
+    mean = (one["cells"] * one["brier_free"] + other["cells"] * other["brier_free"]) / both["cells"]
+    assert both["brier_free"] == pytest.approx(mean)
+
+
+class Raising:
+    def predict(self, known, pose):
+        raise RuntimeError("no memory of that")
+
+
+class Narrow:
+    def predict(self, known, pose):
+        none = np.zeros((3, 3), np.float32)
+        return Prediction(known.frame, none, none, none)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("Raising", "RuntimeError: no memory of that"), ("Narrow", "p_free is float32 (3, 3)")],
+)
+def test_a_plug_in_that_breaks_the_contract_is_one_line(maps, tmp_path, capsys, name, says):
+    command = ("--world", maps / "hall.yaml", "--drives", 1, "--jobs", 1, "--out", tmp_path)
+    assert run(*command, "--predictors", f"test_evaluate:{name}") == 2
+    assert says in capsys.readouterr().err.strip().splitlines()[-1]
+    assert not (tmp_path / "results.json").exists()

@@ -1,0 +1,88 @@
+"""A drive with a reverse gear, and what is recorded of it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from short_drive import LIDAR, straight
+
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import OccupancyGrid
+from planner.risk.risk_map import RiskMap
+from planner.safety.limiting_factor import Limit
+from sim import DubinsCar
+from sim.episode import EpisodeConfig, Outcome, run_episode
+
+TICKS = (12, 8, 8, 4)
+"""Speeding up forwards, braking, speeding up in reverse, braking."""
+FORWARDS, BACKWARDS = (1.0, 0.2), (1.0, 0.2, -1)
+BRAKING, BRAKING_BACKWARDS = (-2.0, 0.2), (-2.0, 0.2, -1)
+
+
+class Shunter:
+    """Drives forwards to a stop, then backwards, and so on."""
+
+    def __init__(self, task, controls):
+        self.known = OccupancyGrid(task.world.grid.frame, 5.0)
+        self.path_counts = {}
+        self.controls = controls
+        self.tick = 0
+
+    def step(self, state, scan):
+        self.known.integrate(scan, state)
+        control = self.controls[self.tick % len(self.controls)]
+        self.tick += 1
+        gear = int(control[2]) if len(control) > 2 else 1
+        plan = SimpleNamespace(states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)), gear=gear)
+        frame = self.known.frame.square(state[0], state[1], 5.0)
+        return SimpleNamespace(
+            control=np.array(control),
+            plan=plan,
+            limit=Limit.GOAL,
+            faults=(),
+            emergency=False,
+            relied=np.empty((0, 2)),
+            times={"cycle": 1.0},
+            path=None,
+            risk_map=RiskMap.from_prediction(self.known.crop(frame), None, 0.0, 0.0),
+            prediction=None,
+        )
+
+
+def drive(controls, seconds=10.0):
+    task = straight()
+    car = DubinsCar(CarLimits(reverse=0.5))
+    config = EpisodeConfig(timeout=seconds * car.limits.v_max / task.path_length)
+    return run_episode(task, Shunter(task, controls), car, LIDAR, config, np.random.default_rng(0))
+
+
+def shunting():
+    kinds = (FORWARDS, BRAKING, BACKWARDS, BRAKING_BACKWARDS)
+    return [kind for kind, count in zip(kinds, TICKS, strict=True) for _ in range(count)]
+
+
+def test_the_gear_of_every_tick_is_recorded_beside_its_control():
+    episode = drive(shunting(), sum(TICKS) * 0.1)
+    trace = episode.trace
+    assert trace["controls"].shape == (sum(TICKS), 2)
+    assert trace["gears"].dtype == np.int8
+    forwards = TICKS[0] + TICKS[1]
+    assert trace["gears"].tolist() == [1] * forwards + [-1] * (sum(TICKS) - forwards)
+    assert trace["states"][:, 3].min() == pytest.approx(-0.5)
+
+
+def test_speeds_and_stops_count_in_either_gear():
+    episode = drive(shunting(), sum(TICKS) * 0.1)
+    speed = np.abs(episode.trace["states"][:, 3])
+    assert episode.max_speed == speed.max()
+    assert episode.stops == 2
+    assert episode.mean_speed == pytest.approx((speed[1:] + speed[:-1]).mean() / 2, rel=0.01)
+    back = drive([BACKWARDS] * 10, 2.0)
+    assert back.max_speed == pytest.approx(0.5)
+    assert back.mean_speed > 0
+
+
+def test_backing_into_a_wall_is_a_collision_at_the_speed_it_had():
+    episode = drive([(1.0, 0.0, -1)], 20.0)
+    assert episode.outcome == Outcome.COLLIDED
+    assert episode.impact_speed == pytest.approx(0.5)
