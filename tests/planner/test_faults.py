@@ -176,7 +176,7 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
 
 HANGS_FOR_GOOD = """
 import sys, time
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:]
 from test_faults import EpisodeConfig, Misbehaving, drive, navigator, straight
 
 started = time.monotonic()
@@ -200,8 +200,9 @@ print("driven", flush=True)
 
 
 def test_a_predictor_that_hangs_for_good_does_not_keep_the_program_from_ending():
+    here = Path(__file__).parent
     done = subprocess.run(
-        [sys.executable, "-c", HANGS_FOR_GOOD, str(Path(__file__).parent)],
+        [sys.executable, "-c", HANGS_FOR_GOOD, str(here), str(here.parent / "support")],
         capture_output=True,
         text=True,
         timeout=20,
