@@ -29,6 +29,7 @@ from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import View
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.registry import load_predictor
 
@@ -177,7 +178,7 @@ def test_the_sham_is_sure_of_all_that_it_has_not_seen():
     cells = np.full((200, 200), UNKNOWN, np.int8)
     cells[80:120, :120], cells[79, :120] = FREE, OCCUPIED
     known = Grid(GridFrame(0.05, (0.0, 0.0), cells.shape), cells)
-    answer = sham.predict(known, np.array([5.0, 5.0, 0.0]))
+    answer = sham.predict(View(known, np.array([5.0, 5.0, 0.0])))
     unseen = known.unknown
     assert (answer.p_free[~unseen] == known.free[~unseen]).all()
     trust = answer.confidence[unseen] * answer.p_free[unseen]
