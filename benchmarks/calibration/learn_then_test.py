@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.calibration.betting import capital, decided_after, needed
 from benchmarks.calibration.certificate import conditions_of
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, weights_of
@@ -25,6 +24,7 @@ from foresee.infra.environment import machine
 from foresee.infra.markdown import DASH, records
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import ResumableFolder
+from planner.risk.betting import capital, decided_after, needed
 from planner.risk.calibration import KIND
 from sim.buildings import sources
 

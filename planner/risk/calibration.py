@@ -5,15 +5,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from foresee.infra.errors import LineError, one_line
-from foresee.infra.plain_json import loads
+from foresee.infra.plain_json import read_json
+from planner.risk.betting import capital, needed
 
 KIND = "calibration"
+MOST_BYTES = 10_000_000
+"""Largest calibration that is read [bytes]."""
+MOST_DRIVES = 1_000_000
+"""Largest number of drives of a test; more cannot be true."""
+ROUNDING = 1e-6
+"""Share by which the capital in a file may exceed the largest one possible."""
 
 
 class CalibrationError(LineError):
@@ -45,21 +54,26 @@ class Calibration:
     def load(cls, path: Path) -> Self:
         """Read calibration.json of `benchmarks.calibrate`.
 
+        What is certified must follow from the tests in the file.
+
         Raises:
-            CalibrationError: if it cannot be read.
+            CalibrationError: if it cannot be read, or certifies what its tests do not.
         """
         try:
-            found = loads(path.read_text())
-            if found["kind"] != KIND:
-                raise ValueError(f"it holds {found['kind']!r}")
-            levels = {float(risk): float(level) for risk, level in found["certified"].items()}
-            counted = max((int(entry["drives"]) for entry in found["levels"]), default=0)
+            content = read_json(path, MOST_BYTES)
+            if content["kind"] != KIND:
+                raise ValueError(f"it holds {content['kind']!r}")
+            levels = {float(risk): float(level) for risk, level in content["certified"].items()}
+            tests = [_Test.read(entry) for entry in content["levels"]]
+            confidence, seed = float(content["confidence"]), int(content["seed"])
+            _check(levels, tests, confidence)
             # Older files do not say how many buildings there were, with those without a task.
-            drives = int(found.get("most_drives", counted))
-            conditions, confidence = dict(found["conditions"]), float(found["confidence"])
+            counted = max((test.drives for test in tests), default=0)
+            drives = int(content.get("most_drives", counted))
+            conditions = dict(content["conditions"])
             conditions["world"] = [str(place) for place in conditions["world"]]
-            return cls(path, conditions, levels, confidence, int(found["seed"]), drives)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            return cls(path, conditions, levels, confidence, seed, drives)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             raise CalibrationError(f"{path} is no calibration: {one_line(error)}") from None
 
     def has_used(self, seed: int, count: int) -> bool:
@@ -105,6 +119,56 @@ class Calibration:
                 raise CalibrationError(
                     f"{self.path} is for {name} {_told(theirs)}, not {_told(mine)}: calibrate anew "
                     "with benchmarks.calibrate"
+                )
+
+
+@dataclass(frozen=True)
+class _Test:
+    """The tests of all risks at one level.
+
+    Attributes:
+        level: level λ of the last resort.
+        drives: number of drives.
+        collided: number of them that collided.
+        capital: risk δ → largest capital of the gambler, see `planner.risk.betting`.
+    """
+
+    level: float
+    drives: int
+    collided: int
+    capital: dict[float, float]
+
+    @classmethod
+    def read(cls, entry: Mapping[str, Any]) -> Self:
+        capital = {float(risk): float(most) for risk, most in entry["capital"].items()}
+        return cls(float(entry["level"]), int(entry["drives"]), int(entry["collided"]), capital)
+
+
+def _check(levels: Mapping[float, float], tests: Sequence[_Test], confidence: float) -> None:
+    """Check that what a file certifies follows from its tests.
+
+    Raises:
+        ValueError: if it does not, or a number lies outside of its range.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"a confidence of {confidence:g}")
+    for test in tests:
+        if not (0.0 <= test.level < 1.0 and 0 <= test.collided <= test.drives <= MOST_DRIVES):
+            raise ValueError(f"a test at level {test.level:g}: {test.collided} of {test.drives}")
+    for risk, level in levels.items():
+        if not 0.0 < risk < 1.0:
+            raise ValueError(f"it certifies a risk of {risk:g}")
+        passed = [test for test in tests if test.level <= level]
+        if level not in [test.level for test in passed]:
+            raise ValueError(f"it has no test at level {level:g}, certified for {risk:g}")
+        # All levels up to the certified one must have passed, since they are tested in order.
+        for test in passed:
+            # The capital is largest if the collisions came last.
+            most = capital(np.zeros(test.drives - test.collided), risk)
+            given = test.capital.get(risk, 0.0)
+            if not needed(confidence) <= given <= (1.0 + ROUNDING) * most.max(initial=1.0):
+                raise ValueError(
+                    f"its test at level {test.level:g} does not certify a risk of {risk:g}"
                 )
 
 

@@ -1,10 +1,12 @@
 """Calibrations: what they certify, for whom, and whom they refuse."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
-from calibrations import SETTINGS, written
+from calibrations import SETTINGS, proof, written
 
 from benchmarks import calibrate, tables
 from benchmarks.calibration import learn_then_test
@@ -255,3 +257,64 @@ def test_a_calibration_drives_and_takes_up_what_it_has(jobs, short_map, tmp_path
     assert calibrate.main(command) == 0
     assert (out / "level-0.1.json").read_bytes() == before
     assert calibrate.main([*command, "--v-max", "3"]) == 2
+
+
+def edited(**changes):
+    """Return the tests of the written calibration, with changes in each."""
+    return [test | changes for test in proof({"0.02": 0.003, "0.05": 0.01})]
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"certified": {"0.02": 0.98, "0.05": 0.01}}, "no test at level 0.98"),
+        ({"certified": {"0.02": 0.01}}, "at level 0.01 does not certify a risk of 0.02"),
+        ({"certified": {"0.001": 0.003}}, "at level 0.003 does not certify a risk of 0.001"),
+        ({"certified": {"-5": 0.003}}, "certifies a risk of -5"),
+        ({"certified": {"0": 0.003}}, "certifies a risk of 0"),
+        ({"certified": {"nan": 0.003}}, "certifies a risk of nan"),
+        ({"confidence": 1.0}, "a confidence of 1"),
+        ({"confidence": 0.999}, "does not certify"),
+        ({"levels": []}, "no test at level 0.003"),
+        ({"levels": edited(collided=30)}, "does not certify"),
+        ({"levels": edited(drives=20)}, "does not certify"),
+        ({"levels": edited(drives=10**30)}, "a test at level 0.003"),
+        ({"levels": edited(collided=-1)}, "a test at level 0.003"),
+        ({"levels": edited(capital={"0.02": 1e300, "0.05": 1e300})}, "does not certify"),
+        ({"levels": edited(capital={"0.02": math.inf, "0.05": math.inf})}, "does not certify"),
+        ({"levels": edited(capital={"0.02": math.nan, "0.05": math.nan})}, "does not certify"),
+        ({"seed": math.inf}, "cannot convert float infinity"),
+        ({"seed": 10**400, "confidence": 10**400}, "int too large|is no calibration"),
+    ],
+)
+def test_a_calibration_that_its_own_tests_do_not_prove_is_refused(tmp_path, changes, says):
+    path = written(tmp_path / "c.json", **{"levels": edited()} | changes)
+    with pytest.raises(CalibrationError, match=says) as caught:
+        Calibration.load(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_level_that_failed_below_the_certified_one_is_no_proof(tmp_path):
+    tests = edited()
+    tests[0]["capital"]["0.05"] = 2.0
+    with pytest.raises(CalibrationError, match=r"level 0\.003 does not certify a risk of 0\.05"):
+        Calibration.load(written(tmp_path / "c.json", levels=tests))
+
+
+def test_the_calibrations_that_ship_are_proved_by_their_tests():
+    shipped = sorted((Path(__file__).parents[2] / "docs/results").rglob("calibration*/*.json"))
+    assert len(shipped) == 6
+    assert all(Calibration.load(path).levels for path in shipped)
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "/dev", "/dev/null"])
+def test_what_is_no_file_is_no_calibration(place):
+    with pytest.raises(CalibrationError, match=r"is no calibration"):
+        Calibration.load(Path(place))
+
+
+def test_a_file_too_large_for_a_calibration_is_not_read(tmp_path):
+    with (tmp_path / "c.json").open("wb") as file:
+        file.truncate(2**40)
+    with pytest.raises(CalibrationError, match="it has over 10000000 bytes"):
+        Calibration.load(tmp_path / "c.json")

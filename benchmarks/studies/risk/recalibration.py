@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any
 
-from benchmarks.calibration.betting import capital, decided_after, needed
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.studies.risk.drives import Drives
 from benchmarks.studies.risk.series import MIXTURE, PROMISE, Series
+from planner.risk.betting import capital, decided_after, needed
 
 BLOCK = 75
 """Number of buildings in a block. Without a collision, 70 drives certify a risk of 0.05."""

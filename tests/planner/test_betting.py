@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.calibration.betting import capital
+from planner.risk.betting import capital
 
 
 @given(st.lists(st.floats(0, 1), max_size=60), st.floats(0.001, 0.999))
