@@ -21,6 +21,7 @@ _HOMES = {
     "Prediction": "foresee.prediction",
     "Predictor": "foresee.prediction",
     "Scan": "foresee.mapping.scan",
+    "View": "foresee.prediction",
     "check_predictor": "foresee.checking",
     "drive": "benchmarks.compare",
     "generate": "sim.families",

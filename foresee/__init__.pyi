@@ -5,6 +5,7 @@ from foresee.mapping.grid import Grid as Grid
 from foresee.mapping.scan import Scan as Scan
 from foresee.prediction import Prediction as Prediction
 from foresee.prediction import Predictor as Predictor
+from foresee.prediction import View as View
 from planner.navigator import Navigator as Navigator
 from planner.navigator import NavigatorConfig as NavigatorConfig
 from predictor.registry import load_predictor as load_predictor

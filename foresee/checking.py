@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import time
+from copy import deepcopy
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee.mapping.conventions import RESOLUTION, TICK
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from foresee.prediction import (
-    BadPredictionError,
-    Prediction,
-    Predictor,
-    asked,
-    context_side,
-    copied,
-)
+from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, View
 
 CERTAIN = 1.0 - 1e-6
 """Confidence times probability from which on a cell counts as certain."""
@@ -41,16 +34,19 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
     Raises:
         BadPredictionError: if the predictor breaks the contract; the message names the remedy.
     """
-    if not callable(getattr(predictor, "predict", None)):
-        raise BadPredictionError(
-            f"{type(predictor).__name__} has no method predict(known, pose) -> Prediction"
-        )
-    questions = list(_questions(side, seed))
+    caller = Caller(predictor)
+    views = _views(side, caller.context_side, seed)
     warnings: dict[str, str] = {}
+    if caller.is_old:
+        warnings["old"] = (
+            "predict(known, pose) will not work in version 2: make it predict(view), where "
+            "view.known and view.pose are the same"
+        )
     answers, times = [], []
-    for known, pose in questions:
-        answer, _ = _ask(predictor, known, pose)
-        again, seconds = _ask(predictor, known, pose)
+    for view in views:
+        known = view.known
+        answer, _ = _ask(caller, view)
+        again, seconds = _ask(caller, view)
         times.append(seconds)
         if not _same(answer, again):
             raise BadPredictionError("predict() gave two answers to one question")
@@ -77,8 +73,8 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
             "control, and one that takes too long is not used; make it faster, or the square "
             "smaller (expansion)"
         )
-    for (known, pose), answer in reversed(list(zip(questions, answers, strict=True))):
-        if not _same(answer, _ask(predictor, known, pose)[0]):
+    for view, answer in reversed(list(zip(views, answers, strict=True))):
+        if not _same(answer, _ask(caller, view)[0]):
             warnings["memory"] = (
                 "the answer depends on what was asked before: a drive may then depend on the "
                 "building driven before it; keep no state, or forget it in a new building"
@@ -86,10 +82,10 @@ def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) 
     return tuple(warnings.values())
 
 
-def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]:
-    """Return maps, and a pose in each."""
+def _views(side: float, context_side: float, seed: int) -> list[View]:
+    """Return views of maps of two sizes."""
     rng = np.random.default_rng(seed)
-    questions = []
+    views = []
     for length in (side, 0.55 * side):
         n = round(length / RESOLUTION)
         clutter = rng.choice(np.array([FREE, FREE, OCCUPIED, UNKNOWN], np.int8), size=(n, n))
@@ -101,22 +97,21 @@ def _questions(side: float, seed: int) -> list[tuple[Grid, NDArray[np.float64]]]
             origin = (float(rng.integers(-9, 9)), float(rng.integers(-9, 9)))
             known = Grid(GridFrame(RESOLUTION, origin, (n, n)), cells)
             pose = np.array([*known.frame.centre(n / 2, n / 2), rng.uniform(-np.pi, np.pi)])
-            questions.append((known, pose))
-    return questions
+            views.append(View.of(known, pose, length, context_side))
+    return views
 
 
-def _ask(predictor: Predictor, known: Grid, pose: NDArray[np.float64]) -> tuple[Prediction, float]:
+def _ask(caller: Caller, view: View) -> tuple[Prediction, float]:
     """Return a checked answer, and the time that it took [s]."""
-    side = context_side(predictor)
-    around = known.crop(known.frame.square(float(pose[0]), float(pose[1]), side)) if side else None
-    copies = copied(known, pose, around)
+    given = deepcopy(view)
+    maps = ((given.known, view.known), (given.around, view.around))
+    pose = given.pose
     started = time.perf_counter()
-    answer = asked(predictor, known, pose, around, copies)
+    answer = caller.ask(view, given)
     seconds = time.perf_counter() - started
-    maps = [(copies[0], known)] + ([(copies[2], around)] if around is not None else [])
     if any(not np.array_equal(a.cells, b.cells) or a.frame != b.frame for a, b in maps):
         raise BadPredictionError("predict() changed the map that it was given: copy it first")
-    if not np.array_equal(copies[1], pose):
+    if not np.array_equal(pose, view.pose):
         raise BadPredictionError("predict() changed the pose that it was given: copy it first")
     return answer, seconds
 

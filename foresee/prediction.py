@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import inspect
+import warnings
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.errors import LineError, one_line
-from foresee.mapping.grid import Grid, GridFrame
+from foresee.mapping.context import SIDE
+from foresee.mapping.grid import Grid, GridFrame, OccupancyGrid
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,32 +41,79 @@ class Prediction:
     nan_cells: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """What a predictor is shown of the observed map.
+
+    Attributes:
+        known: map of all that was observed inside the square to predict. A navigator asks for a
+            square that is at most `expansion` times as wide as the LIDAR's window, and centred on
+            the robot.
+        pose: x, y, yaw of the robot, (3,) [m, m, rad].
+        around: map of all that was observed inside a larger square around the robot. Its side is
+            the predictor's `context_side`. Where no larger map exists, it is `known` itself, as for
+            the frames of the paper's study.
+
+    Raises:
+        ValueError: if there is no cell to predict, or the pose is not finite.
+    """
+
+    known: Grid
+    pose: NDArray[np.float64]
+    around: Grid = None  # type: ignore[assignment]  # replaced by `known` below
+
+    def __post_init__(self) -> None:
+        if self.known.cells.size == 0:
+            raise ValueError("the window is empty: there is no cell to predict")
+        if not np.isfinite(self.pose).all():
+            raise ValueError(f"pose is {self.pose}, it must be finite")
+        if self.around is None:
+            object.__setattr__(self, "around", self.known)
+
+    @classmethod
+    def of(
+        cls,
+        observed: Grid | OccupancyGrid,
+        pose: NDArray[np.float64],
+        side: float,
+        context_side: float,
+    ) -> View:
+        """Return the view of a robot in a map.
+
+        Args:
+            observed: map of all that was observed.
+            pose: x, y, yaw of the robot, (3,) [m, m, rad].
+            side: side of the square to predict [m].
+            context_side: side of the square of `around` [m]; 0: no larger map is wanted.
+        """
+        x, y, frame = float(pose[0]), float(pose[1]), observed.frame
+        known = observed.crop(frame.square(x, y, side))
+        around = observed.crop(frame.square(x, y, context_side)) if context_side else known
+        return cls(known, pose, around)
+
+
 @runtime_checkable
 class Predictor(Protocol):
     """Anything that predicts the unobserved part of a map: the interface of a plug-in.
 
-    A predictor that wants to see more of the map than the square that it predicts has an attribute
-    `context_side`, the side of a larger square around the robot [m], at most `LARGEST_CONTEXT`.
-    Its method is then called as `predict(known, pose, around)`, where `around` is the map of all
-    that was observed in that square. Where no larger map exists, as for the frames of the paper's
-    study, it is called as `predict(known, pose)`: `around` should have the default None.
+    A predictor may have an attribute `context_side`: the side of the square of `View.around` [m],
+    at most `LARGEST_CONTEXT`. Without it, the side is 40 m, which takes 0.1 ms in each tick. If it
+    is 0, `around` is `known`.
     """
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    def predict(self, view: View) -> Prediction:
         """Predict the unobserved cells of a map.
 
-        The same arguments must give the same prediction, so a predictor keeps no state. It must not
-        write into its arguments. The car waits for the prediction, at most for
+        The same view must give the same prediction, so a predictor keeps no state. It must not
+        write into the view. The car waits for the prediction, at most for
         `NavigatorConfig.deadline`; the control period is 0.1 s.
 
         Args:
-            known: map of all that was observed inside the predicted square, which is at most
-                `expansion` times as wide as the LIDAR's window and centred on the robot.
-            pose: x, y, yaw of the robot, (3,) [m, m, rad].
+            view: what was observed, and the pose of the robot.
 
         Returns:
-            A prediction on the frame of `known`. Its values lie in [0, 1], and p_free + p_occupied
-            is at most 1. NaN means unknown.
+            A prediction on the frame of `view.known`. Its values lie in [0, 1], and
+            p_free + p_occupied is at most 1. NaN means unknown.
         """
         ...
 
@@ -72,6 +124,10 @@ LARGEST_CONTEXT = 100.0
 
 class BadPredictionError(LineError):
     """A predictor raised, or its answer breaks the contract; the message is one line."""
+
+
+class RaisedError(BadPredictionError):
+    """A predictor raised an exception, which is the `__cause__`."""
 
 
 def with_observed(
@@ -96,18 +152,6 @@ def with_observed(
         for pair in zip((p_free, p_occupied, confidence), observed, strict=True)
     )
     return Prediction(known.frame, p_free, p_occupied, confidence, nan_cells)
-
-
-def check_question(known: Grid, pose: NDArray[np.float64]) -> None:
-    """Check the arguments of `predict`.
-
-    Raises:
-        ValueError: if the map is empty or the pose not finite.
-    """
-    if known.cells.size == 0:
-        raise ValueError("the window is empty: there is no cell to predict")
-    if not np.isfinite(pose).all():
-        raise ValueError(f"pose is {pose}, it must be finite")
 
 
 def checked(prediction: Prediction, known: Grid) -> Prediction:
@@ -154,59 +198,121 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
     return with_observed(known, p_free, p_occupied, confidence, nan_cells)
 
 
-def context_side(predictor: Predictor) -> float:
-    """Return the side of the larger square whose map a predictor asks for [m]; 0: it asks for none.
-
-    Raises:
-        BadPredictionError: if its `context_side` is not a length from 0 to `LARGEST_CONTEXT`.
-    """
-    try:
-        side = getattr(predictor, "context_side", 0.0)
-    except (Exception, SystemExit) as error:
-        raise BadPredictionError(f"context_side raised {one_line(error)}") from error
-    if not isinstance(side, int | float) or not 0.0 <= side <= LARGEST_CONTEXT:
-        raise BadPredictionError(
-            f"context_side is {side!r}, it must be a length from 0 to {LARGEST_CONTEXT:g} m"
-        )
-    return float(side)
+_WARNED = WeakSet[type]()
+"""Classes of predictors of the old form, of which the user was warned."""
 
 
-def asked(
-    predictor: Predictor,
-    known: Grid,
-    pose: NDArray[np.float64],
-    around: Grid | None = None,
-    copies: tuple[Any, ...] | None = None,
-) -> Prediction:
-    """Call a predictor in this thread, and check its answer.
+class Caller:
+    """Calls a predictor, of which nothing is assumed, and checks its answers.
+
+    Until version 2, `predict` may also have the form that it had before there was a `View`:
+    `predict(known, pose)`, or `predict(known, pose, around)` with a `context_side`. Nothing but
+    this class knows of it.
 
     Args:
-        predictor: predictor to ask.
-        known: map of all that was observed.
-        pose: x, y, yaw of the robot, (3,) [m, m, rad].
-        around: map of all that was observed in the square of the predictor's `context_side`; None
-            if that is 0, or if no larger map exists.
-        copies: copies of `known`, `pose` and `around`, which the predictor gets and may change;
-            None: they are made here.
+        predictor: predictor to call.
 
     Raises:
-        BadPredictionError: if the predictor raises anything, or breaks the contract.
+        BadPredictionError: if the predictor has no method `predict(view)`, or its `context_side` is
+            not a length from 0 to `LARGEST_CONTEXT`.
+
+    Attributes:
+        name: name of the predictor's class.
+        context_side: side of the square of `View.around` [m]; 0: no larger map is wanted.
+        is_old: whether `predict` has the old form.
     """
-    given = copied(known, pose, around) if copies is None else copies
+
+    def __init__(self, predictor: Predictor) -> None:
+        kind = type(predictor)
+        self.name = kind.__name__
+        self._predict: Callable[..., Any] = _read(predictor, "predict", None)
+        if not callable(self._predict):
+            raise BadPredictionError(f"{self.name} has no method predict(view) -> Prediction")
+        signature = _signature(self._predict)
+        self.is_old = "pose" in signature.parameters or not _takes(signature, 1)
+        side = _read(predictor, "context_side", 0.0 if self.is_old else SIDE)
+        if not isinstance(side, int | float) or not 0.0 <= side <= LARGEST_CONTEXT:
+            raise BadPredictionError(
+                f"context_side is {side!r}, it must be a length from 0 to {LARGEST_CONTEXT:g} m"
+            )
+        self.context_side = float(side)
+        if self.is_old:
+            if not _takes(signature, 3 if side else 2):
+                raise BadPredictionError(
+                    f"{self.name} has predict{signature}, it must be predict(view) -> Prediction"
+                )
+            _warn(kind)
+
+    def predict(self, view: View) -> Any:
+        """Call the predictor, and return or raise whatever it does."""
+        if not self.is_old:
+            return self._predict(view)
+        larger = (view.around,) if self.context_side and view.around is not view.known else ()
+        return self._predict(view.known, view.pose, *larger)
+
+    def ask(self, view: View, given: View | None = None) -> Prediction:
+        """Call the predictor in this thread, and check its answer.
+
+        Args:
+            view: what was observed; the predictor does not get hold of it.
+            given: deep copy of `view`, which the predictor gets and may change; None: it is made
+                here.
+
+        Raises:
+            RaisedError: if the predictor raises an exception.
+            BadPredictionError: if its answer breaks the contract.
+        """
+        given = deepcopy(view) if given is None else given
+        try:
+            answer = self.predict(given)
+        except (Exception, SystemExit) as error:
+            raise RaisedError(f"predict() of {self.name} raised {one_line(error)}") from error
+        try:
+            return checked(answer, view.known)
+        except BadPredictionError:
+            raise
+        except (Exception, SystemExit) as error:
+            # To read a field may run code of the plug-in.
+            raise BadPredictionError(
+                f"the answer of {self.name} raised {one_line(error)} when it was read"
+            ) from error
+
+
+def _read(predictor: Any, name: str, default: Any) -> Any:
+    """Return an attribute of a predictor."""
     try:
-        return checked(predictor.predict(*given), known)
-    except BadPredictionError:
-        raise
+        return getattr(predictor, name, default)
     except (Exception, SystemExit) as error:
-        # A plug-in may raise any exception, even when its answer is read.
-        raise BadPredictionError(
-            f"predict() of {type(predictor).__name__} raised {one_line(error)}"
-        ) from error
+        raise BadPredictionError(f"{name} raised {one_line(error)}") from error
 
 
-def copied(known: Grid, pose: NDArray[np.float64], around: Grid | None) -> tuple[Any, ...]:
-    """Return deep copies of the arguments of `predict`, without `around` if it is None."""
-    return tuple(deepcopy(one) for one in (known, pose, around) if one is not None)
+def _signature(predict: Callable[..., Any]) -> inspect.Signature:
+    """Return the signature of a method; that of `predict(view)` if it cannot be read."""
+    try:
+        return inspect.signature(predict)
+    except (TypeError, ValueError):  # Compiled code may have none.
+        return inspect.signature(lambda view: None)
+
+
+def _takes(signature: inspect.Signature, count: int) -> bool:
+    """Return whether a call with a number of arguments fits a signature."""
+    try:
+        signature.bind(*(None,) * count)
+    except TypeError:
+        return False
+    return True
+
+
+def _warn(kind: type) -> None:
+    """Warn, once for each class, that the old form of `predict` is deprecated."""
+    if kind not in _WARNED:
+        _WARNED.add(kind)
+        warnings.warn(
+            f"{kind.__module__}.{kind.__qualname__} has predict(known, pose): from version 2 on, "
+            "it must be predict(view), where view.known and view.pose are the same",
+            DeprecationWarning,
+            stacklevel=3,
+        )
 
 
 def _lies_within(values: NDArray[Any], low: float, high: float) -> bool:

@@ -14,13 +14,13 @@ from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits, check_finite
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
-from foresee.prediction import BadPredictionError, Prediction, Predictor
+from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
 from planner.guide.guide import Guide, GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
 from planner.risk.adaptive_level import AdaptiveLevel
-from planner.risk.ask_predictor import Asker, LateError, RaisedError
+from planner.risk.ask_predictor import Asker, LateError
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
@@ -336,21 +336,19 @@ class Navigator:
         side, patience = self.config.predicted_side, self.config.deadline
         if self._tick == 0:
             patience = max(FIRST_DEADLINE, patience)
-        frame, x, y = self.known.frame, float(state[0]), float(state[1])
-        crop, beyond = self.known.crop(frame.square(x, y, side)), self._asker.context_side
-        around = self.known.crop(frame.square(x, y, beyond)) if beyond else None
+        view = View.of(self.known, state[:3].copy(), side, self._asker.context_side)
         clock.lap("crop")
         prediction = None
         try:
-            prediction = self._asker.ask(crop, state[:3].copy(), patience, around)
+            prediction = self._asker.ask(view, patience)
             if prediction.nan_cells:
                 faults.append("predictor_nan")
         except LateError:
             faults.append("predictor_late")
-        except BadPredictionError:
-            faults.append("predictor_bad")
         except RaisedError:
             faults.append("predictor_raised")
+        except BadPredictionError:
+            faults.append("predictor_bad")
         clock.lap("predict")
         return prediction
 

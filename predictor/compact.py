@@ -15,7 +15,7 @@ from foresee.mapping.context import CELLS, SIDE, context_of
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import Grid
 from foresee.mapping.resampling import resampled
-from foresee.prediction import Prediction, check_question, with_observed
+from foresee.prediction import Prediction, View, with_observed
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
 from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
@@ -49,7 +49,7 @@ class Compact:
         ValueError: if the runtime is not installed.
 
     Attributes:
-        context_side: side of the map that `predict` takes as `around` [m]; 0: it takes none.
+        context_side: side of the map that the network uses besides `known` [m]; 0: it uses none.
     """
 
     def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
@@ -58,30 +58,15 @@ class Compact:
         self.weights = weights
         self.context_side = SIDE if self._config.context else 0.0
 
-    def predict(
-        self, known: Grid, pose: NDArray[np.float64], around: Grid | None = None
-    ) -> Prediction:
-        """Predict the unobserved part of a window.
-
-        Args:
-            known: map of all that was observed in the window, of any size.
-            pose: x, y, yaw of the robot, (3,) [m, m, rad].
-            around: map of all that was observed in a square of `context_side` around the window;
-                None: `known` is all that there is.
-
-        Raises:
-            ValueError: if the window is empty, the pose not finite, or `around` of another size.
-        """
-        check_question(known, pose)
-        turns = quarters(float(pose[2]))
+    def predict(self, view: View) -> Prediction:
+        """Predict the unobserved part of a window of any size."""
+        known, turns = view.known, quarters(float(view.pose[2]))
         # The network was trained on maps of this resolution.
         fine, rows, cols = resampled(known, RESOLUTION)
         codes = codes_of(fine.cells).astype(np.int8)
         inputs: list[NDArray[Any]] = [np.rot90(codes, turns)]
         if self.context_side:
-            if around is None:
-                around = known.crop(known.frame.square(*_middle(known), SIDE))
-            inputs.append(np.rot90(context_of(around), turns, axes=(1, 2)))
+            inputs.append(np.rot90(context_of(_context(view.around)), turns, axes=(1, 2)))
         outputs = self._outputs(*inputs)
         outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
         p_free, p_occupied, confidence = outputs
@@ -157,7 +142,9 @@ def _loaded(
     return run, net.config, facts | {"runtime": runs_on}
 
 
-def _middle(known: Grid) -> tuple[float, float]:
-    """Return the middle of a map [m]."""
-    rows, cols = known.frame.shape
-    return known.frame.centre(0.5 * (rows - 1), 0.5 * (cols - 1))
+def _context(around: Grid) -> Grid:
+    """Return the square of `SIDE` in the middle of a map of any size."""
+    rows, cols = around.frame.shape
+    middle = around.frame.centre(0.5 * (rows - 1), 0.5 * (cols - 1))
+    square = around.frame.square(*middle, SIDE)
+    return around if square.shape == (rows, cols) else around.crop(square)

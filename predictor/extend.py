@@ -12,12 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN
 from foresee.mapping.kernels import njit
 from foresee.mapping.straight_lines import NONE, OPEN, look_back, main_direction, nearness
-from foresee.prediction import Prediction
+from foresee.prediction import Prediction, View
 
 
 @dataclass(frozen=True)
@@ -51,14 +50,17 @@ class Extend:
         config: constants of the predictor.
     """
 
+    context_side = 0.0
+
     def __init__(self, config: ExtendConfig | None = None) -> None:
         self.config = config or ExtendConfig()
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    def predict(self, view: View) -> Prediction:
         """Extend a known map along the main direction of its walls."""
-        config, resolution, cells = self.config, known.frame.resolution, known.cells
+        config, known = self.config, view.known
+        resolution, cells = known.frame.resolution, known.cells
         # Without a wall, the robot's heading is the best guess of the building's direction.
-        angle = main_direction(cells, default=float(pose[2]))
+        angle = main_direction(cells, default=float(view.pose[2]))
         lines = look_back(cells, angle, config.memory / resolution)
         p_free, p_occupied, confidence = _believe(
             cells,

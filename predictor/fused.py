@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import Grid
-from foresee.prediction import Prediction
+from foresee.prediction import Prediction, View
 from predictor.image_predictor import ImagePredictor, believed
 from predictor.weights import WeightsError
 
@@ -34,6 +33,8 @@ class Fused:
         parts: predictor of each network, the smallest expansion first.
         weights: file of each network, in the same order.
     """
+
+    context_side = 0.0
 
     def __init__(self, weights: Sequence[Path]) -> None:
         made = sorted(
@@ -79,23 +80,15 @@ class Fused:
         fingerprint = "+".join(facts["fingerprint"] for facts in every)
         return {"fingerprint": fingerprint, "runtime": every[0]["runtime"], **worlds}
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Predict the unobserved part of a window.
+    def predict(self, view: View) -> Prediction:
+        """Predict the unobserved part of a window."""
+        return believed(view.known, self.grey_layers(view))
 
-        Raises:
-            ValueError: if the window is empty or the pose not finite.
-        """
-        return believed(known, self.grey_layers(known, pose))
-
-    def grey_layers(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Return the layers of `ImagePredictor.grey_layers`, each cell from the smallest square.
-
-        Raises:
-            ValueError: if the window is empty or the pose not finite.
-        """
-        out = np.zeros((4, *known.frame.shape), dtype=np.float32)
+    def grey_layers(self, view: View) -> NDArray[np.float32]:
+        """Return the layers of `ImagePredictor.grey_layers`, each cell from the smallest square."""
+        out = np.zeros((4, *view.known.frame.shape), dtype=np.float32)
         for part in self.parts:
-            out = np.where(out[3] > 0, out, part.grey_layers(known, pose))
+            out = np.where(out[3] > 0, out, part.grey_layers(view))
             if out[3].all():
                 break
         return out

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from foresee.mapping.conventions import CROP_SIDE
 from foresee.mapping.grid import Grid, GridFrame, paste
-from foresee.prediction import Prediction, check_question, with_observed
+from foresee.prediction import Prediction, View, with_observed
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
 from predictor.networks.grey_map import level_of
@@ -42,57 +42,46 @@ class ImagePredictor:
         ValueError: if the runtime is not installed.
     """
 
+    context_side = 0.0
+
     def __init__(self, weights: Path, runtime: str | None = None) -> None:
         changed = weights.stat().st_mtime_ns if weights.is_file() else 0
         self._run, self.config, self._chances, self.facts = _loaded(weights, changed, runtime)
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
-        """Predict the unobserved part of a window.
-
-        Raises:
-            ValueError: if the window is empty or the pose not finite.
-        """
-        return believed(known, self.grey_layers(known, pose))
+    def predict(self, view: View) -> Prediction:
+        """Predict the unobserved part of a window."""
+        return believed(view.known, self.grey_layers(view))
 
     @property
     def given(self) -> str:
         """Input of the network: one of `predictor.networks.image_config.GIVEN`."""
         return self.config.given
 
-    def image(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Return the greys of the network in [-1, 1] on the frame of `known`; 0 outside its square.
+    def image(self, view: View) -> NDArray[np.float32]:
+        """Return the greys of the network in [-1, 1] on the map's frame; 0 outside its square."""
+        square, grey = self._grey(view)
+        return paste(square, grey, view.known.frame, np.float32(0.0))
 
-        Raises:
-            ValueError: if the window is empty or the pose not finite.
-        """
-        square, grey = self._grey(known, pose)
-        return paste(square, grey, known.frame, np.float32(0.0))
-
-    def grey_layers(self, known: Grid, pose: NDArray[np.float64]) -> NDArray[np.float32]:
+    def grey_layers(self, view: View) -> NDArray[np.float32]:
         """Return the greys of the network and their meaning on the frame of `known`.
 
         Returns:
             Grey in [-1, 1], p_free, p_occupied, and 1 inside the predicted square; all are 0
             outside of it: (4, rows, columns).
-
-        Raises:
-            ValueError: if the window is empty or the pose not finite.
         """
-        square, grey = self._grey(known, pose)
+        square, grey = self._grey(view)
         layers = (grey, *self._chances[:, level_of(grey)], np.ones_like(grey))
-        return np.stack([paste(square, layer, known.frame, np.float32(0.0)) for layer in layers])
+        frame = view.known.frame
+        return np.stack([paste(square, layer, frame, np.float32(0.0)) for layer in layers])
 
-    def _grey(
-        self, known: Grid, pose: NDArray[np.float64]
-    ) -> tuple[GridFrame, NDArray[np.float32]]:
+    def _grey(self, view: View) -> tuple[GridFrame, NDArray[np.float32]]:
         """Return the predicted square, and the greys of the network there."""
-        check_question(known, pose)
-        x, y = float(pose[0]), float(pose[1])
+        known, (x, y, yaw) = view.known, (float(value) for value in view.pose)
         square = known.frame.square(x, y, CROP_SIDE * self.config.expansion)
         if self.config.given == "crop":
             known = known.crop(known.frame.square(x, y, CROP_SIDE))
         given = known.crop(square)
-        turns = quarters(float(pose[2])) if self.config.turned else 0
+        turns = quarters(yaw) if self.config.turned else 0
         image = image_of(np.rot90(codes_of(given.cells), turns), self.config.side)
         grey = pixels_at_cells(self._run(image[None])[0], square.shape[0])
         return square, np.rot90(grey, -turns)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foresee.mapping.grid import Grid
-from foresee.prediction import Prediction
+from foresee.prediction import Prediction, View
 
 
 class NoPrediction:
     """A predictor that predicts nothing: the baseline."""
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    context_side = 0.0
+
+    def predict(self, view: View) -> Prediction:
         """Return the observed cells, with confidence 0 elsewhere."""
+        known = view.known
         return Prediction(
             frame=known.frame,
             p_free=known.free.astype(np.float32),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import inspect
 import os
 import sys
 from functools import partial
@@ -14,7 +13,7 @@ from typing import Any
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
-from foresee.prediction import BadPredictionError, Predictor, context_side
+from foresee.prediction import BadPredictionError, Caller, Predictor
 from predictor.compact import Compact
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
@@ -68,18 +67,10 @@ def load_predictor(spec: str) -> Predictor:
         predictor = factory()
     except (Exception, SystemExit) as error:
         raise PredictorError(f"predictor {spec!r} could not be made: {one_line(error)}") from error
-    predict = getattr(predictor, "predict", None)
-    if not callable(predict):
-        raise PredictorError(f"predictor {spec!r} has no method predict(known, pose) -> Prediction")
     try:
-        names = ("known", "pose", "around")[: 3 if context_side(predictor) else 2]
+        Caller(predictor)
     except BadPredictionError as error:
         raise PredictorError(f"predictor {spec!r}: {error}") from error
-    if not _takes(predict, len(names)):
-        raise PredictorError(
-            f"predictor {spec!r} has predict{inspect.signature(predict)}, it must be "
-            f"predict({', '.join(names)}) -> Prediction"
-        )
     loaded: Predictor = predictor
     return loaded
 
@@ -158,14 +149,3 @@ def _module(path: str, spec: str) -> ModuleType:
         raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
     except (Exception, SystemExit) as error:
         raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
-
-
-def _takes(predict: Any, count: int) -> bool:
-    """Return whether a method can be called with a number of arguments."""
-    try:
-        inspect.signature(predict).bind(*(None,) * count)
-    except TypeError:
-        return False
-    except ValueError:  # Compiled code may have no signature to read.
-        return True
-    return True

@@ -1,6 +1,8 @@
 """Maps as files, in the format of ROS map_server: a YAML file that names an image.
 
-The meaning of pixels is that of nav2_map_server (`map_io.cpp`), which agrees with ROS 1's.
+The meaning of pixels is that of nav2_map_server (`map_io.cpp`, since April 2025): thresholds are
+inclusive, the shade is that of the colours alone, and a pixel that is not opaque is unknown. There
+is one exception, see `SAVED`.
 """
 
 from __future__ import annotations
@@ -32,6 +34,15 @@ MAX_YAML = 20_000
 """Largest size of a YAML file [bytes]."""
 MAX_METRES = 1e6
 """Largest coordinate of an origin, and coarsest resolution [m]."""
+MOST_TURN = 0.1
+"""Largest distance by which the yaw of an origin may move a cell [cells]; it then counts as 0."""
+SAVED = {0, 205, 254, 255}
+"""Shades that map savers write for occupied, unknown and free, and white. An image without others
+tells what is unknown: its 205 stays unknown where the thresholds would make it free, as those of
+Nav2's map saver (`free_thresh: 0.25`) do."""
+WORDS = {"false": False, "no": False, "off": False, "true": True, "yes": True, "on": True}
+PHOTOMETRIC = 262
+"""Tag of a TIFF that says what its shades mean."""
 FORMATS = ("PNG", "PPM", "BMP", "JPEG", "TIFF", "GIF")
 """Image formats that are read. For some others, such as EPS, Pillow starts other programs."""
 
@@ -48,15 +59,17 @@ class MapFile:
         image: path of the image.
         resolution: side of a cell [m].
         origin: x, y of the image's lower-left corner [m].
+        yaw: turn of the image about that corner [rad]; `load_world` allows only a negligible one.
         negate: whether white means occupied; ignored in raw mode.
-        occupied_thresh: share of black above which a pixel is occupied, in [0, 1].
-        free_thresh: share of black below which a pixel is free, in [0, 1].
+        occupied_thresh: share of black from which on a pixel is occupied, in [0, 1].
+        free_thresh: share of black up to which a pixel is free, in [0, 1].
         mode: one of `MODES`.
     """
 
     image: Path
     resolution: float
     origin: tuple[float, float]
+    yaw: float = 0.0
     negate: bool = False
     occupied_thresh: float = 0.65
     free_thresh: float = 0.196
@@ -79,6 +92,11 @@ def load_world(path: str | Path) -> World:
     path = Path(path)
     meta = read_yaml(path)
     data = occupancy(_read_image(meta.image), meta)
+    turn = abs(math.remainder(meta.yaw, math.tau))
+    if turn * math.hypot(*data.shape) > MOST_TURN:
+        raise MapError(
+            f"{path}: origin has a yaw of {meta.yaw:g} rad, which is unsupported: turn the map"
+        )
     free, occupied = FREE, OCCUPIED
     if meta.mode == "raw":
         free, occupied = round(100 * meta.free_thresh), round(100 * meta.occupied_thresh)
@@ -144,13 +162,12 @@ def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
     image, mode, origin = said["image"], said.get("mode", "trinary"), said["origin"]
     if not isinstance(image, str) or not image or "\0" in image:
         raise MapError(f"{path}: image is {short(image)}, it must be a path")
-    if mode not in MODES:
+    mode = "trinary" if mode is None else mode
+    if not isinstance(mode, str) or mode.lower() not in MODES:
         raise MapError(f"{path}: mode is {short(mode)}, it must be one of {', '.join(MODES)}")
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin is {short(origin)}, it must be [x, y, yaw]")
     x, y, yaw = (_number(path, "origin", value) for value in origin)
-    if yaw != 0:
-        raise MapError(f"{path}: origin has a yaw of {yaw} rad, which is unsupported: turn the map")
     resolution = _number(path, "resolution", said["resolution"])
     if not 1e-4 <= resolution <= MAX_METRES:
         raise MapError(f"{path}: resolution is {resolution} m, it must lie between 1e-4 and 1e6 m")
@@ -163,11 +180,9 @@ def _checked(path: Path, said: dict[Any, Any]) -> MapFile:
             f"{path}: free_thresh {free} and occupied_thresh {occupied} "
             "must satisfy 0 <= free_thresh < occupied_thresh <= 1"
         )
-    if said["negate"] not in (0, 1):
-        raise MapError(f"{path}: negate is {short(said['negate'])}, it must be 0 or 1")
-    return MapFile(
-        path.parent / image, resolution, (x, y), bool(said["negate"]), occupied, free, mode
-    )
+    negate = _flag(path, "negate", said["negate"])
+    place = path.parent / image
+    return MapFile(place, resolution, (x, y), yaw, negate, occupied, free, mode.lower())
 
 
 def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.int8]:
@@ -180,38 +195,35 @@ def occupancy(pixels: NDArray[np.unsignedinteger], meta: MapFile) -> NDArray[np.
             or three channels are colours; a second or fourth one is alpha.
         meta: mode, thresholds and negation.
     """
-    height, width, _ = pixels.shape
+    height, width, channels = pixels.shape
     data = np.empty((height, width), dtype=np.int8)
     full = np.iinfo(pixels.dtype).max
     # Strip by strip, since the arithmetic takes many times the memory of the image.
     for top in range(0, height, 256):
         data[top : top + 256] = _strip(pixels[top : top + 256] / full, meta)
+    colours = pixels[:, :, : channels - (channels in (2, 4))]
+    if meta.mode == "trinary" and full == 255 and set(np.unique(colours)) <= SAVED:
+        data[(colours == 205).all(axis=2)] = UNKNOWN
     return np.ascontiguousarray(data[::-1])
 
 
 def _strip(pixels: NDArray[np.float64], meta: MapFile) -> NDArray[np.float64]:
     """Return the occupancies of some rows of pixels in [0, 1], top row first."""
     alpha = pixels.shape[2] in (2, 4)
-    colours = pixels[:, :, :-1] if alpha else pixels
-    if alpha and meta.mode == "trinary":
-        # In this mode map_server averages all four channels; grey counts as three equal ones.
-        colours = pixels[:, :, [0, 0, 0, 1]] if pixels.shape[2] == 2 else pixels
-    shade = colours.mean(axis=2)
+    shade = (pixels[:, :, :-1] if alpha else pixels).mean(axis=2)
     if meta.mode == "raw":
         value = np.round(255 * shade)
         return np.where(value <= 100, value, UNKNOWN)
-    # Rounded, so that a shade equal to a threshold, such as 0.8 = 204/255, is on neither side.
+    # Rounded, so that a shade equal to a threshold, such as 0.8 = 204/255, is on its side.
     black = np.round(shade if meta.negate else 1.0 - shade, 12)
     between = np.full(black.shape, float(UNKNOWN))
     if meta.mode == "scale":
         ratio = (black - meta.free_thresh) / (meta.occupied_thresh - meta.free_thresh)
         # 0 and 100 are reserved for pixels beyond a threshold, as in ROS 1.
         between = np.clip(np.rint(100 * ratio), 1, 99)
-    data = np.where(black < meta.free_thresh, FREE, between)
-    data = np.where(black > meta.occupied_thresh, OCCUPIED, data)
-    if alpha and meta.mode == "scale":
-        data = np.where(pixels[:, :, -1] < 1.0, UNKNOWN, data)
-    return data
+    data = np.where(black <= meta.free_thresh, FREE, between)
+    data = np.where(black >= meta.occupied_thresh, OCCUPIED, data)
+    return np.where(pixels[:, :, -1] < 1.0, UNKNOWN, data) if alpha else data
 
 
 def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
@@ -236,8 +248,13 @@ def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
 
 def _channels(image: Image.Image) -> NDArray[np.unsignedinteger]:
     """Return an open image's pixels: one channel of grey or three of colour, and alpha if any."""
+    if image.mode == "I" and image.format == "TIFF":
+        raise ValueError("its pixels are 32-bit numbers: save it with 8 or 16 bits a pixel")
     if image.mode.startswith("I"):
-        return np.asarray(image).astype(np.uint16)[:, :, None]
+        shades = np.asarray(image).astype(np.uint16)[:, :, None]
+        # In a TIFF, 0 may stand for white; Pillow turns the shades of 8 bits only.
+        white = getattr(image, "tag_v2", {}).get(PHOTOMETRIC, 1)
+        return np.uint16(65535) - shades if white == 0 else shades
     if image.mode == "F":
         raise ValueError("its pixels are floating-point numbers")
     grey = image.mode in ("1", "L", "LA")
@@ -258,3 +275,19 @@ def _number(path: Path, key: str, value: object) -> float:
     except (ValueError, OverflowError) as error:
         raise MapError(f"{path}: {key} holds {short(value)}, it must be a finite number") from error
     return number
+
+
+def _flag(path: Path, key: str, value: object) -> bool:
+    """Return a value as a truth value; like Nav2, accept a number or a word, also in quotes."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, str) and value.strip().lower() in WORDS:
+        return WORDS[value.strip().lower()]
+    if isinstance(value, int | float | str):
+        try:
+            number = float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
+        if number in (0, 1):
+            return bool(number)
+    raise MapError(f"{path}: {key} is {short(value)}, it must be 0 or 1")

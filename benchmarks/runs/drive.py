@@ -17,8 +17,8 @@ from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
 from foresee.infra.workers import WorkersError
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.grid import Grid, OccupancyGrid
-from foresee.prediction import Prediction, Predictor
+from foresee.mapping.grid import OccupancyGrid
+from foresee.prediction import Prediction, Predictor, View
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.provenance import fingerprint_of, has_learned
 from predictor.registry import load_frontiers, load_predictor
@@ -42,16 +42,17 @@ class Oracle:
         world: true map of the building.
     """
 
+    context_side = 0.0
+
     def __init__(self, world: World) -> None:
         self.world = world
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    def predict(self, view: View) -> Prediction:
         """Return the true map with a confidence of 1."""
-        free, surface = self.world.truth(known.frame)
-        confidence = np.ones(known.frame.shape, dtype=np.float32)
-        return Prediction(
-            known.frame, free.astype(np.float32), surface.astype(np.float32), confidence
-        )
+        frame = view.known.frame
+        free, surface = self.world.truth(frame)
+        confidence = np.ones(frame.shape, dtype=np.float32)
+        return Prediction(frame, free.astype(np.float32), surface.astype(np.float32), confidence)
 
 
 def score(

@@ -70,9 +70,16 @@ def trace_beams(marks, x, y, first, step, ranges, longest):  # type: ignore[no-u
     # Hits are marked last: a cell that a beam ends in is a hit even if other beams cross it.
     for beam in range(count):
         if 0.0 < ranges[beam] < longest:
+            end_x, end_y = x + cos[beam] * ranges[beam], y + sin[beam] * ranges[beam]
+            beside = abs(end_x - round(end_x)) < _TINY, abs(end_y - round(end_y)) < _TINY
+            along = abs(sin[beam]) < _TINY, abs(cos[beam]) < _TINY
+            if (beside[0] and beside[1]) or (beside[1] and along[0]) or (beside[0] and along[1]):
+                # Its end is a corner, or it runs along the line between two cells: each of the
+                # cells that meet there may have stopped it, and the others may be free.
+                continue
             # A beam that ends on a cell's side ends in the cell beyond, the one that stopped it.
-            row = math.floor(y + sin[beam] * ranges[beam] + math.copysign(_TINY, sin[beam]))
-            col = math.floor(x + cos[beam] * ranges[beam] + math.copysign(_TINY, cos[beam]))
+            row = math.floor(end_y + math.copysign(_TINY, sin[beam]))
+            col = math.floor(end_x + math.copysign(_TINY, cos[beam]))
             if 0 <= row < rows and 0 <= col < cols:
                 marks[row, col] = 2
 

@@ -32,7 +32,7 @@ def stamp(root: Path) -> str:
         root: folder that contains the packages.
     """
     digest = hashlib.sha256()
-    for package in ("planner", "predictor", "sim"):
+    for package in ("foresee", "sim", "planner", "predictor", "benchmarks"):
         for path in sorted((root / package).rglob("*.py")):
             source = path.read_bytes()
             if b"@njit" in source:

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import queue
 import threading
+from copy import deepcopy
 
-import numpy as np
-from numpy.typing import NDArray
-
-from foresee.mapping.grid import Grid
-from foresee.prediction import (
-    BadPredictionError,
-    Prediction,
-    Predictor,
-    checked,
-    context_side,
-    copied,
-)
+from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, RaisedError, View
 
 
 class LateError(Exception):
     """The prediction is late, or the predictor still works on an earlier one."""
-
-
-class RaisedError(Exception):
-    """The predictor raised an exception; it is the `__cause__`."""
 
 
 class Asker:
@@ -37,32 +23,23 @@ class Asker:
         predictor: predictor to call.
 
     Attributes:
-        context_side: side of the larger square whose observed map the predictor also gets [m];
-            0: it gets none.
+        context_side: side of the larger square that the predictor wants to see [m]; 0: none.
 
     Raises:
-        BadPredictionError: if the predictor's `context_side` is not a length.
+        BadPredictionError: if it cannot be called as a predictor.
     """
 
     def __init__(self, predictor: Predictor) -> None:
-        self.predictor = predictor
-        self.context_side = context_side(predictor)
+        self._caller = Caller(predictor)
+        self.context_side = self._caller.context_side
         self._thread: threading.Thread | None = None
 
-    def ask(
-        self,
-        known: Grid,
-        pose: NDArray[np.float64],
-        patience: float,
-        around: Grid | None = None,
-    ) -> Prediction:
+    def ask(self, view: View, patience: float) -> Prediction:
         """Ask for a prediction, and check it.
 
         Args:
-            known: observed map of the square to predict.
-            pose: x, y, yaw of the car, (3,) [m, m, rad].
+            view: what was observed.
             patience: time to wait for the prediction [s].
-            around: observed map of the square of `context_side`; None if that is 0.
 
         Raises:
             LateError: if there is no prediction after `patience`, or an earlier call still runs.
@@ -71,35 +48,29 @@ class Asker:
         """
         if self._thread is not None and self._thread.is_alive():
             raise LateError
-        # Copies, since a plug-in may write into its arguments, even later from its own thread.
-        copies = copied(known, pose, around)
-        answers: queue.SimpleQueue[Prediction | RaisedError | BadPredictionError]
-        answers = queue.SimpleQueue()
+        # A copy, since a plug-in may write into its arguments, even later from its own thread.
+        given = deepcopy(view)
+        answers: queue.SimpleQueue[Prediction | BadPredictionError] = queue.SimpleQueue()
 
         def work() -> None:
+            # The answer is checked in this thread, since reading it may run code of the plug-in.
             try:
-                answer = self.predictor.predict(*copies)
-            except BaseException as error:
-                raised = RaisedError()
-                raised.__cause__ = error
-                answers.put(raised)
-                return
-            try:
-                # Checked in this thread, since reading a field may run code of the plug-in.
-                answers.put(checked(answer, known))
+                answers.put(self._caller.ask(view, given))
             except BadPredictionError as error:
                 answers.put(error)
-            except BaseException as odd:
-                answers.put(BadPredictionError(f"to read it raised {type(odd).__name__}"))
+            except BaseException as error:
+                raised = RaisedError(f"the predictor raised {type(error).__name__}")
+                raised.__cause__ = error
+                answers.put(raised)
 
         self._thread = threading.Thread(target=work, name="predictor", daemon=True)
         self._thread.start()
         try:
-            found = answers.get(timeout=patience)
+            answer = answers.get(timeout=patience)
         except queue.Empty:
             raise LateError from None
         # The thread is about to end; without this, the next call might still find it alive.
         self._thread.join()
-        if isinstance(found, Exception):
-            raise found
-        return found
+        if isinstance(answer, BadPredictionError):
+            raise answer
+        return answer

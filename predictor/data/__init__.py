@@ -23,6 +23,8 @@ CARMEN = (".log", ".clf", ".carmen")
 """Endings of CARMEN logs, before .gz."""
 BAGS = (".bag", ".mcap", ".db3")
 """Endings of ROS bags; a bag of ROS 2 may also be a folder."""
+PACKED = (".gz", ".bz2", ".lz4", ".xz", ".zst", ".zstd", ".zip")
+"""Endings of compressed files."""
 LOG_FORMATS = (
     f"CARMEN ({', '.join(CARMEN)}, also compressed: .gz), "
     f"ROS ({', '.join(BAGS)}, or the folder of a ROS 2 bag)"

@@ -16,6 +16,7 @@ Without it, the LIDAR is assumed to be a SICK with a field of view of 180°.
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import math
 import zlib
@@ -38,6 +39,8 @@ HALF_DEGREE = 300
 """Number of beams at or above which they are half a degree apart instead of one degree."""
 COMMON = (180, 181, 360, 361)
 """Usual numbers of beams of a SICK's scan."""
+BINARY = frozenset(map(chr, range(32))) - frozenset("\t\n\v\f\r\x1a")
+"""Characters that no text holds; control-Z ends the files of old systems."""
 ANGLES = ("angle_min_deg", "angle_inc_deg")
 """Keys of the first beam's direction, and of the angle from one beam to the next."""
 
@@ -99,8 +102,8 @@ def sidecar_of(path: Path) -> Path:
 def read_carmen(path: Path) -> LaserLog:
     """Read a whole log.
 
-    Ranges that are negative or NaN are ignored and counted. Any other fault is an error, since the
-    lines after it cannot be trusted.
+    Ranges that are negative or NaN, and scans of less than two beams, are left out and counted. Any
+    other fault is an error, since the lines after it cannot be trusted.
 
     Raises:
         LogError: if the log is cut off or damaged, or has no FLASER line.
@@ -110,7 +113,7 @@ def read_carmen(path: Path) -> LaserLog:
     poses: list[NDArray[np.float64]] = []
     times: list[float] = []
     kinds: Counter[str] = Counter()
-    bad = most = 0
+    bad = empty = most = 0
     for number, line in _lines(path):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -128,6 +131,9 @@ def read_carmen(path: Path) -> LaserLog:
                 f"lines before it have {most - 9}"
             )
         most = after
+        if count < 2:
+            empty += 1
+            continue
         ranges, wrong = cleaned(values[:count], 0.0)
         bad += wrong
         # A SICK returns this where nothing is in range, but also for black walls and for glass.
@@ -137,11 +143,14 @@ def read_carmen(path: Path) -> LaserLog:
         poses.append(values[count : count + 3])
         times.append(float(values[-1]))
     if not scans:
-        found = ", ".join(kind[:20] for kind, _ in kinds.most_common(8)) or "none"
-        raise LogError(f"{path} has no FLASER line; its lines are: {found}")
+        if empty:
+            raise LogError(f"{path}: each of its {empty} scans has less than two beams")
+        names = ", ".join(kind[:20] for kind, _ in kinds.most_common(8)) or "none"
+        raise LogError(f"{path} has no FLASER line; its lines are: {names}")
     usable = sidecar.clock and bool((np.diff(times) > 0).all())
     clock = np.array(times) if usable else None
-    return LaserLog(name_of(path), tuple(scans), np.array(poses), clock, {"bad ranges": bad})
+    skipped = {"bad ranges": bad, "bad scans": empty}
+    return LaserLog(name_of(path), tuple(scans), np.array(poses), clock, skipped)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -150,12 +159,19 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
     try:
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
-        with (gzip.open if packed else open)(path, "rt", encoding="ascii") as file:
+        unpacked = gzip.open if packed else open
+        with unpacked(path, "rb") as file:
+            wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        # Comments may be in any encoding; what is read is ASCII.
+        encoding = "utf-16" if wide else "utf-8-sig"
+        with unpacked(path, "rt", encoding=encoding, errors="surrogateescape") as file:
             for number, line in enumerate(file, 1):
+                if not BINARY.isdisjoint(line):
+                    raise LogError(f"{path} is no CARMEN log: it is not text (line {number})")
                 yield number, line
     except EOFError:
         raise LogError(f"{path} is cut off after line {number}") from None
-    except UnicodeDecodeError:
+    except UnicodeError:
         raise LogError(f"{path} is no CARMEN log: it is not text (line {number + 1})") from None
     except (gzip.BadGzipFile, zlib.error) as error:
         raise LogError(f"{path} is damaged after line {number}: {error}") from error
@@ -170,8 +186,8 @@ def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:
         count = int(words[1])
     except (IndexError, ValueError):
         raise LogError(f"{where}: FLASER is followed by no number of beams") from None
-    if count < 2:
-        raise LogError(f"{where}: a scan of {count} beams, at least 2 are needed")
+    if count < 0:
+        raise LogError(f"{where}: a scan of {count} beams")
     if len(words) > count + 11:
         raise LogError(
             f"{where} has {len(words) - count - 11} words too many after {count} ranges:"

@@ -27,8 +27,10 @@ class LaserLog:
         scans: scans in the order in which they were taken; each has its sensor's range.
         poses: x, y [m], yaw [rad] of the sensor at each scan, (n, 3).
         times: times of the scans [s], (n,); None if the log's clock cannot be used.
-        skipped: what was skipped, and how often: "bad ranges" (NaN or negative), "scans without
-            a pose".
+        skipped: what was skipped, and how often: "bad ranges" (NaN or negative), "bad scans"
+            (without beams, or with directions or a range that make no sense), "bad transforms"
+            (NaN, or no rotation), "scans without a pose".
+        notes: one line for each property of the log that the reader worked around.
     """
 
     name: str
@@ -36,6 +38,7 @@ class LaserLog:
     poses: NDArray[np.float64]
     times: NDArray[np.float64] | None
     skipped: dict[str, int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.scans:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from predictor.data import CARMEN, LOG_FORMATS
+from predictor.data import CARMEN, LOG_FORMATS, PACKED
 from predictor.data.bags import BagConfig, is_bag, read_bag
 from predictor.data.carmen import name_of, read_carmen, sidecar_of
 from predictor.data.frames import checksum
@@ -14,7 +14,9 @@ from predictor.data.laser_log import LaserLog, LogError
 
 def site_of(path: Path) -> str:
     """Return the name of a log: the name of its file or folder without endings."""
-    return name_of(path) if path.is_file() and not is_bag(path) else path.stem
+    if path.is_file() and not is_bag(path):
+        return name_of(path)
+    return (path.with_suffix("") if path.suffix in PACKED else path).stem
 
 
 def is_log(path: Path) -> bool:

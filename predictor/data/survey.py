@@ -61,6 +61,7 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
         "world": world_hash(cells_of(recording.truth)),
         "clock": log.times is not None,
         "skipped": log.skipped,
+        "notes": list(log.notes),
     }
     return write_trajectory(folder, site_of(path), recording.arrays(), about)
 

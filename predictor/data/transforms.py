@@ -1,8 +1,10 @@
-"""The tree of transforms of ROS (tf): the pose of one frame in another at any time."""
+"""The transforms of ROS (tf): the pose of one frame in another at any time."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,23 +13,21 @@ from scipy.spatial.transform import Rotation, Slerp
 
 LONGEST_GAP = 1.0
 """Longest time between two transforms between which poses are interpolated [s]."""
-MOST_FRAMES = 50
-"""Longest chain of frames; a longer one is a loop."""
+SHORTEST = 1e-6
+"""Smallest norm of a quaternion that counts as a rotation; drivers send zeros before they know."""
 
 
 @dataclass
 class Edge:
-    """The transforms of one frame, the child, in its parent at several times.
+    """The transforms of one frame, the child, in another, its parent, at several times.
 
     Attributes:
-        parent: frame that the transforms are given in.
         fixed: whether the last transform holds at all times.
         times: times of the transforms [s].
         positions: x, y, z of each [m].
         turns: quaternion x, y, z, w of each.
     """
 
-    parent: str
     fixed: bool
     times: list[float] = field(default_factory=list)
     positions: list[tuple[float, float, float]] = field(default_factory=list)
@@ -53,10 +53,16 @@ class Edge:
 
 
 class Transforms:
-    """A tree of frames; each has one parent, the one that was added last."""
+    """A graph of frames; a frame may have several parents, of which a look-up takes one path.
+
+    Attributes:
+        edges: child → parent → transforms of the child in the parent.
+        bad: number of transforms that were left out, since they hold NaN or no rotation.
+    """
 
     def __init__(self) -> None:
-        self.edges: dict[str, Edge] = {}
+        self.edges: dict[str, dict[str, Edge]] = {}
+        self.bad = 0
 
     def add(
         self,
@@ -68,28 +74,44 @@ class Transforms:
         fixed: bool = False,
     ) -> None:
         """Add the pose of a child in its parent at a time [s]: position [m], quaternion x y z w."""
-        edge = self.edges.get(child)
-        if edge is None or edge.parent != parent or edge.fixed != fixed:
-            edge = self.edges[child] = Edge(parent, fixed)
+        if not np.isfinite((time, *position, *turn)).all() or math.hypot(*turn) < SHORTEST:
+            self.bad += 1
+            return
+        parents = self.edges.setdefault(child, {})
+        edge = parents.get(parent)
+        if edge is None or edge.fixed != fixed:
+            edge = parents[parent] = Edge(fixed)
         edge.times.append(time)
         edge.positions.append(position)
         edge.turns.append(turn)
 
-    def chain(self, child: str) -> list[str]:
-        """Return a frame and its ancestors up to the root."""
-        found = [child]
-        while found[-1] in self.edges and len(found) < MOST_FRAMES:
-            found.append(self.edges[found[-1]].parent)
-        return found
+    @property
+    def frames(self) -> list[str]:
+        """Names of all frames, sorted."""
+        return sorted({*self.edges, *(name for parents in self.edges.values() for name in parents)})
+
+    def paths(self, child: str) -> dict[str, list[str]]:
+        """Return the ancestors of a frame, the nearest first, each with the frames on the way.
+
+        A path starts with `child` and ends with the ancestor; `child` itself is the first one.
+        """
+        paths, front = {child: [child]}, [child]
+        for frame in front:
+            for parent in self.edges.get(frame, {}):
+                if parent not in paths:
+                    paths[parent] = [*paths[frame], parent]
+                    front.append(parent)
+        return paths
 
     def carrier(self, child: str) -> str:
         """Return the topmost frame that a frame is fixed to: for a sensor, the robot."""
-        for _ in range(MOST_FRAMES):
-            edge = self.edges.get(child)
-            if edge is None or not edge.fixed:
-                break
-            child = edge.parent
-        return child
+        passed = {child}
+        while True:
+            fixed = [name for name, edge in self.edges.get(child, {}).items() if edge.fixed]
+            if not fixed or fixed[-1] in passed:
+                return child
+            child = fixed[-1]
+            passed.add(child)
 
     def look_up(
         self, root: str, child: str, times: NDArray[np.float64]
@@ -110,11 +132,8 @@ class Transforms:
         positions = np.zeros((len(times), 3))
         turn = Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (len(times), 1)))
         known = np.ones(len(times), dtype=bool)
-        for frame in self.chain(child):
-            if frame == root:
-                return positions, turn, known
-            if frame in self.edges:
-                offset, rotation, inside = self.edges[frame].at(times)
-                positions = rotation.apply(positions) + offset
-                turn, known = rotation * turn, known & inside
-        raise KeyError(root)
+        for frame, parent in pairwise(self.paths(child)[root]):
+            offset, rotation, inside = self.edges[frame][parent].at(times)
+            positions = rotation.apply(positions) + offset
+            turn, known = rotation * turn, known & inside
+        return positions, turn, known

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_opening
 
 from foresee.mapping.grid import world_hash
-from foresee.prediction import asked, context_side
+from foresee.prediction import Caller, View
 from planner.navigator import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
 from predictor.evaluation.settings import EvaluateConfig
@@ -56,6 +56,7 @@ def score_drive(
         return str(error)
     world, rng = task.world, np.random.default_rng(seed)
     predictors = {name: load_predictor(name) for name in config.predictors}
+    callers = {name: Caller(predictor) for name, predictor in predictors.items()}
     scores = {name: Scores() for name in rows_of(config)}
     similar: dict[str, list[float]] = {name: [] for name in (*predictors, BLANK)}
     taken: dict[str, list[float]] = {name: [] for name in predictors}
@@ -75,11 +76,9 @@ def score_drive(
         true_image = TERNARY[truth_codes(free, occupied)]
         blank = np.full(true_image.shape, 0.5)
         similar[BLANK].append(ssim(blank, true_image))
-        for name, predictor in predictors.items():
+        for name, caller in callers.items():
             begin = time.perf_counter()
-            beyond = context_side(predictor)
-            around = known.frame.square(state[0], state[1], beyond)
-            belief = asked(predictor, crop, state[:3], known.crop(around) if beyond else None)
+            belief = caller.ask(View.of(known, state[:3], side, caller.context_side))
             taken[name].append(1e3 * (time.perf_counter() - begin))
             image = ternary(crop, belief)
             similar[name].append(ssim(image, true_image))

@@ -69,4 +69,6 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
             frames.add(site_of(path), facts)
             passed = "".join(f"; skipped: {n} {what}" for what, n in facts["skipped"].items() if n)
             bar.write(f"{facts['map']}: {facts['count']} frames{passed}", file=sys.stderr)
+            for note in facts["notes"]:
+                bar.write(f"{facts['map']}: {note}", file=sys.stderr)
             bar.update()

@@ -1,10 +1,10 @@
 """Calibrations: what they certify, for whom, and whom they refuse."""
 
-import json
 from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from calibrations import SETTINGS, written
 
 from benchmarks import calibrate, tables
 from benchmarks.calibration import learn_then_test
@@ -15,22 +15,6 @@ from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
 from planner.risk.calibration import Calibration, CalibrationError
 from sim import empty_straight, save_world
-
-SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
-
-
-def written(path, **changes):
-    """Write a calibration of `SETTINGS` with some changes, and return its path."""
-    found = {
-        "kind": "calibration",
-        "conditions": conditions_of(SETTINGS),
-        "confidence": 0.9,
-        "certified": {"0.02": 0.003, "0.05": 0.01},
-        "seed": 100,
-        "levels": [{"drives": 200}, {"drives": 50}],
-    }
-    path.write_text(json.dumps(found | changes))
-    return path
 
 
 def test_a_risk_is_given_the_level_of_the_largest_certified_risk_below_it(tmp_path):

@@ -11,7 +11,8 @@ from foresee.prediction import Prediction
 class MyPredictor:
     """Believes that everything goes on being free, a little."""
 
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         free = known.free.astype(np.float32)
         free[known.unknown] = 0.6
         return Prediction(

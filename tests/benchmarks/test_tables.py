@@ -28,7 +28,7 @@ def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
 
 
 def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
-    folder = Path(__file__).parents[1] / "docs/results"
+    folder = Path(__file__).parents[2] / "docs/results"
     files = [folder / f"{name}.json" for name in ("corridor-5m", "corridor-fixed-5m")]
     older = json.loads(files[0].read_text())
     for episode in older["episodes"]:
@@ -52,7 +52,7 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
 
 
 def test_the_tables_of_runs_have_the_reliance_beside_what_became_of_it(capsys):
-    files = sorted((Path(__file__).parents[1] / "docs/results/reliance").glob("corridor-*.json"))
+    files = sorted((Path(__file__).parents[2] / "docs/results/reliance").glob("corridor-*.json"))
     assert len(files) > 1
     assert tables.main([str(path) for path in files]) == 0
     text = capsys.readouterr().out

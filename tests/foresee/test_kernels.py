@@ -15,7 +15,7 @@ ROOT = Path(planner.motion.contact.__file__).resolve().parents[2]
 
 
 def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
-    for package in ("planner", "predictor", "sim"):
+    for package in ("foresee", "planner", "predictor", "sim", "benchmarks"):
         shutil.copytree(
             ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("*cache*")
         )
@@ -25,7 +25,7 @@ def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
     plain.write_text(plain.read_text() + "# changed\n")
     assert stamp(tmp_path) == before
     for name in ("mapping/body.py", "mapping/context.py"):
-        kernel = tmp_path / "predictor" / name
+        kernel = tmp_path / "foresee" / name
         kernel.write_text(kernel.read_text() + "# changed\n")
         assert stamp(tmp_path) != before
         before = stamp(tmp_path)
@@ -62,11 +62,11 @@ def test_kernels_that_none_uses_any_more_go_and_others_stay(tmp_path):
 
 
 def test_a_package_that_cannot_be_written_keeps_them_in_the_users_cache(tmp_path, monkeypatch):
-    package = tmp_path / "predictor"
+    package = tmp_path / "foresee"
     mapping = package / "mapping"
     mapping.mkdir(parents=True)
     (package / "__pycache__").touch()
-    shutil.copy(ROOT / "predictor" / "mapping" / "kernels.py", mapping)
+    shutil.copy(ROOT / "foresee" / "mapping" / "kernels.py", mapping)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     code = "import kernels, numba; print(numba.config.CACHE_DIR)"

@@ -24,7 +24,7 @@ from foresee.mapping.grid import (
 )
 from foresee.mapping.scan import Scan
 from sim.families import generate
-from sim.lidar import Lidar
+from sim.lidar import Lidar, LidarConfig
 
 FRAME = GridFrame(0.1, (-3.0, -3.0), (60, 60))
 
@@ -161,6 +161,30 @@ def test_without_noise_nothing_that_is_seen_is_wrong(family):
         seen = known.crop(frame)
         assert not (seen.free & ~truth.free).any()
         assert not (seen.occupied & ~truth.occupied).any()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_nothing_that_is_seen_from_the_lattice_is_wrong(family):
+    """Beams along the lines between cells, and through their corners, end where cells meet."""
+    world = generate(family, 10_000)
+    truth, frame, rng = world.grid, world.grid.frame, np.random.default_rng(0)
+    lidar = Lidar(LidarConfig(mount=(0.0, 0.0, 0.0)))
+    for row, col in rng.permutation(np.argwhere(truth.free))[:40]:
+        for at in (-0.5, 0.0):
+            pose = *frame.centre(row + at, col + at), math.pi / 4 * rng.integers(-3, 5)
+            known = OccupancyGrid(frame, 10.0)
+            known.integrate(lidar.scan(world, pose), pose)
+            seen = known.crop(frame)
+            assert not (seen.free & ~truth.free).any()
+            assert not (seen.occupied & ~truth.occupied).any()
+
+
+def test_a_beam_that_ends_in_a_corner_hits_no_cell():
+    for angle in np.arange(8) * math.pi / 4:
+        marks = np.zeros((9, 9), np.uint8)
+        length = 2.0 * (math.sqrt(2.0) if round(4 * angle / math.pi) % 2 else 1.0)
+        trace_beams(marks, 4.0, 4.0, angle, 0.0, np.array([length]), 9.0)
+        assert not (marks == 2).any()
 
 
 def test_a_range_of_nan_says_nothing():

@@ -1,14 +1,16 @@
 """The contract of a predictor, over every one that is registered, and what `checked` refuses."""
 
 import dataclasses
+import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from foresee.checking import check_predictor
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from foresee.prediction import BadPredictionError, Prediction, Predictor, checked
+from foresee.prediction import BadPredictionError, Prediction, Predictor, View, checked
 from predictor import check
 from predictor.registry import available, load_predictor
 
@@ -27,6 +29,27 @@ def some_prediction(**changes) -> Prediction:
     return dataclasses.replace(Prediction(FRAME, half, half, half), **changes)
 
 
+def test_a_view_needs_a_cell_and_a_pose_of_numbers():
+    empty = Grid(GridFrame(0.05, (0.0, 0.0), (0, 0)), np.zeros((0, 0), np.int8))
+    with pytest.raises(ValueError, match="empty"):
+        View(empty, POSE)
+    with pytest.raises(ValueError, match="finite"):
+        View(cluttered(), np.array([0.0, np.nan, 0.0]))
+
+
+def test_a_view_of_a_map_shows_the_two_squares_around_the_robot():
+    known = cluttered()
+    view = View.of(known, POSE, 2.0, 6.0)
+    assert (view.known.frame.size, view.around.frame.size) == ((2.0, 2.0), (6.0, 6.0))
+    assert np.array_equal(view.around.crop(view.known.frame).cells, view.known.cells)
+    assert np.array_equal(view.around.crop(known.frame).cells, known.cells)
+
+
+def test_a_view_without_a_larger_map_shows_the_square_to_predict_as_such():
+    for view in (View(cluttered(), POSE), View.of(cluttered(), POSE, 2.0, 0.0)):
+        assert view.around is view.known
+
+
 @pytest.mark.parametrize("name", available())
 def test_every_registered_predictor_keeps_the_contract(name):
     predictor = load_predictor(name)
@@ -37,7 +60,7 @@ def test_every_registered_predictor_keeps_the_contract(name):
 @pytest.mark.parametrize("name", available())
 def test_every_registered_predictor_keeps_what_was_observed(name):
     known = cluttered()
-    prediction = load_predictor(name).predict(known, POSE)
+    prediction = load_predictor(name).predict(View(known, POSE))
     seen = ~known.unknown
     assert np.array_equal(prediction.p_free[seen], known.free[seen])
     assert np.array_equal(prediction.p_occupied[seen], known.occupied[seen])
@@ -47,12 +70,12 @@ def test_every_registered_predictor_keeps_what_was_observed(name):
 @pytest.mark.parametrize("name", available())
 def test_no_registered_predictor_is_sure_of_a_map_in_which_nothing_was_seen(name):
     known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
-    assert (load_predictor(name).predict(known, POSE).confidence < 0.5).all()
+    assert (load_predictor(name).predict(View(known, POSE)).confidence < 0.5).all()
 
 
 def test_no_prediction_has_no_confidence_in_unknown_cells():
     known = cluttered()
-    prediction = load_predictor("none").predict(known, POSE)
+    prediction = load_predictor("none").predict(View(known, POSE))
     for values in (prediction.p_free, prediction.p_occupied, prediction.confidence):
         assert not values[known.unknown].any()
 
@@ -102,16 +125,17 @@ def test_checked_refuses_what_is_no_prediction(answer):
 
 
 class Overwrites:
-    def predict(self, known, pose):
-        known.cells[:] = FREE
-        return load_predictor("none").predict(known, pose)
+    def predict(self, view):
+        view.known.cells[:] = FREE
+        return load_predictor("none").predict(view)
 
 
 class Dithers:
     def __init__(self):
         self.calls = 0
 
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         self.calls += 1
         p_free = np.full(known.frame.shape, 0.1 * (self.calls % 2), np.float32)
         return Prediction(known.frame, p_free, 0 * p_free, p_free)
@@ -136,7 +160,8 @@ class Claims:
     def __init__(self, confidence=1.0, nan=0, seconds=0.0):
         self.confidence, self.nan, self.seconds = confidence, nan, seconds
 
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         time.sleep(self.seconds)
         ones = np.ones(known.frame.shape)
         confidence = self.confidence * ones
@@ -150,9 +175,9 @@ class Remembers:
     def __init__(self):
         self.calls = 0
 
-    def predict(self, known, pose):
+    def predict(self, view):
         self.calls += 1
-        return Claims(0.5 if self.calls <= 4 else 0.25).predict(known, pose)
+        return Claims(0.5 if self.calls <= 4 else 0.25).predict(view)
 
 
 def test_check_predictor_warns_of_what_a_drive_would_suffer_from():
@@ -167,6 +192,15 @@ def test_check_predictor_warns_of_what_a_drive_would_suffer_from():
         assert said in warning
 
 
+def test_the_example_in_the_readme_keeps_the_contract():
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    [example] = [block for block in blocks if "class MyPredictor" in block]
+    names = {}
+    exec(example, names)
+    assert check_predictor(names["MyPredictor"]()) == ()
+
+
 def test_nan_in_every_cell_breaks_the_contract():
     with pytest.raises(BadPredictionError, match="NaN in every cell"):
         check_predictor(Claims(0.5, nan=1000))
@@ -174,7 +208,7 @@ def test_nan_in_every_cell_breaks_the_contract():
 
 def test_what_raises_breaks_the_contract_whatever_it_raises():
     class Exits:
-        def predict(self, known, pose):
+        def predict(self, view):
             raise SystemExit(0)
 
     with pytest.raises(BadPredictionError, match="raised SystemExit"):

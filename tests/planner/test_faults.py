@@ -26,7 +26,8 @@ class Misbehaving:
     def __init__(self, misbehave):
         self.misbehave, self.calls = misbehave, 0
 
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         self.calls += 1
         ones = np.ones(known.frame.shape, np.float32)
         zeros = np.zeros(known.frame.shape, np.float32)
@@ -153,11 +154,11 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
         return good
 
     class HangsLater(Misbehaving):
-        def predict(self, known, pose):
+        def predict(self, view):
             if self.calls == 0:
                 self.calls = 1
-                return Misbehaving(lambda good: good).predict(known, pose)
-            return super().predict(known, pose)
+                return Misbehaving(lambda good: good).predict(view)
+            return super().predict(view)
 
     driver = navigator(task, HangsLater(hangs), reliance=0.3, deadline=0.02)
     started = time.monotonic()
@@ -176,7 +177,7 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
 
 HANGS_FOR_GOOD = """
 import sys, time
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:]
 from test_faults import EpisodeConfig, Misbehaving, drive, navigator, straight
 
 started = time.monotonic()
@@ -188,9 +189,9 @@ def hangs(good):
 
 
 class Hangs(Misbehaving):
-    def predict(self, known, pose):
+    def predict(self, view):
         hangs.calls = self.calls
-        return super().predict(known, pose)
+        return super().predict(view)
 
 
 task = straight()
@@ -200,8 +201,9 @@ print("driven", flush=True)
 
 
 def test_a_predictor_that_hangs_for_good_does_not_keep_the_program_from_ending():
+    here = Path(__file__).parent
     done = subprocess.run(
-        [sys.executable, "-c", HANGS_FOR_GOOD, str(Path(__file__).parent)],
+        [sys.executable, "-c", HANGS_FOR_GOOD, str(here), str(here.parent / "support")],
         capture_output=True,
         text=True,
         timeout=20,

@@ -181,7 +181,8 @@ class Sure:
     def __init__(self, confidence=1.0):
         self.confidence = confidence
 
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         ones = np.ones(known.frame.shape, np.float32)
         return Prediction(known.frame, ones, 0 * ones, self.confidence * ones)
 

@@ -8,6 +8,7 @@ import pytest
 from predictor.data.bags import BagConfig, is_bag, read_bag
 from predictor.data.frames import Frames
 from predictor.data.laser_log import LogError
+from predictor.data.log_files import read_log
 from predictor.data.transforms import Transforms
 from predictor.dataset import main
 
@@ -45,6 +46,8 @@ class Bag:
             self.store.register(get_types_from_msg(definition, "tf2_msgs/msg/TFMessage"))
         self.writer = rosbag1.Writer(path) if ros == 1 else rosbag2.Writer(path, version=9)
         self.topics = {}
+        self.stopped = None
+        """Time at which the clock of the messages stands [s]; None: it runs."""
 
     def __enter__(self):
         self.writer.open()
@@ -61,7 +64,8 @@ class Bag:
 
     def header(self, time, frame):
         fields = (0,) if self.ros == 1 else ()
-        return self.make("std_msgs/msg/Header", *fields, self.stamp(time), frame)
+        stamp = self.stamp(time if self.stopped is None else self.stopped)
+        return self.make("std_msgs/msg/Header", *fields, stamp, frame)
 
     def write(self, topic, time, message):
         kind = message.__msgtype__
@@ -70,10 +74,18 @@ class Bag:
         pack = self.store.serialize_ros1 if self.ros == 1 else self.store.serialize_cdr
         self.writer.write(self.topics[topic], int(1e9 * time), pack(message, kind))
 
-    def scan(self, time, ranges=(2.0, 3.0, 4.0), topic="/scan", longest=25.0, step=0.5):
+    def scan(
+        self,
+        time,
+        ranges=(2.0, 3.0, 4.0),
+        topic="/scan",
+        longest=25.0,
+        step=0.5,
+        frame="laser",
+    ):
         message = self.make(
             "sensor_msgs/msg/LaserScan",
-            self.header(time, "laser"),
+            self.header(time, frame),
             -0.5,
             0.5,
             step,
@@ -97,8 +109,13 @@ class Bag:
         )
         self.write(topic, time, self.make("tf2_msgs/msg/TFMessage", [entry]))
 
-    def mount(self, roll=0.0):
-        self.transform(0.0, "base_link", "laser", LASER_AT, turn(TURN, roll), "/tf_static")
+    def mount(self, roll=0.0, topic="/tf_static"):
+        self.transform(0.0, "base_link", "laser", LASER_AT, turn(TURN, roll), topic)
+
+    def drive(self, times=(1.0, 2.0, 3.0), topic="/tf"):
+        """Drive along x at 1 m/s."""
+        for time in times:
+            self.transform(time, "map", "base_link", (time, 0.0, 0.0), turn(0.0), topic)
 
     def pose(self, time, x, y, yaw, kind="PoseStamped", topic="/pose"):
         point = self.make("geometry_msgs/msg/Point", x, y, 0.0)
@@ -281,10 +298,9 @@ def test_a_tree_that_does_not_know_the_map_says_what_it_knows(tmp_path):
         for time in (1.0, 2.0):
             out.transform(time, "odom", "base_link", (time, 0.0, 0.0), turn(0.0))
             out.scan(time)
-    with pytest.raises(LogError, match="has no poses"):
-        read_bag(out.path)
-    with pytest.raises(LogError, match=r"laser, base_link, odom, not to 'map'; --map-frame"):
-        read_bag(out.path, BagConfig(poses="/tf"))
+    for config in (BagConfig(), BagConfig(poses="/tf")):
+        with pytest.raises(LogError, match=r"laser to base_link, odom, not to 'map'; --map-frame"):
+            read_bag(out.path, config)
     log = read_bag(out.path, BagConfig(poses="/tf", map_frame="odom"))
     assert log.poses[:, 0] == pytest.approx([1.3, 2.3])
 
@@ -302,6 +318,174 @@ def test_beams_that_look_nowhere_are_refused(tmp_path, step):
         out.scan(1.0, step=step)
     with pytest.raises(LogError, match=rf"/scan has beams from -0\.5 rad on, {step} rad apart"):
         read_bag(out.path)
+
+
+@pytest.mark.parametrize("ros", ROS)
+@pytest.mark.parametrize("poses", ["tf", "topic"])
+def test_each_scan_of_several_lasers_on_a_topic_has_the_pose_of_its_own(tmp_path, ros, poses):
+    with bag(tmp_path, ros) as out:
+        out.mount()
+        out.transform(0.0, "base_link", "rear", (-0.5, 0.0, 0.1), turn(math.pi), "/tf_static")
+        if poses == "tf":
+            out.drive()
+        else:
+            for time in (1.0, 2.0, 3.0):
+                out.pose(time, time, 0.0, 0.0)
+        for time in (1.0, 1.5, 2.0, 2.5):
+            out.scan(time, frame="laser" if time % 1 == 0 else "rear")
+    log = read_bag(out.path)
+    for pose, time in zip(log.poses, (1.0, 1.5, 2.0, 2.5), strict=True):
+        wanted = laser(time, 0.0, 0.0) if time % 1 == 0 else (time - 0.5, 0.0, math.pi)
+        assert pose[:2] == pytest.approx(wanted[:2], abs=1e-6)
+        assert math.remainder(pose[2] - wanted[2], 2 * math.pi) == pytest.approx(0, abs=1e-6)
+
+
+def test_lasers_that_nothing_fixes_to_one_robot_are_refused(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        out.pose(1.0, 0.0, 0.0, 0.0)
+        for frame in ("laser", "rear"):
+            out.scan(1.0, frame=frame)
+    with pytest.raises(LogError, match="several frames, laser, rear, and no transform fixes"):
+        read_bag(out.path)
+
+
+@pytest.mark.parametrize("stopped", [0.0, 77.0])
+@pytest.mark.parametrize("poses", ["tf", "topic"])
+def test_where_the_stamps_stand_still_the_bags_own_times_are_used_and_said(
+    tmp_path, stopped, poses
+):
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        out.stopped = stopped
+        if poses == "tf":
+            out.drive()
+        else:
+            for time in (1.0, 2.0, 3.0):
+                out.pose(time, time, 0.0, 0.0)
+        for time in (1.25, 2.0, 2.75):
+            out.scan(time)
+    log = read_bag(out.path)
+    assert log.times == pytest.approx([1.25, 2.0, 2.75])
+    assert log.poses[:, 0] == pytest.approx([1.55, 2.3, 3.05])
+    topic = "/tf" if poses == "tf" else "/pose"
+    assert [line.partition(":")[0] for line in log.notes] == [
+        f"the stamps of {name} are all {stopped:g} s" for name in ("/scan", topic)
+    ]
+
+
+def test_a_scan_that_repeats_the_time_of_the_last_one_is_skipped_and_counted(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        out.drive()
+        for time in (1.0, 1.5, 1.5, 1.5, 2.0):
+            out.scan(time)
+        out.transform(0.0, "base_link", "rear", (-0.5, 0.0, 0.1), turn(0.0), "/tf_static")
+        out.scan(1.5, frame="rear")
+    log = read_bag(out.path)
+    assert log.times == pytest.approx([1.0, 1.5, 1.5, 2.0])
+    assert log.skipped["scans that repeat a time"] == 2
+
+
+@pytest.mark.parametrize("ros", ROS)
+def test_transforms_in_a_namespace_are_read(tmp_path, ros):
+    with bag(tmp_path, ros) as out:
+        out.mount(topic="/robot1/tf_static")
+        out.drive(topic="/robot1/tf")
+        for time in (1.0, 1.5, 2.0, 2.5):
+            out.scan(time, topic="/robot1/scan")
+    log = read_bag(out.path)
+    assert log.poses[:, 0] == pytest.approx([1.3, 1.8, 2.3, 2.8])
+    assert log.skipped["scans without a pose"] == 0
+
+
+def test_of_several_robots_the_transforms_of_the_one_with_the_scans_are_read(tmp_path):
+    with bag(tmp_path, 2) as out:
+        for number, offset in ((1, 0.0), (2, 50.0)):
+            out.mount(topic=f"/robot{number}/tf_static")
+            for time in (1.0, 2.0):
+                where = (time + offset, 0.0, 0.0)
+                out.transform(time, "map", "base_link", where, turn(0.0), f"/robot{number}/tf")
+            out.scan(1.5, topic=f"/robot{number}/scan")
+        out.scan(1.5, topic="/scan")
+    for number, x in ((1, 1.8), (2, 51.8)):
+        log = read_bag(out.path, BagConfig(scans=f"/robot{number}/scan"))
+        assert log.poses[0, 0] == pytest.approx(x)
+    with pytest.raises(LogError, match="transforms are of several robots"):
+        read_bag(out.path, BagConfig(scans="/scan"))
+
+
+@pytest.mark.parametrize("ros", ROS)
+def test_scans_without_beams_are_skipped_and_counted(tmp_path, ros):
+    with bag(tmp_path, ros) as out:
+        out.mount()
+        out.drive()
+        for time in (1.0, 1.5, 2.0, 2.5):
+            out.scan(time, ranges=() if time == 1.5 else (2.0, 3.0))
+        out.scan(2.6, longest=math.nan)
+        out.scan(2.7, step=0.0)
+    log = read_bag(out.path)
+    assert log.times == pytest.approx([1.0, 2.0, 2.5])
+    assert log.skipped["bad scans"] == 3
+
+
+def test_a_bag_whose_scans_all_lack_beams_says_so(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.scan(1.0, ranges=())
+    with pytest.raises(LogError, match="/scan has scans without ranges"):
+        read_bag(out.path)
+
+
+@pytest.mark.parametrize("bad", [(math.nan,) * 4, (0.0,) * 4, (0.0, 0.0, math.inf, 1.0)])
+@pytest.mark.parametrize("topic", ["/tf", "/tf_static"])
+def test_a_transform_that_is_none_loses_nothing_else(tmp_path, bad, topic):
+    parents = {"/tf": ("map", "base_link"), "/tf_static": ("base_link", "laser")}
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        out.drive()
+        out.transform(1.5, *parents[topic], (9.0, 9.0, 0.0), bad, topic)
+        for time in (1.0, 1.5, 2.0):
+            out.scan(time)
+    log = read_bag(out.path)
+    assert log.poses[:, 0] == pytest.approx([1.3, 1.8, 2.3])
+    assert log.skipped["bad transforms"] == 1
+
+
+def test_a_laser_that_nothing_connects_is_named_with_the_frames_there_are(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.drive()
+        out.scan(1.5)
+    with pytest.raises(LogError, match=r"\(base_link, map\), and .* no /tf_static"):
+        read_bag(out.path)
+
+
+def test_a_frame_with_two_parents_is_known_through_either(tmp_path):
+    with bag(tmp_path, 2) as out:
+        out.mount()
+        for time in (1.0, 1.5, 2.0, 2.5, 3.0):
+            parent = "odom" if time % 1 else "map"
+            out.transform(time, parent, "base_link", (time, 0.0, 0.0), turn(0.0))
+        for time in (1.0, 2.5):
+            out.scan(time)
+    assert read_bag(out.path).poses[:, 0] == pytest.approx([1.3, 2.8])
+
+
+def test_a_compressed_file_is_read_as_its_folder_or_refused_in_one_line(tmp_path):
+    folder = tmp_path / "site"
+    modes = rosbag2.CompressionMode.FILE, rosbag2.CompressionFormat.ZSTD
+    out = bag(tmp_path, 2)
+    out.writer.set_compression(*modes)
+    with out:
+        out.pose(1.0, 0.0, 0.0, 0.0)
+        out.scan(1.0)
+    (packed,) = (path for path in folder.iterdir() if path.suffix == ".zstd")
+    assert len(read_log(packed)) == len(read_log(folder)) == 1
+    for name in (packed.name, "a.bag.gz", "b.mcap.zst", "c.db3.bz2"):
+        alone = tmp_path / name
+        alone.write_bytes(packed.read_bytes())
+        with pytest.raises(LogError, match="is a compressed bag: unpack it, or give") as caught:
+            read_log(alone)
+        assert "\n" not in str(caught.value)
 
 
 def test_a_bag_of_ros_2_that_is_cut_off_is_an_error(tmp_path):

@@ -40,7 +40,7 @@ def test_ranges_poses_and_times_come_out(tmp_path, packed):
     assert np.array_equal(log.poses, [[1.0, 2.0, 0.5], [1.5, 2.0, 0.6]])
     assert log.times is not None
     assert np.array_equal(log.times, [3.0, 4.0])
-    assert log.skipped == {"bad ranges": 0}
+    assert log.skipped == {"bad ranges": 0, "bad scans": 0}
 
 
 @pytest.mark.parametrize(("beams", "step"), [(180, 1.0), (181, 1.0), (360, 0.5), (361, 0.5)])
@@ -73,7 +73,7 @@ def test_nan_and_negative_ranges_say_nothing_and_are_counted(tmp_path):
     ranges = [5.0] * 180
     ranges[3], ranges[4], ranges[5] = "nan", -1.0, "-inf"
     log = read_carmen(write(tmp_path / "a.log", line(ranges) + line([5.0] * 180)))
-    assert log.skipped == {"bad ranges": 3}
+    assert log.skipped == {"bad ranges": 3, "bad scans": 0}
     assert np.flatnonzero(np.isnan(log.scans[0].ranges)).tolist() == [3, 4, 5]
 
 
@@ -123,6 +123,24 @@ def test_a_packed_log_with_wrong_bytes_is_an_error(tmp_path):
     path.write_bytes(bytes(data))
     with pytest.raises(LogError):
         read_carmen(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_comment_may_hold_any_letter(tmp_path, encoding, packed):
+    path = tmp_path / "a.log"
+    text = ("# Flur im Erdgeschoß, Gebäude für Prüfungen\n" + scans(3)).encode(encoding)
+    path.write_bytes(gzip.compress(text) if packed else text)
+    assert len(read_carmen(path)) == 3
+
+
+def test_scans_without_beams_are_skipped_and_counted(tmp_path):
+    path = write(tmp_path / "a.log", scans(2) + line([]) + line([5.0]) + scans(1))
+    log = read_carmen(path)
+    assert len(log) == 3
+    assert log.skipped["bad scans"] == 2
+    with pytest.raises(LogError, match="each of its 1 scans has less than two beams"):
+        read_carmen(write(tmp_path / "b.log", line([])))
 
 
 def test_a_file_that_is_no_text_is_an_error(tmp_path):

@@ -163,10 +163,10 @@ class Graduate:
 
         self.facts = {"worlds": [world_hash(sealed(load_world(self.place)).grid.cells)]}
 
-    def predict(self, known, pose):
+    def predict(self, view):
         from predictor import NoPrediction
 
-        return NoPrediction().predict(known, pose)
+        return NoPrediction().predict(view)
 
 
 def test_buildings_that_a_predictor_has_learned_from_are_told(maps, monkeypatch):
@@ -202,14 +202,14 @@ def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
 
 
 class Raising:
-    def predict(self, known, pose):
+    def predict(self, view):
         raise RuntimeError("no memory of that")
 
 
 class Narrow:
-    def predict(self, known, pose):
+    def predict(self, view):
         none = np.zeros((3, 3), np.float32)
-        return Prediction(known.frame, none, none, none)
+        return Prediction(view.known.frame, none, none, none)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.mapping.straight_lines import NONE, OPEN, WALL, look_back, main_direction, nearness
+from foresee.prediction import View
 from predictor.extend import Extend
 
 N = 200
@@ -33,7 +34,7 @@ def corridor(angle: float, width: float = 2.0, end: float | None = None) -> Grid
 
 
 def trusted(known: Grid, yaw: float = 0.0):
-    prediction = Extend().predict(known, np.array([5.0, 5.0, yaw]))
+    prediction = Extend().predict(View(known, np.array([5.0, 5.0, yaw])))
     return prediction.confidence * prediction.p_free, prediction.confidence * prediction.p_occupied
 
 
@@ -48,7 +49,7 @@ def test_a_straight_corridor_goes_on_as_free_with_walls():
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, math.pi / 4, 1.1])
 def test_what_is_relied_on_falls_with_the_distance_from_the_frontier(angle):
-    prediction = Extend().predict(corridor(angle), POSE)
+    prediction = Extend().predict(View(corridor(angle), POSE))
     steps = np.arange(3.7, 4.9, 0.15)
     rows, cols = ((5 + steps * f(angle)) / 0.05 for f in (math.sin, math.cos))
     at = rows.astype(int), cols.astype(int)
@@ -94,14 +95,14 @@ def test_nothing_behind_a_dead_end_is_relied_on(angle):
 
 def test_an_unknown_map_has_no_confidence():
     known = Grid(FRAME, np.full((N, N), UNKNOWN, np.int8))
-    assert not Extend().predict(known, POSE).confidence.any()
+    assert not Extend().predict(View(known, POSE)).confidence.any()
 
 
 def test_probabilities_add_up_to_one_at_most():
     rng = np.random.default_rng(0)
     known = Grid(FRAME, rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.int8), (N, N)))
     for grid in (known, corridor(0.3)):
-        prediction = Extend().predict(grid, POSE)
+        prediction = Extend().predict(View(grid, POSE))
         assert (prediction.p_free + prediction.p_occupied <= 1 + 1e-6).all()
         assert prediction.p_free.min() >= 0
         assert prediction.confidence.max() <= 1

@@ -6,6 +6,7 @@ import torch
 
 from foresee.checking import check_predictor
 from foresee.mapping.grid import UNKNOWN, Grid, GridFrame
+from foresee.prediction import View
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.networks.grey_net import GreyNet
@@ -44,19 +45,19 @@ def alone(study, expansion):
 
 
 def test_of_each_cell_speaks_the_network_of_the_smallest_square_that_holds_it(study):
-    fused = load_predictor(f"fused:{study}/unet_ff").grey_layers(known(), POSE)
+    fused = load_predictor(f"fused:{study}/unet_ff").grey_layers(View(known(), POSE))
     beyond = np.maximum.outer(*2 * [abs(np.arange(200) + 0.5 - 100)])
     for low, expansion in ((0, 1.1), (55, 1.5), (75, 2.0)):
         ring = (beyond > low) & (beyond < 50 * expansion)
         np.testing.assert_array_equal(
-            fused[:, ring], alone(study, expansion).grey_layers(known(), POSE)[:, ring]
+            fused[:, ring], alone(study, expansion).grey_layers(View(known(), POSE))[:, ring]
         )
 
 
 def test_in_a_window_that_the_nearest_fills_it_speaks_alone(study):
     fused, nearest = load_predictor(f"fused:{study}/unet_ff"), alone(study, 1.1)
     np.testing.assert_array_equal(
-        fused.predict(known(110), POSE).p_free, nearest.predict(known(110), POSE).p_free
+        fused.predict(View(known(110), POSE)).p_free, nearest.predict(View(known(110), POSE)).p_free
     )
 
 
@@ -66,7 +67,7 @@ def test_it_keeps_the_contract_and_says_where_it_comes_from(study):
     assert fused.facts["worlds"] == ["0", "1", "2"]
     assert fingerprint_of(fused) != fingerprint_of(Fused(fused.weights[:2]))
     blind = Grid(known().frame, np.full((200, 200), UNKNOWN, np.int8))
-    assert not fused.predict(blind, POSE).confidence.any()
+    assert not fused.predict(View(blind, POSE)).confidence.any()
 
 
 def test_what_cannot_be_fused_is_refused(study, tmp_path):

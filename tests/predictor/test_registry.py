@@ -19,7 +19,8 @@ from foresee.prediction import Prediction
 
 
 class MyPredictor:
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         near = binary_dilation(known.free, iterations=10) & ~known.occupied
         return Prediction(
             known.frame,
@@ -86,11 +87,11 @@ def test_a_factory_may_make_the_predictor(tmp_path, monkeypatch):
         ("predictor.none:Nope", "has no Nope"),
         ("foresee.mapping.grid:FREE", "of type int"),
         ("foresee.mapping.grid:GridFrame", "could not be made: TypeError"),
-        ("foresee.mapping.body:Body", r"no method predict\(known, pose\)"),
+        ("foresee.mapping.body:Body", r"no method predict\(view\)"),
         ("my_broken:A", "importing my_broken: SyntaxError"),
         ("my_needy:A", "importing my_needy: .*no_such_dependency"),
         ("my_raising:A", "could not be made: RuntimeError: two lines"),
-        ("my_narrow:A", r"predict\(known\), it must be predict\(known, pose\)"),
+        ("my_narrow:A", r"predict\(\), it must be predict\(view\)"),
     ],
 )
 def test_one_line_says_what_is_wrong(spec, message, tmp_path, monkeypatch):
@@ -112,7 +113,7 @@ def test_one_line_says_what_is_wrong(spec, message, tmp_path, monkeypatch):
         "my_narrow",
         """
         class A:
-            def predict(self, known): ...
+            def predict(self): ...
         """,
     )
     with pytest.raises(PredictorError, match=message) as raised:

@@ -154,7 +154,11 @@ def test_the_command_makes_a_set_of_logs(journey, tmp_path, capsys):
     frames = Frames.load(out, "physical")
     assert len(frames) == len(log)
     facts = frames.about[0]
-    assert (facts["map"], facts["clock"], facts["skipped"]) == ("office", True, {"bad ranges": 1})
+    assert (facts["map"], facts["clock"], facts["skipped"]) == (
+        "office",
+        True,
+        {"bad ranges": 1, "bad scans": 0},
+    )
     assert frames.worlds == {world_hash(cells_of(frames.maps[0]))}
     truth = frames.truth(slice(None), 1.0)
     agree = (frames.estimated == truth) | (frames.estimated == 2)

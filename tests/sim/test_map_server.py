@@ -64,11 +64,24 @@ def test_the_bottom_row_of_the_image_is_the_lowest_y(tmp_path):
     assert cells.tolist() == [[UNKNOWN, UNKNOWN], [FREE, FREE], [OCCUPIED, FREE]]
 
 
-def test_thresholds_are_strict_as_in_map_server(tmp_path):
+def test_thresholds_are_inclusive_as_in_map_server(tmp_path):
     text = YAML.replace("0.65", "0.8").replace("0.196", "0.2")
     pixels = np.array([[50, 51, 52, 203, 204, 205]], np.uint8)
     cells = load_world(put(tmp_path, pixels, text)).grid.cells
-    assert cells.tolist() == [[OCCUPIED, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, FREE]]
+    assert cells.tolist() == [[OCCUPIED, OCCUPIED, UNKNOWN, UNKNOWN, FREE, FREE]]
+
+
+def test_the_unknown_of_a_map_saver_stays_unknown_at_its_thresholds(tmp_path):
+    text = YAML.replace("0.196", "0.25")
+    for free in (254, 255):
+        pixels = np.array([[0, 205, free]], np.uint8)
+        for image in (pixels, np.stack([pixels] * 3, axis=2)):
+            cells = load_world(put(tmp_path, image, text, "map.png")).grid.cells
+            assert cells.tolist() == [[OCCUPIED, UNKNOWN, FREE]]
+    # A grey image with other shades has no shade for unknown space.
+    pixels = np.array([[0, 205, 230, 254]], np.uint8)
+    cells = load_world(put(tmp_path, pixels, text)).grid.cells
+    assert cells.tolist() == [[OCCUPIED, FREE, FREE, FREE]]
 
 
 def test_negating_the_image_and_the_flag_changes_nothing(tmp_path):
@@ -112,12 +125,16 @@ def test_scale_mode_keeps_the_order_of_shades_and_reads_alpha(tmp_path):
     assert np.all(occupancy(half, meta) == UNKNOWN)
 
 
-def test_trinary_mode_averages_alpha_in_as_map_server_does(tmp_path):
-    meta = MapFile(tmp_path, 0.05, (0, 0))
-    # (3 · 255 + 0) / 4 is 25 % black: neither free nor occupied.
-    assert occupancy(np.array([[[255, 0]]], np.uint8), meta)[0, 0] == UNKNOWN
-    assert occupancy(np.array([[[255, 255, 255, 0]]], np.uint8), meta)[0, 0] == UNKNOWN
-    assert occupancy(np.array([[[255, 255]]], np.uint8), meta)[0, 0] == FREE
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+def test_alpha_changes_no_shade_and_a_pixel_that_is_not_opaque_is_unknown(tmp_path, mode):
+    meta = MapFile(tmp_path, 0.05, (0, 0), mode=mode)
+    shades = np.arange(0, 256, 5, dtype=np.uint8).reshape(1, -1, 1)
+    plain = occupancy(shades, meta)
+    for channels in (1, 3):
+        colours = np.repeat(shades, channels, axis=2)
+        for alpha, expected in ((255, plain), (254, UNKNOWN), (0, UNKNOWN)):
+            pixels = np.concatenate([colours, np.full_like(shades, alpha)], axis=2)
+            assert np.all(occupancy(pixels, meta) == expected)
 
 
 def test_raw_mode_takes_values_as_they_are_and_worlds_cut_them_at_the_thresholds(tmp_path):
@@ -137,10 +154,47 @@ def test_numbers_in_scientific_notation_are_numbers(tmp_path):
     assert load_world(path).grid.frame.resolution == 0.05
 
 
+GOOD = {
+    "mode": ["mode: Trinary", "mode: TRINARY", "mode:", 'mode: "trinary"'],
+    "negate: 0": ['negate: "0"', "negate: false", 'negate: "no"', "negate: 0.0"],
+    "[-1.5, 2.0, 0.0]": ["[-1.5, 2.0, 1e-9]", "[-1.5, 2.0, -6.283185307179586]", '["-1.5", 2, 0]'],
+    "0.1\n": ['"0.1"\n', "1.0e-1\n"],
+}
+
+
+@pytest.mark.parametrize(("usual", "odd"), [(u, o) for u, odds in GOOD.items() for o in odds])
+def test_what_map_server_accepts_is_read_as_the_same_map(tmp_path, usual, odd):
+    pixels = np.array([[0, 254, 205], [254, 0, 254]], np.uint8)
+    usually = load_world(put(tmp_path, pixels)).grid
+    text = f"{YAML}{odd}\n" if usual == "mode" else YAML.replace(usual, odd)
+    grid = load_world(put(tmp_path, pixels, text)).grid
+    assert np.array_equal(grid.cells, usually.cells)
+    assert grid.frame == usually.frame
+
+
+def test_a_tiff_of_32_bits_is_refused_and_one_that_counts_from_white_is_turned(tmp_path):
+    grey = np.array([[0, 254, 254]], np.uint8)
+    path = put(tmp_path, grey.astype(np.int32) * 2**23, name="map.tiff")
+    with pytest.raises(MapError, match="32-bit numbers: save it with 8 or 16"):
+        load_world(path)
+    for photometric in (0, 1):
+        deep = grey.astype(np.uint16) * 257
+        stored = 65535 - deep if photometric == 0 else deep
+        Image.fromarray(stored).save(tmp_path / "map.tiff", tiffinfo={262: photometric})
+        assert load_world(path).grid.cells.tolist() == [[OCCUPIED, FREE, FREE]]
+
+
 BROKEN = {
     "resolution: 0.1": ["resolution: 0", "resolution: -1", "resolution: .nan", "resolution: wide"],
     "origin: [-1.5, 2.0, 0.0]": ["origin: [0, 0, 0.3]", "origin: 3", "origin: [0, .inf, 0]"],
-    "negate: 0": ["negate: 2", "", "negate: 0\nmode: fancy"],
+    "negate: 0": [
+        "negate: 2",
+        'negate: "2"',
+        "negate: [0]",
+        "",
+        "negate: 0\nmode: fancy",
+        "negate: 0\nmode: [raw]",
+    ],
     "free_thresh: 0.196": ["free_thresh: 0.9", "free_thresh: -0.1", "free_thresh: yes"],
     "occupied_thresh: 0.65": ["occupied_thresh: 1.5"],
     "image: map.pgm": ["image: gone.pgm", "image: [map.pgm]", "image: .", "", "image: map.yaml"],

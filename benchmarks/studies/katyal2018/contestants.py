@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from foresee.mapping.grid import Grid
-from foresee.prediction import BadPredictionError, Predictor, asked
+from foresee.prediction import BadPredictionError, Caller, Predictor, View
 from predictor.data.frames import checksum
 from predictor.data.squares import TERNARY, codes_of
 from predictor.fused import Fused
@@ -189,7 +189,7 @@ def entrant(contestant: Contestant, rates: tuple[float, float]) -> Entrant:
     predictor = _loaded(contestant.spec)
     if is_grey(predictor):
         return partial(_of_network, predictor)
-    return partial(_of_predictor, predictor)
+    return partial(_of_predictor, Caller(predictor))
 
 
 def is_grey(predictor: Any) -> TypeGuard[ImagePredictor | Fused]:
@@ -222,7 +222,7 @@ def _of_baseline(name: str, rates: tuple[float, float], square: ScoredSquare) ->
 def _of_network(predictor: ImagePredictor | Fused, square: ScoredSquare) -> Answer:
     """Answer with the raw image of a network of the paper, and the probabilities of its greys."""
     known = given_to(predictor, square)
-    grey, p_free, p_occupied, _ = predictor.grey_layers(known, square.pose)
+    grey, p_free, p_occupied, _ = predictor.grey_layers(View(known, square.pose))
     if not np.isfinite(grey).all():
         raise BadPredictionError("the network returned numbers that are not finite")
     image = 0.5 + 0.5 * grey.astype(np.float64)
@@ -230,8 +230,8 @@ def _of_network(predictor: ImagePredictor | Fused, square: ScoredSquare) -> Answ
     return Answer(image, kept, p_free, p_occupied)
 
 
-def _of_predictor(predictor: Predictor, square: ScoredSquare) -> Answer:
+def _of_predictor(caller: Caller, square: ScoredSquare) -> Answer:
     """Answer with the prediction of any other predictor, whose input is that from a planner."""
-    belief = asked(predictor, square.window, square.pose)
+    belief = caller.ask(View(square.window, square.pose))
     image = ternary(square.window, belief)
     return Answer(image, image, belief.p_free, belief.p_occupied, belief.nan_cells)

@@ -21,7 +21,7 @@ from foresee.infra.environment import machine
 from foresee.infra.errors import one_line
 from foresee.mapping.context import CELLS
 from foresee.mapping.conventions import CROP_CELLS
-from foresee.prediction import BadPredictionError, checked
+from foresee.prediction import BadPredictionError, Caller, View, checked
 from predictor.compact import Compact
 from predictor.data.frames import Frames
 from predictor.fused import Fused
@@ -84,15 +84,16 @@ def _cost(evaluation: Evaluation, contestant: Contestant, expansion: float) -> C
     if contestant.name in BASELINES:
         return None
     predictor = load_predictor(contestant.spec)
+    caller = Caller(predictor)
     squares = _examples(evaluation, expansion)
     taken = []
     for square in islice(cycle(squares), BEFORE + TIMED):
-        known = given_to(predictor, square)
+        view = View(given_to(predictor, square), square.pose)
         begin = time.perf_counter()
         try:
-            prediction = predictor.predict(known, square.pose)
+            prediction = caller.predict(view)
             taken.append(1e3 * (time.perf_counter() - begin))
-            checked(prediction, known)
+            checked(prediction, view.known)
         except Exception as error:
             line = one_line(error).removeprefix(f"{BadPredictionError.__name__}: ")
             raise ScoringError(f"{contestant.name}: {line}") from error

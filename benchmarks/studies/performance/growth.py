@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.studies.performance import sized_maps as places
 from benchmarks.studies.performance.stage_times import closed_loop, spread, timed
 from foresee.infra.drawing import new_figure
+from foresee.prediction import View
 from planner.navigator import NavigatorConfig
 from planner.risk.risk_map import RiskMap
 from predictor.recording.replay import replayed_with
@@ -100,7 +101,8 @@ def believing(task: Task, window: float, expansion: float) -> Times:
     squares = [known.frame.square(x, y, config.predicted_side) for x, y in poses[:, :2]]
     crops = [known.crop(square) for square in squares]
     predictor = load_predictor("compact")
-    beliefs = [predictor.predict(crop, pose[:3]) for crop, pose in zip(crops, poses, strict=True)]
+    views = [View(crop, pose[:3]) for crop, pose in zip(crops, poses, strict=True)]
+    beliefs = [predictor.predict(view) for view in views]
     near = [known.crop(known.frame.square(x, y, config.risk_side)) for x, y in poses[:, :2]]
 
     def risk(i: int) -> RiskMap:
@@ -108,7 +110,7 @@ def believing(task: Task, window: float, expansion: float) -> Times:
 
     return {
         "crop": timed(lambda i: known.crop(squares[i]), REPEATS),
-        "predict": timed(lambda i: predictor.predict(crops[i], poses[i, :3]), REPEATS),
+        "predict": timed(lambda i: predictor.predict(views[i]), REPEATS),
         "risk": timed(risk, REPEATS),
     }
 

@@ -15,7 +15,7 @@ from typing import Any
 from foresee.infra.environment import machine
 from foresee.infra.resumable import ResumableFolder
 
-PACKAGES = ("benchmarks", "planner", "predictor", "sim")
+PACKAGES = ("benchmarks", "foresee", "planner", "predictor", "sim")
 RUNTIME = "openvino"
 """Package that runs networks if it is installed."""
 
@@ -89,7 +89,7 @@ def installed(packages: Iterable[str]) -> dict[str, str]:
 @lru_cache(maxsize=1)
 def code() -> str:
     """Return a fingerprint of this project's code and weights, committed or not."""
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     digest = hashlib.sha256()
     for package in PACKAGES:
         for path in sorted((root / package).rglob("*")):

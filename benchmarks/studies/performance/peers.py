@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks.studies.performance.sized_maps import along, crops_along
 from benchmarks.studies.performance.stage_times import OURS, beside_ours
+from foresee.prediction import View
 from planner.risk.distance_transform import distance_field
 from predictor.compact import Compact
 from sim import Lidar, LidarConfig
@@ -203,7 +204,8 @@ def distances(masks: list[NDArray[np.bool_]]) -> dict[str, Call]:
 def predictions(crops: list[Any], poses: NDArray[np.float64]) -> dict[str, Call]:
     """Return functions that predict a 10 m square with the same network in two runtimes."""
     ours, torch = Compact(), Compact(runtime="torch")
+    views = [View(crop, pose) for crop, pose in zip(crops, poses, strict=True)]
     return {
-        OURS: lambda i: ours.predict(crops[i], poses[i]),
-        "PyTorch, eager": lambda i: torch.predict(crops[i], poses[i]),
+        OURS: lambda i: ours.predict(views[i]),
+        "PyTorch, eager": lambda i: torch.predict(views[i]),
     }

@@ -16,7 +16,7 @@ from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body, covered
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import Grid
-from foresee.prediction import Predictor, asked, context_side
+from foresee.prediction import Caller, View
 from planner.motion.dynamics import pose_along
 from planner.navigator import NavigatorConfig
 from predictor.registry import load_predictor
@@ -53,14 +53,14 @@ def distances_of(run: Run) -> dict[str, Any]:
     indices = [index for index in run.indices if (index, "known") in run.drives]
     if not indices or run.setting("noise") > 0.0:
         raise UsageError(f"{run.directory}: it must have the arm known, and no noise")
-    predictor = load_predictor(str(run.settings["predictor"]))
+    caller = Caller(load_predictor(str(run.settings["predictor"])))
     window, expansion = run.setting("window"), run.setting("expansion")
     car = CarLimits(v_max=run.setting("v_max"), braking=run.setting("braking"))
     side = NavigatorConfig(car=car, window=window, expansion=expansion).predicted_side
     arcs: list[NDArray[np.float64]] = []
     worlds: list[str] = []
     for index in tqdm(indices, desc=run.label, unit="drive"):
-        found = _arcs_of(run, index, predictor, side)
+        found = _arcs_of(run, index, caller, side)
         arcs += found
         worlds += [run.drives[index, "known"].world] * len(found)
     if not arcs:
@@ -75,17 +75,14 @@ def distances_of(run: Run) -> dict[str, Any]:
     return {"arcs": len(arcs), "drives": len(indices), "scores": scores}
 
 
-def _arcs_of(run: Run, index: int, predictor: Predictor, side: float) -> list[NDArray[np.float64]]:
+def _arcs_of(run: Run, index: int, caller: Caller, side: float) -> list[NDArray[np.float64]]:
     """Return the arcs of a drive that leave the observed space, each as `_swept` returns it."""
     truth, trace, found = run.truth(index), run.trace(index, "known"), []
     first_seen = trace["first_seen"]
     for tick in range(0, len(trace.states) - 1, EVERY):
         pose = trace.states[tick, :3].astype(np.float64)
-        known = observed_at(truth, first_seen, tick)
-        x, y = float(pose[0]), float(pose[1])
-        crop, beyond = known.crop(known.frame.square(x, y, side)), context_side(predictor)
-        around = known.crop(known.frame.square(x, y, beyond)) if beyond else None
-        belief = asked(predictor, crop, pose, around)
+        view = View.of(observed_at(truth, first_seen, tick), pose, side, caller.context_side)
+        crop, belief = view.known, caller.ask(view)
         trust = np.where(crop.unknown, belief.confidence * belief.p_free, 1.0)
         trusts, free = (trust, minimum_filter(trust, WIDTH)), truth.crop(crop.frame).free
         arcs = (_swept(crop, trusts, free, pose, curvature) for curvature in CURVATURES)

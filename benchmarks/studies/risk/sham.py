@@ -5,10 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from foresee.mapping.grid import Grid, OccupancyGrid
-from foresee.prediction import Prediction, with_observed
+from foresee.mapping.grid import OccupancyGrid
+from foresee.prediction import Prediction, View, with_observed
 from predictor.compact import Compact
 from sim.families import empty_straight
 from sim.lidar import Lidar
@@ -27,8 +26,11 @@ class Sham:
     network must not hold for the sham; if it did, the study could not show anything.
     """
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Prediction:
+    context_side = 0.0
+
+    def predict(self, view: View) -> Prediction:
         """Return a prediction with the same probabilities in all unobserved cells."""
+        known = view.known
         p_free, confidence = (np.full(known.frame.shape, p, dtype=np.float32) for p in _ahead())
         return with_observed(known, p_free, np.zeros_like(p_free), confidence)
 
@@ -40,11 +42,8 @@ def _ahead() -> tuple[float, float]:
     state = np.array([0.5 + 0.5 * LENGTH, 0.5 + 0.5 * WIDTH, 0.0, 0.0])
     known, compact = OccupancyGrid(world.grid.frame, WINDOW), Compact()
     known.integrate(Lidar().scan(world, state, np.random.default_rng(0)), state)
-    crop, around = (
-        known.crop(known.frame.square(float(state[0]), float(state[1]), side))
-        for side in (SIDE, compact.context_side)
-    )
-    answer = compact.predict(crop, state[:3], around)
-    row, col = crop.frame.cell(float(state[0]), float(state[1]))
-    first = col + int(np.argmax(crop.unknown[row, col:]))
+    view = View.of(known, state[:3], SIDE, compact.context_side)
+    answer = compact.predict(view)
+    row, col = view.known.frame.cell(float(state[0]), float(state[1]))
+    first = col + int(np.argmax(view.known.unknown[row, col:]))
     return float(answer.p_free[row, first]), float(answer.confidence[row, first])

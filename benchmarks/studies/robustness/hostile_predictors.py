@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.grid import Grid
-from foresee.prediction import Prediction
+from foresee.prediction import Prediction, View
 
 DEADLINE = 0.05
 """Deadline of predictions in these drives, which late predictors miss [s]."""
@@ -31,10 +31,10 @@ class Hostile:
     answer: Answer
     calls: int = 0
 
-    def predict(self, known: Grid, pose: NDArray[np.float64]) -> Any:
+    def predict(self, view: View) -> Any:
         """Return or raise whatever the function does."""
         self.calls += 1
-        return self.answer(known, pose, self.calls)
+        return self.answer(view.known, view.pose, self.calls)
 
 
 def claim(known: Grid, free: Any, confidence: float = 1.0, dtype: Any = np.float32) -> Prediction:

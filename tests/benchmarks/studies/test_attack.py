@@ -21,7 +21,7 @@ from benchmarks.studies.robustness.hostile_predictors import (
     claiming,
 )
 from foresee.mapping.grid import Grid, GridFrame
-from foresee.prediction import BadPredictionError
+from foresee.prediction import BadPredictionError, View
 from planner.risk.ask_predictor import Asker
 from planner.risk.risk_map import RiskMap
 from sim import DubinsCar, Lidar, LidarConfig
@@ -60,7 +60,7 @@ def test_near_certain_lies_do_not_make_a_car_collide(family, seed, kind):
 @pytest.mark.parametrize("epsilon", [0.0, 0.05, 0.5, 0.999])
 def test_nothing_that_a_predictor_says_is_certain(kind, epsilon):
     try:
-        answer = Asker(Hostile(KINDS[kind])).ask(UNSEEN, np.zeros(3), 10.0)
+        answer = Asker(Hostile(KINDS[kind])).ask(View(UNSEEN, np.zeros(3)), 10.0)
     except BadPredictionError:
         # It may write before the answer is checked, on a busy machine.
         assert kind == "writes later"
@@ -71,7 +71,7 @@ def test_nothing_that_a_predictor_says_is_certain(kind, epsilon):
 
 
 def test_an_oracle_is_certain_of_what_it_is_sure_of():
-    answer = Asker(Hostile(claiming(1.0))).ask(UNSEEN, np.zeros(3), 10.0)
+    answer = Asker(Hostile(claiming(1.0))).ask(View(UNSEEN, np.zeros(3)), 10.0)
     assert RiskMap.from_prediction(UNSEEN, answer, 0.05, oracle=True).certain.all()
 
 
@@ -80,7 +80,7 @@ def test_what_a_predictor_writes_into_reaches_nobody(kind):
     pose, cells = np.array([1.0, 1.0, 0.5]), UNSEEN.cells.copy()
     frame = GridFrame(UNSEEN.frame.resolution, UNSEEN.frame.origin, UNSEEN.frame.shape)
     with suppress(BadPredictionError):
-        answer = Asker(Hostile(KINDS[kind])).ask(UNSEEN, pose, 10.0)
+        answer = Asker(Hostile(KINDS[kind])).ask(View(UNSEEN, pose), 10.0)
         before = answer.p_free.copy(), answer.confidence.copy()
         # As long as one of them goes on writing.
         time.sleep(0.05)

@@ -36,33 +36,34 @@ SPLITS = {"train": 3, "validation": 4, "test": 6, "more": 4}
 class Hopeful:
     """Takes all that was not seen for free."""
 
-    def predict(self, known, pose):
+    def predict(self, view):
+        known = view.known
         free = np.where(known.unknown, 1.0, known.free).astype(np.float32)
         return Prediction(known.frame, free, 1.0 - free, np.ones_like(free))
 
 
 class Broken(Hopeful):
-    def predict(self, known, pose):
-        right = super().predict(known, pose)
-        return Prediction(known.frame, right.p_free[1:], right.p_occupied, right.confidence)
+    def predict(self, view):
+        right = super().predict(view)
+        return Prediction(view.known.frame, right.p_free[1:], right.p_occupied, right.confidence)
 
 
 class Raising:
-    def predict(self, known, pose):
+    def predict(self, view):
         raise RuntimeError("no memory\nof that")
 
 
 class Nan(Hopeful):
-    def predict(self, known, pose):
-        right = super().predict(known, pose)
+    def predict(self, view):
+        right = super().predict(view)
         right.p_free[:2] = np.nan
         return right
 
 
 class Beyond(Hopeful):
-    def predict(self, known, pose):
-        right = super().predict(known, pose)
-        return Prediction(known.frame, 2.0 * right.p_free, right.p_occupied, right.confidence)
+    def predict(self, view):
+        right = super().predict(view)
+        return Prediction(view.known.frame, 2.0 * right.p_free, right.p_occupied, right.confidence)
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrations import written
 from drive_results import a_result
-from test_calibration import written
 
 from benchmarks import corridor, tables
 from benchmarks.calibration.certificate import conditions_of
@@ -29,6 +29,7 @@ from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import View
 from planner.risk.calibration import Calibration, CalibrationError
 from predictor.registry import load_predictor
 
@@ -177,7 +178,7 @@ def test_the_sham_is_sure_of_all_that_it_has_not_seen():
     cells = np.full((200, 200), UNKNOWN, np.int8)
     cells[80:120, :120], cells[79, :120] = FREE, OCCUPIED
     known = Grid(GridFrame(0.05, (0.0, 0.0), cells.shape), cells)
-    answer = sham.predict(known, np.array([5.0, 5.0, 0.0]))
+    answer = sham.predict(View(known, np.array([5.0, 5.0, 0.0])))
     unseen = known.unknown
     assert (answer.p_free[~unseen] == known.free[~unseen]).all()
     trust = answer.confidence[unseen] * answer.p_free[unseen]
@@ -258,7 +259,7 @@ def test_saved_runs_are_tested_too(few_series, short_map, tmp_path, capsys):
 
 
 def test_every_rate_of_collisions_is_inside_its_panel():
-    folder = Path(__file__).parents[1] / "docs/results"
+    folder = Path(__file__).parents[3] / "docs/results"
     figure = _promise(json.loads((folder / "risk.json").read_text()))
     assert figure is not None
     for axes in figure.axes:
