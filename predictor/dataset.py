@@ -3,7 +3,7 @@
     python -m predictor.dataset                                    simulated, with more test drives
     python -m predictor.dataset --log intel.log.gz aces.log.gz     from logs of real robots
 
-docs/datasets.md describes their contents; `predictor.data.frames.Frames` reads them.
+docs/reference/files.md describes their contents; `predictor.data.frames.Frames` reads them.
 """
 
 from __future__ import annotations

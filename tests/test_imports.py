@@ -99,8 +99,8 @@ def test_the_console_script_lists_its_commands(capsys):
 
 
 def drawn():
-    """The arrows of the drawing in docs/design.md."""
-    text = (ROOT / "docs/design.md").read_text()
+    """The arrows of the drawing in docs/explanation/design.md."""
+    text = (ROOT / "docs/explanation/design.md").read_text()
     block = re.search(r"```mermaid\n(.*?)```", text, re.DOTALL)[1]
     return set(re.findall(r"^\s*([\w.]+) --> ([\w.]+)$", block, re.MULTILINE))
 

@@ -19,7 +19,8 @@ The data of Katyal et al. 2018, on disk and in memory. A set is a folder:
 Cells are 0.05 m; row = y, column = x; `predictor.data.squares` explains the codes. All squares are
 centred on the car and parallel to the axes, as in the paper. Values that were not recorded are NaN.
 
-`predictor.data.frame_set` writes sets, `predictor.dataset` makes them; docs/datasets.md explains.
+`predictor.data.frame_set` writes sets, `predictor.dataset` makes them; docs/reference/files.md
+describes the format.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Simulated logs of a robot in a generated building.
 
-The real logs of docs/datasets.md differ from the paper's simulation not only in the buildings: the
+Real logs differ from the paper's simulation not only in the buildings: the
 LIDAR sees 180°, with beams half a degree or a degree apart; the scans are up to a metre apart, and
 contain walking people; the true map is made of the same scans, so that most rooms behind doors are
 missing in it. Networks that predict such maps can be trained on the logs simulated here.
