@@ -13,6 +13,7 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import DASH, figure, interval, markdown
+from foresee.statistics import MIN_GROUPS
 from sim.episode import Outcome
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
@@ -46,7 +47,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         faults.update(r.faults)
         paths.update(r.paths)
     counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
-    enough = len({r.world for r in results}) >= statistics.MIN_WORLDS
+    enough = len({r.world for r in results}) >= MIN_GROUPS
     collided = statistics.wilson(counts["collided"], len(results)) if enough else None
     compared = arm != "known" and "known" in by_arm
     ratio = {"time_ratio": statistics.time_ratio(by_arm, arm, "known")} if compared else {}

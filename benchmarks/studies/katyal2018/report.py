@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.statistics import grouped_mean
+from foresee.statistics import grouped_mean
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, reduced
 from benchmarks.studies.katyal2018.cost import Cost
 from benchmarks.studies.katyal2018.evaluation import (

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.statistics import grouped_mean
+from foresee.statistics import grouped_mean
 from benchmarks.studies.performance.hall import (
     Drive,
     Solve,

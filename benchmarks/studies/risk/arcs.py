@@ -11,7 +11,7 @@ from scipy.ndimage import minimum_filter
 from tqdm import tqdm
 
 from benchmarks.runs.saved_run import Run, observed_at
-from benchmarks.runs.statistics import estimate
+from foresee.statistics import estimate
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body, covered
 from foresee.mapping.car_limits import CarLimits
