@@ -67,11 +67,11 @@ def estimate(
     """
     numbers: dict[str, int] = {}
     number = np.array([numbers.setdefault(group, len(numbers)) for group in groups])
+    value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
     low, high = None, None
     if len(numbers) >= MIN_GROUPS:
         sums = _sums(number, entries)
         low, high = ends(statistic(resampled([sums], rounds, one_by_one=True)))
-    value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
     return {"value": value, "low": low, "high": high}
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
-from foresee.infra.markdown import markdown
+from foresee.infra.markdown import markdown, span
 from foresee.infra.plain_json import without_nan
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import Part, ResumableFolder
@@ -205,7 +205,7 @@ def table(results: dict[str, Any]) -> str:
         if any(row.get("ece_free_95") for row in entry["predictors"].values()):
             rows[0].append("ece free, 95 %")
             for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
-                cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
+                cells.append(span(row.get("ece_free_95"), ".3f"))
         parts.append(f"{head}\n\n{markdown(rows)}")
         parts.append(_by_distance(entry["predictors"]))
     return "\n\n".join(parts)
