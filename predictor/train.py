@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING, Any
 from foresee.infra.command_line import OneLineParser, between, run_command
 from predictor.data import SIMULATED
 from predictor.networks import ARCHITECTURES
-from predictor.networks.image_config import EXPANSIONS, PRESETS
+from predictor.networks.image_config import EXPANSIONS
 from predictor.recording.settings import DrivesConfig
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import TUNING, TUNING_DRIVES, CompactTraining
 from predictor.training.image_arguments import NAMES, add_arguments, configured
+from predictor.training.settings import PRESETS, TUNING, TUNING_DRIVES, CompactTraining
 
 if TYPE_CHECKING:
     from predictor.data.samples import Samples

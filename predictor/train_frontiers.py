@@ -15,7 +15,7 @@ from dataclasses import asdict
 
 from foresee.infra.command_line import OneLineParser, run_command
 from predictor.recording.settings import FrontiersConfig
-from predictor.training.frontier_config import FrontierTraining
+from predictor.training.settings import FrontierTraining
 
 SAMPLES = ("train", "validation", "families")
 """Settings of the samples that decide the weights as well."""

@@ -17,13 +17,14 @@ from predictor.data.frames import Frames, FramesError
 from predictor.data.samples import RECIPE, Samples, SamplesError
 from predictor.data.splits import check_apart
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import ImageConfig, ImageTraining, described
+from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
-from predictor.training.image_targets import images_of
-from predictor.training.image_validation import fit, images_alike
-from predictor.training.trainer import Trainer, deterministic
+from predictor.training.image_validation import fit, images_alike, images_of
+from predictor.training.optimisation import deterministic
+from predictor.training.settings import ImageTraining, described
+from predictor.training.trainer import Trainer
 from predictor.weights import save_weights
 
 if TYPE_CHECKING:

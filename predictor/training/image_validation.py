@@ -1,6 +1,8 @@
-"""Validation of the paper's networks, and the calibration of their greys."""
+"""Images, validation and calibration of the greys of the paper's networks."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -9,12 +11,18 @@ from numpy.typing import NDArray
 from predictor.data.frames import Frames
 from predictor.data.samples import Samples
 from predictor.data.squares import GREYS, NOTHING, Square
-from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
+from predictor.networks.grey_image import (
+    LEVELS,
+    counted,
+    fitted,
+    image_of,
+    level_of,
+    pixels_at_cells,
+)
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image import pixels_at_cells
+from predictor.networks.image_config import ImageConfig
 from predictor.scoring.images import ssim
 from predictor.scoring.scores import RINGS, Scores
-from predictor.training.image_targets import images_of
 
 VALIDATED, FITTED = 64, 1024
 """Number of frames of a validation, and of the calibration at the end, spread evenly over the
@@ -80,6 +88,25 @@ def greys_of(net: GreyNet, squares: list[Square]) -> NDArray[np.float32]:
             images = net(torch.from_numpy(given).to(device).float())
         out[first : first + AT_ONCE] = pixels_at_cells(images[:, 0].float().cpu().numpy(), n)
     return out
+
+
+def images_of(
+    squares: Sequence[Square], config: ImageConfig
+) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    """Return the input and the target images of a network of the paper.
+
+    Args:
+        squares: squares of the network's expansion.
+        config: settings of the network.
+
+    Returns:
+        Input and target images, (B, 1, side, side) each.
+    """
+    given = np.stack(
+        [square.crop if config.given == "crop" else square.window for square in squares]
+    )
+    wanted = np.stack([square.truth for square in squares])
+    return image_of(given[:, None], config.side), image_of(wanted[:, None], config.side)
 
 
 def _spread(total: int, count: int) -> list[int]:

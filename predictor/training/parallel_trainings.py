@@ -22,9 +22,10 @@ from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import loads
 from foresee.infra.workers import follow_parent, interrupts_blocked
-from predictor.networks.image_config import ImageConfig, ImageTraining, described
+from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import is_trained
 from predictor.training.image_training import train_images
+from predictor.training.settings import ImageTraining, described
 from predictor.training.trainer import Stopped, summary_of
 
 if TYPE_CHECKING:

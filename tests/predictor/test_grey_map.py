@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from predictor.networks.grey_map import LEVELS, counted, fitted, level_of, literal
+from predictor.networks.grey_image import LEVELS, counted, fitted, level_of, literal
 
 COUNTS = arrays(np.int64, (LEVELS, 3), elements=st.integers(0, 10**6), fill=st.just(0))
 

@@ -8,10 +8,10 @@ from predictor.networks import ARCHITECTURES
 from predictor.networks.gan import Discriminator, judged
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.initialisation import initialise
 from predictor.networks.mlp import MLP
 from predictor.networks.resnet_ff import BLOCKS, Block, ResNet
 from predictor.networks.unet_ff import UNet
+from predictor.training.image_learner import initialise
 
 
 def parameters(net):

@@ -17,7 +17,7 @@ from predictor.recording.own_buildings import OwnBuildings, world_of
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.training_drives import _check, make, place_of
 from predictor.train import main
-from predictor.training.compact_config import TUNING
+from predictor.training.settings import TUNING
 from predictor.weights import load_weights, save_weights
 from sim.families import generate
 from sim.map_server import save_world

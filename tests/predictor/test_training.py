@@ -25,8 +25,8 @@ from predictor.train import main
 from predictor.training import compact_training
 from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import CompactTraining
 from predictor.training.compact_training import CompactTrainer
+from predictor.training.settings import CompactTraining
 from predictor.weights import load_weights
 from sim import LidarConfig
 from sim.families import generate
