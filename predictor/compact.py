@@ -107,7 +107,7 @@ class Compact:
         top, left = over[0] // 2, over[1] // 2
         # The percentages are at most 100, so they fit into int8.
         inputs = [padded] if context is None else [padded, context.astype(np.int8)]
-        answers = self._run(*(np.ascontiguousarray(one)[None] for one in inputs))
+        answers = self._run(*(np.ascontiguousarray(array)[None] for array in inputs))
         return answers[0, :, top : top + rows, left : left + cols]
 
 

@@ -143,7 +143,7 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
         return "no episode has been finished by all arms yet"
     entries = list(summary.values())
     rows = [[f"{entries[0]['episodes']} paired episodes", *(f"`{arm}`" for arm in summary)]]
-    rows += [[title, *map(cell, entries)] for title, cell in _rows(entries)]
+    rows += [[title, *map(cell, entries)] for title, cell in _rows(entries).items()]
     return "\n".join([markdown(rows), "", *_remarks(summary, share)]).rstrip()
 
 
@@ -151,47 +151,34 @@ Cell = Callable[[dict[str, Any]], str]
 """Function from the measures of an arm to a cell of the table."""
 
 
-def _rows(entries: list[dict[str, Any]]) -> Iterator[tuple[str, Cell]]:
-    """Yield the title and the cells of each row of the table."""
-    over_worlds = "(95 % over worlds)"
-    yield f"**SCT** {over_worlds}", _ended("sct", ".3f")
-    yield (
-        "**time ratio** to `known`, both reached",
-        lambda entry: interval(entry.get("time_ratio"), ".2f"),
-    )
-    if any(entry["over_optimum"] is not None for entry in entries):
-        yield "time over T_opt, where reached", _plain("over_optimum", ".2f")
-    together = f"{entries[0]['time_to_goal_episodes']} episodes all reached"
-    yield f"time to goal [s], {together}", _plain("time_to_goal", ".1f")
-    yield "detour factor, where reached", _plain("detour", ".2f")
-    yield f"speed [m/s] {over_worlds}", _ended("mean_speed", ".2f")
-    yield (
-        "faster than `known` [m/s]",
-        lambda entry: interval(entry.get("faster_than_known"), "+.2f"),
-    )
-    yield (
-        " / ".join(outcome.replace("_", " ") for outcome in OUTCOMES),
-        lambda entry: " / ".join(str(entry[outcome]) for outcome in OUTCOMES),
-    )
-    yield (
-        "collisions, 95 % interval",
-        lambda entry: span(entry["collided_interval"], ".1f", 100.0, " %"),
-    )
-    yield "impact speed [m/s]", _plain("impact_speed", ".1f")
-    yield "top speed [m/s]", _plain("max_speed", ".2f")
-    yield "least clearance [m]", _plain("min_clearance", ".2f")
-    yield "stops", _plain("stops", "d")
-    yield f"promises broken {over_worlds}", broken
-    yield (
-        "control cycle p50 / p99 [ms]",
-        lambda entry: f"{entry['cycle_ms_p50']:.1f} / {entry['cycle_ms_p99']:.1f}",
-    )
-    yield "handled faults", lambda entry: str(sum(entry["faults"].values()))
-    yield (
-        "paths by source",
-        lambda entry: " / ".join(str(entry["paths"].get(source, 0)) for source in SOURCES),
-    )
-    yield "recovery manoeuvres", lambda entry: str(entry["paths"].get("manoeuvre", 0))
+def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
+    """Return the title of each row of the table, and the function of its cells."""
+    worlds, together = "(95 % over worlds)", entries[0]["time_to_goal_episodes"]
+    rows: dict[str, Cell] = {
+        f"**SCT** {worlds}": _ended("sct", ".3f"),
+        "**time ratio** to `known`, both reached": lambda e: interval(e.get("time_ratio"), ".2f"),
+        "time over T_opt, where reached": _plain("over_optimum", ".2f"),
+        f"time to goal [s], {together} episodes all reached": _plain("time_to_goal", ".1f"),
+        "detour factor, where reached": _plain("detour", ".2f"),
+        f"speed [m/s] {worlds}": _ended("mean_speed", ".2f"),
+        "faster than `known` [m/s]": lambda e: interval(e.get("faster_than_known"), "+.2f"),
+        " / ".join(OUTCOMES).replace("_", " "): lambda e: " / ".join(str(e[o]) for o in OUTCOMES),
+        "collisions, 95 % interval": lambda e: span(e["collided_interval"], ".1f", 100.0, " %"),
+        "impact speed [m/s]": _plain("impact_speed", ".1f"),
+        "top speed [m/s]": _plain("max_speed", ".2f"),
+        "least clearance [m]": _plain("min_clearance", ".2f"),
+        "stops": _plain("stops", "d"),
+        f"promises broken {worlds}": broken,
+        "control cycle p50 / p99 [ms]": lambda e: (
+            f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}"
+        ),
+        "handled faults": lambda e: str(sum(e["faults"].values())),
+        "paths by source": lambda e: " / ".join(str(e["paths"].get(s, 0)) for s in SOURCES),
+        "recovery manoeuvres": lambda e: str(e["paths"].get("manoeuvre", 0)),
+    }
+    if all(entry["over_optimum"] is None for entry in entries):
+        del rows["time over T_opt, where reached"]
+    return rows
 
 
 def _plain(key: str, form: str) -> Cell:

@@ -114,7 +114,7 @@ def similarity(
     for far, block in LEVELS:
         there = beyond > far
         if there.any():
-            blocks = (_averaged(one, block) for one in (image, truth))
+            blocks = (_averaged(grey, block) for grey in (image, truth))
             _, at_block = structural_similarity(*blocks, full=True, **SETTINGS)
             coarse[there] = _spread(at_block, block, len(truth))[there]
     some = bool(unseen.any())
