@@ -4,11 +4,11 @@ Free is white, +1; unobserved is grey, 0; occupied is black, -1. Input and targe
 images of the same square, so that an observed cell is at the same place in both, and the skip
 connections of a U-Net can copy it.
 
-The calibration gives the probabilities of free and of occupied for each of LEVELS levels of grey.
-They are the shares of cells that are truly free and truly occupied, made monotone by isotonic
-regression (Barlow et al. 1972; Zadrozny and Elkan 2002): p_free rises with the grey, p_occupied
-falls. p_free + p_occupied never exceeds 1, since the shares do not, and isotonic regression with
-fixed weights is monotone in its values.
+The calibration gives the probabilities of free and of occupied for each of `GREY_LEVELS`. They are
+the shares of cells that are truly free and truly occupied, made monotone by isotonic regression
+(Barlow et al. 1972; Zadrozny and Elkan 2002): p_free rises with the grey, p_occupied falls.
+Their sum never exceeds 1, since that of the shares does not, and isotonic regression with fixed
+weights is monotone in its values.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.optimize import isotonic_regression
 
 from predictor.data.squares import GREYS
 
-LEVELS = 511
+GREY_LEVELS = 511
 """Number of levels of grey; odd, so that one of them is exactly 0, unknown."""
 
 
@@ -58,20 +58,25 @@ def pixels_at_cells(image: NDArray[Any], n: int) -> NDArray[Any]:
 
 def level_of(grey: NDArray[np.floating]) -> NDArray[np.intp]:
     """Return the level of each grey in [-1, 1], any shape."""
-    return np.rint((grey + 1.0) * (0.5 * (LEVELS - 1))).astype(np.intp)
+    return np.rint((grey + 1.0) * (0.5 * (GREY_LEVELS - 1))).astype(np.intp)
 
 
 def literal() -> NDArray[np.float64]:
-    """Return the probabilities before any fit, (2, LEVELS): p_free = grey, p_occupied = -grey."""
-    grey = np.linspace(-1.0, 1.0, LEVELS)
+    """Return the probabilities before any fit: p_free = grey, p_occupied = -grey.
+
+    Returns:
+        p_free and p_occupied at each level, (2, GREY_LEVELS).
+    """
+    grey = np.linspace(-1.0, 1.0, GREY_LEVELS)
     return np.stack([np.maximum(grey, 0.0), np.maximum(-grey, 0.0)])
 
 
 def fitted(counts: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Fit the probabilities of free and of occupied at each level, (2, LEVELS).
+    """Fit the probabilities of free and of occupied at each level, (2, GREY_LEVELS).
 
     Args:
-        counts: number of cells at each level that are truly free, occupied, neither, (LEVELS, 3).
+        counts: number of cells at each level that are truly free, occupied, and neither,
+            (GREY_LEVELS, 3).
     """
     # One more of each (Laplace), so that no probability is 0 or 1 and no level is undefined.
     cells = counts + 1.0
@@ -85,7 +90,7 @@ def fitted(counts: NDArray[np.int64]) -> NDArray[np.float64]:
 def counted(
     grey: NDArray[np.floating], truth: NDArray[np.uint8], unseen: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Count unobserved cells by level of grey and by true class, (LEVELS, 3).
+    """Count unobserved cells by level of grey and by true class, (GREY_LEVELS, 3).
 
     Args:
         grey: greys in [-1, 1], any shape.
@@ -93,4 +98,4 @@ def counted(
         unseen: which cells are unobserved; the same shape.
     """
     both = 3 * level_of(grey[unseen]) + truth[unseen]
-    return np.bincount(both, minlength=3 * LEVELS).reshape(LEVELS, 3).astype(np.int64)
+    return np.bincount(both, minlength=3 * GREY_LEVELS).reshape(GREY_LEVELS, 3).astype(np.int64)

@@ -29,8 +29,8 @@ class GreyNet(nn.Module):
         self.config = config
         self.net = _network(config)
         self.chances: Tensor
-        """p_free and p_occupied at each level of grey, (2, LEVELS), see `grey_image`; `literal`
-        before they are fitted."""
+        """p_free and p_occupied at each level of grey, (2, GREY_LEVELS), see `grey_image`; before
+        they are fitted, `literal`."""
         self.register_buffer("chances", torch.from_numpy(literal()).float())
 
     @property

@@ -10,7 +10,8 @@ from foresee.infra.markdown import records
 from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
 from predictor.scoring.scores import Scores
-from predictor.training.compact_training import USUAL, VALIDATED, validate
+from predictor.training.compact_training import USUAL_SIDE, VALIDATED, validate
+from predictor.training.trainer import spread
 from predictor.weights import load_weights
 
 
@@ -33,8 +34,8 @@ def table(before: Path, after: Path, samples: Samples) -> str:
     rows = []
     for kind in dict.fromkeys(kinds):
         of_kind = np.flatnonzero(kinds == kind)
-        chosen = of_kind[np.unique(np.linspace(0, len(of_kind) - 1, VALIDATED).astype(int))]
-        scores = [validate(net, samples, USUAL, chosen) for net in nets]
+        chosen = of_kind[spread(len(of_kind), VALIDATED)]
+        scores = [validate(net, samples, USUAL_SIDE, chosen) for net in nets]
         buildings = {samples.about[int(n)]["original"] for n in samples.starts[of_kind, 0]}
         row = {"held-out buildings": kind, "number": len(buildings)}
         row["constant"] = f"{_constant(scores[0]):.3f}"

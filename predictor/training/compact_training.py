@@ -20,13 +20,13 @@ from predictor.training.compact_targets import NEAR, batch_of, contexts_of, know
 from predictor.training.group import Group
 from predictor.training.optimisation import cosine, descend, deterministic
 from predictor.training.settings import CompactTraining
-from predictor.training.trainer import Trainer, common_facts
+from predictor.training.trainer import Trainer, common_facts, spread
 from predictor.weights import save_weights
 
-SIDES = (200, 200, 200, 120, 160, 240, 280)
+SQUARE_SIDES = (200, 200, 200, 120, 160, 240, 280)
 """Sides of the squares of a step, drawn at random [cells], since windows and expansions of drives
 differ."""
-USUAL = 200
+USUAL_SIDE = 200
 """Side of the square at a window of 5 m and an expansion of 2 [cells]."""
 ALONE = 0.2
 """Share of the samples that are used without their context, since the predictor may be called
@@ -120,8 +120,8 @@ class CompactTrainer(Trainer):
 
     def _batch(self, step: int) -> tuple[Tensor, ...]:
         rng = np.random.default_rng([self.config.seed, step])
-        side = int(rng.choice(SIDES))
-        count = max(1, round(self.config.batch * (USUAL / side) ** 2))
+        side = int(rng.choice(SQUARE_SIDES))
+        count = max(1, round(self.config.batch * (USUAL_SIDE / side) ** 2))
         chosen = rng.integers(len(self.train), size=count)
         drawn = [self.train.with_context(int(i)) for i in chosen]
         codes, contexts = zip(*drawn, strict=True)
@@ -151,7 +151,7 @@ class CompactTrainer(Trainer):
         return [float(loss.detach())]
 
     def _measures(self) -> dict[str, float]:
-        return validate(self.smoothed(), self.validation, USUAL).measures()
+        return validate(self.smoothed(), self.validation, USUAL_SIDE).measures()
 
     def _export(self, facts: dict[str, Any]) -> None:
         save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
@@ -208,7 +208,7 @@ def validate(
     scores = Scores()
     device = next(net.parameters()).device
     if chosen is None:
-        chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
+        chosen = spread(len(samples), VALIDATED)
     for start in range(0, len(chosen), 32):
         part = [samples.with_context(int(i)) for i in chosen[start : start + 32]]
         none = np.zeros(len(part), dtype=bool)

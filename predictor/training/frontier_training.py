@@ -21,7 +21,7 @@ from predictor.training.settings import FrontierTraining
 from predictor.training.trainer import Trainer, common_facts
 from predictor.weights import save_weights
 
-VALIDATED = 512
+VALIDATION_BATCH = 512
 """Number of samples of a batch of the validation."""
 
 
@@ -104,8 +104,8 @@ def losses_of(
     device = next(net.parameters()).device
     parts = []
     with torch.inference_mode():
-        for start in range(0, len(samples), VALIDATED):
-            chosen = np.arange(start, min(start + VALIDATED, len(samples)))
+        for start in range(0, len(samples), VALIDATION_BATCH):
+            chosen = np.arange(start, min(start + VALIDATION_BATCH, len(samples)))
             pictures, numbers = _read(samples, chosen, np.zeros(len(chosen), dtype=int))
             batch = (pictures, numbers, samples.sizes[chosen])
             losses = _losses(net, *(torch.from_numpy(part).to(device) for part in batch))

@@ -18,8 +18,8 @@ class CompactTraining:
 
     Attributes:
         steps: number of optimiser steps.
-        batch: samples per step for squares of the usual side (`compact_training.USUAL`); a step
-            with larger squares has fewer samples, one with smaller squares more.
+        batch: samples per step for squares of the side `compact_training.USUAL_SIDE`; a step with
+            larger squares has fewer samples, one with smaller squares more.
         rate: highest learning rate.
         warmup: number of steps in which the learning rate rises to `rate`; then it falls along a
             cosine to zero.

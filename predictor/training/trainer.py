@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
@@ -229,6 +230,11 @@ def common_facts(config: Any, net: Any, device: torch.device, *splits: Any) -> d
         "worlds": sorted(train.worlds),
         "validation_worlds": sorted(validation.worlds),
     }
+
+
+def spread(total: int, count: int) -> NDArray[np.intp]:
+    """Return at most `count` of the numbers below `total`, evenly spread, to validate on."""
+    return np.unique(np.linspace(0, total - 1, count).astype(np.intp))
 
 
 def summary_of(entry: dict[str, float]) -> str:

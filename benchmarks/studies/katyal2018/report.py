@@ -77,7 +77,7 @@ def report(
             "apart": evaluation.apart,
             "block": BLOCK,
             "ssim": images.SETTINGS,
-            "ssim_coarse": images.LEVELS,
+            "ssim_coarse": images.BLOCKS,
             "rings": EDGES,
             "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
         },
