@@ -18,8 +18,15 @@ from foresee.mapping.resampling import resampled
 from foresee.prediction import Prediction, View, with_observed
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
-from predictor.networks.compact_net import FREE, OCCUPIED, ROOM, CompactConfig, CompactNet
-from predictor.networks.room import question, widened
+from predictor.networks.compact_net import (
+    FREE,
+    OCCUPIED,
+    ROOM,
+    CompactConfig,
+    CompactNet,
+    room_masks,
+    widened,
+)
 from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 
@@ -85,7 +92,7 @@ class Compact:
         top, left = over[0] // 2, over[1] // 2
         # The percentages are at most 100, so they fit into int8.
         inputs = [padded] if context is None else [padded, context.astype(np.int8)]
-        answers = self._run(*(np.ascontiguousarray(one)[None] for one in inputs))
+        answers = self._run(*(np.ascontiguousarray(array)[None] for array in inputs))
         return answers[0, :, top : top + rows, left : left + cols]
 
 
@@ -124,7 +131,7 @@ class _Answers(nn.Module):
         logits = self.net(known.contiguous(memory_format=torch.channels_last), shares)
         classes = torch.softmax(logits[:, :ROOM], dim=1)
         # The highest probability of a free square that holds each cell.
-        _, asked = question(codes)
+        _, asked = room_masks(codes)
         room = widened(torch.where(asked, torch.sigmoid(logits[:, ROOM]), 0.0))
         confidence = (1.0 - classes[:, FREE] + room).clamp(max=SUREST)
         return torch.stack([classes[:, FREE], classes[:, OCCUPIED], confidence], dim=1)

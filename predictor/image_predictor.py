@@ -15,9 +15,8 @@ from foresee.mapping.grid import Grid, GridFrame, paste
 from foresee.prediction import Prediction, View, with_observed
 from predictor.data.samples import quarters
 from predictor.data.squares import codes_of
-from predictor.networks.grey_map import level_of
+from predictor.networks.grey_image import image_of, level_of, pixels_at_cells
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image import image_of, pixels_at_cells
 from predictor.networks.image_config import ImageConfig
 from predictor.runtime import Runner, runner
 from predictor.weights import load_weights

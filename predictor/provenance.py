@@ -16,8 +16,8 @@ def fingerprint_of(predictor: Any) -> str | None:
     The runtime is included because it decides the last digits, on which a drive may depend.
     """
     facts = _facts(predictor)
-    found = [facts[name] for name in ("fingerprint", "runtime") if name in facts]
-    return " on ".join(map(str, found)) or None
+    identity = [facts[name] for name in ("fingerprint", "runtime") if name in facts]
+    return " on ".join(map(str, identity)) or None
 
 
 def has_learned(predictor: Any, cells: NDArray[np.int8]) -> bool:

@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING, Any
 from foresee.infra.command_line import OneLineParser, between, run_command
 from predictor.data import SIMULATED
 from predictor.networks import ARCHITECTURES
-from predictor.networks.image_config import EXPANSIONS, PRESETS
+from predictor.networks.image_config import EXPANSIONS
 from predictor.recording.settings import DrivesConfig
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import TUNING, TUNING_DRIVES, CompactTraining
 from predictor.training.image_arguments import NAMES, add_arguments, configured
+from predictor.training.settings import PRESETS, TUNING, TUNING_DRIVES, CompactTraining
 
 if TYPE_CHECKING:
     from predictor.data.samples import Samples
@@ -146,13 +146,15 @@ def _samples_of(drives: DrivesConfig) -> tuple[Samples, Samples]:
     """Read the samples to train on, and those to validate on.
 
     Raises:
-        SamplesError: if they cannot be read, or share a building.
+        SamplesError: if they cannot be read.
+        SplitError: if they share a building.
     """
-    from predictor.data.samples import Samples, check_apart
+    from predictor.data.samples import Samples
+    from predictor.data.splits import check_apart
 
     train = Samples.load(drives.out / "train", drives.train)
     validation = Samples.load(drives.out / "validation", drives.validation)
-    check_apart({"train": train, "validation": validation})
+    check_apart({"train": train.worlds, "validation": validation.worlds})
     return train, validation
 
 

@@ -119,11 +119,11 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path} has a broken header: {error}") from error
     wanted = {name: (tuple(v.shape), v.dtype) for name, v in net.state_dict().items()}
-    found = {name: (tuple(v.shape), v.dtype) for name, v in tensors.items()}
-    for name in sorted(wanted.keys() | found.keys()):
-        if wanted.get(name) != found.get(name):
+    stored = {name: (tuple(v.shape), v.dtype) for name, v in tensors.items()}
+    for name in sorted(wanted.keys() | stored.keys()):
+        if wanted.get(name) != stored.get(name):
             raise WeightsError(
-                f"{path}: tensor {name} is {found.get(name)}, not {wanted.get(name)}"
+                f"{path}: tensor {name} is {stored.get(name)}, not {wanted.get(name)}"
             )
     if fingerprint(tensors) != header["fingerprint"]:
         raise WeightsError(f"{path} is damaged: its values are not those that were written")

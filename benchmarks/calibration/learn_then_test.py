@@ -21,7 +21,7 @@ from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.statistics import wilson
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import machine
-from foresee.infra.markdown import DASH, records
+from foresee.infra.markdown import DASH, records, span
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import ResumableFolder
 from planner.risk.betting import capital, decided_after, needed
@@ -231,13 +231,12 @@ def table(found: dict[str, Any]) -> str:
     rows = []
     for entry in found["levels"]:
         risks = [f"{risk:g}" for risk, level in certified.items() if level >= entry["level"]]
-        low, high = entry["nominal_interval"]
         rows.append(
             {
                 "level λ": f"{entry['level']:g}",
                 "drives": entry["drives"],
                 "collided": entry["collided"],
-                "nominal 95 % interval": f"{100 * low:.1f}–{100 * high:.1f} %",
+                "nominal 95 % interval": span(entry["nominal_interval"], ".1f", 100.0, " %"),
                 "km": f"{entry['km']:.1f}",
                 "speed [m/s]": f"{entry['speed']:.2f}" if entry["speed"] else DASH,
                 "certified for δ": ", ".join(risks) or DASH,

@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
-from benchmarks.runs.summary import broken, gap, summarise
+from benchmarks.runs.summary import broken, gap, no_gap, summarise
 from foresee.infra.markdown import DASH, figure, interval, records
 
 
@@ -35,12 +35,9 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
             values = [of[arm][key] if arm in of else None for arm in arms]
             return " / ".join(DASH if value is None else format(value, form) for value in values)
 
-        known, ratio, shares = summary["known"], summary["predicted"]["time_ratio"], run["gap"]
-        closed = {
-            key: "" if shares[key] is None else interval(shares[key], ".0f", 100.0) + " %"
-            for key in ("sct", "time")
-        }
-        if "oracle" in summary and shares["sct"] is None and known["sct_interval"] is not None:
+        known, share = summary["known"], run["gap"]
+        closed = {key: interval(share[key], ".0f", 100.0, " %") for key in ("sct", "time")}
+        if no_gap(summary, share):
             closed["sct"] = "no gap"
         rows.append(
             {
@@ -48,9 +45,9 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
                 "car": known["vehicle"],
                 "episodes": known["episodes"],
                 "SCT": each("sct", ".3f"),
-                "time ratio `predicted` to `known`": ""
-                if ratio is None
-                else interval(ratio, ".2f"),
+                "time ratio `predicted` to `known`": interval(
+                    summary["predicted"]["time_ratio"], ".2f"
+                ),
                 "gap closed in SCT": closed["sct"],
                 "gap closed in time": closed["time"],
                 "detour": each("detour", ".2f"),

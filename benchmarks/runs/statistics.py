@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from benchmarks.runs.drive_result import DriveResult
+from foresee.statistics import estimate
 
 ResultsByArm = dict[str, list[DriveResult]]
 """Arm → its results on the paired episodes, in the same order for all arms."""
 
-MIN_WORLDS = 5
-"""Smallest number of different buildings ("worlds") for which an interval over them is given."""
 GAP = ("known", "predicted", "oracle")
 """Arms for the share of the gap between the first and the last that the second one closes."""
 
@@ -28,71 +27,6 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
         return 0.0, 1.0
     interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
-
-
-def estimate(
-    worlds: Sequence[str],
-    entries: NDArray[np.float64],
-    statistic: Callable[[NDArray[np.float64]], Any],
-    rounds: int = 2000,
-) -> dict[str, Any]:
-    """Compute a statistic of sums over episodes and its 95 % bootstrap interval.
-
-    Args:
-        worlds: building of each episode, n of them; episodes of one building are drawn together.
-        entries: k values of each episode that are summed, (k, n).
-        statistic: function from the sums of all resamplings, (k, rounds), to the value of each,
-            (rounds,).
-        rounds: number of resamplings; their seed is fixed.
-
-    Returns:
-        `value`, `low` and `high`; both ends are None with fewer than `MIN_WORLDS` different
-        buildings.
-    """
-    value = float(statistic(entries.sum(axis=1, keepdims=True))[0])
-    numbers: dict[str, int] = {}
-    of = np.array([numbers.setdefault(world, len(numbers)) for world in worlds])
-    count = len(numbers)
-    if count < MIN_WORLDS:
-        return {"value": value, "low": None, "high": None}
-    parts = np.stack([np.bincount(of, entry, count) for entry in entries])
-    rng = np.random.default_rng(0)
-    drawn = (np.bincount(rng.integers(0, count, count), minlength=count) for _ in range(rounds))
-    values = statistic(np.stack([parts @ times for times in drawn], axis=1))
-    low, high = np.nanpercentile(values, [2.5, 97.5])
-    return {"value": value, "low": float(low), "high": float(high)}
-
-
-def grouped_mean(
-    groups: NDArray[np.int64],
-    sums: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    rounds: int = 2000,
-) -> dict[str, Any] | None:
-    """Compute a weighted mean and its 95 % bootstrap interval by resampling groups.
-
-    Args:
-        groups: group of each entry, (n,); the entries of a group are drawn together.
-        sums: value times weight of each entry, (n,); NaN: the entry does not count.
-        weights: weight of each entry, (n,).
-        rounds: number of resamplings; their seed is fixed, so that two means are compared on the
-            same ones.
-
-    Returns:
-        `value`, `low`, `high`, and `groups`, the number of groups. Both ends are None for a single
-        group. None if no entry has a weight.
-    """
-    there = np.isfinite(sums) & (weights > 0)
-    if not there.any():
-        return None
-    _, of = np.unique(groups[there], return_inverse=True)
-    count = int(of.max()) + 1
-    parts = np.stack([np.bincount(of, values[there]) for values in (sums, weights)])
-    drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1 / count), rounds)
-    top, bottom = parts @ drawn.T
-    ends = np.percentile(top / bottom, [2.5, 97.5]).tolist() if count > 1 else [None, None]
-    total = parts.sum(axis=1)
-    return {"value": float(total[0] / total[1]), "low": ends[0], "high": ends[1], "groups": count}
 
 
 def mean_speed(arms: ResultsByArm, arm: str, baseline: str | None = None) -> dict[str, Any]:
@@ -152,7 +86,7 @@ def share_of_gap(arms: ResultsByArm, key: str) -> dict[str, Any] | None:
 
     Returns:
         As `estimate`. None if the interval of the denominator includes 0, there are fewer than
-        `MIN_WORLDS` buildings, or arms or values are missing.
+        `foresee.statistics.MIN_GROUPS` buildings, or arms or values are missing.
     """
     if not arms.keys() >= set(GAP):
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
-from foresee.infra.markdown import DASH, figure, interval, markdown
+from foresee.infra.markdown import figure, interval, markdown, span
+from foresee.statistics import MIN_GROUPS
 from sim.episode import Outcome
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
@@ -46,7 +47,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         faults.update(r.faults)
         paths.update(r.paths)
     counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
-    enough = len({r.world for r in results}) >= statistics.MIN_WORLDS
+    enough = len({r.world for r in results}) >= MIN_GROUPS
     collided = statistics.wilson(counts["collided"], len(results)) if enough else None
     compared = arm != "known" and "known" in by_arm
     ratio = {"time_ratio": statistics.time_ratio(by_arm, arm, "known")} if compared else {}
@@ -82,10 +83,10 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
 
 def _with_ends(name: str, estimated: dict[str, Any] | None) -> dict[str, Any]:
     """Return the value and the interval of an estimate, as NAME and NAME_interval."""
-    value, low, high = (
-        None if estimated is None else estimated[k] for k in ("value", "low", "high")
-    )
-    return {name: value, f"{name}_interval": None if low is None else [low, high]}
+    if estimated is None:
+        return {name: None, f"{name}_interval": None}
+    ends = [estimated["low"], estimated["high"]]
+    return {name: estimated["value"], f"{name}_interval": None if None in ends else ends}
 
 
 def _ratio(results: list[DriveResult], top: str, bottom: str) -> float | None:
@@ -140,78 +141,82 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     """
     if not summary:
         return "no episode has been finished by all arms yet"
-    first = next(iter(summary.values()))
-    rows = [[f"{first['episodes']} paired episodes", *(f"`{arm}`" for arm in summary)]]
+    entries = list(summary.values())
+    rows = [[f"{entries[0]['episodes']} paired episodes", *(f"`{arm}`" for arm in summary)]]
+    rows += [[title, *map(cell, entries)] for title, cell in _rows(entries).items()]
+    return "\n".join([markdown(rows), "", *_remarks(summary, share)]).rstrip()
 
-    def row(title: str, value: Callable[[dict[str, Any]], str]) -> None:
-        rows.append([title, *(value(entry) for entry in summary.values())])
 
-    def plain(title: str, key: str, form: str) -> None:
-        row(title, lambda e: "" if e[key] is None else format(e[key], form))
+Cell = Callable[[dict[str, Any]], str]
+"""Function from the measures of an arm to a cell of the table."""
 
-    def estimate(title: str, key: str, form: str) -> None:
-        row(title, lambda e: interval(e[key], form) if e.get(key) else "")
 
-    def ended(title: str, key: str, form: str) -> None:
-        row(f"{title} (95 % over worlds)", lambda e: figure(e[key], e[f"{key}_interval"], form))
+def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
+    """Return the title of each row of the table, and the function of its cells."""
+    worlds, together = "(95 % over worlds)", entries[0]["time_to_goal_episodes"]
+    rows: dict[str, Cell] = {
+        f"**SCT** {worlds}": _ended("sct", ".3f"),
+        "**time ratio** to `known`, both reached": lambda e: interval(e.get("time_ratio"), ".2f"),
+        "time over T_opt, where reached": _plain("over_optimum", ".2f"),
+        f"time to goal [s], {together} episodes all reached": _plain("time_to_goal", ".1f"),
+        "detour factor, where reached": _plain("detour", ".2f"),
+        f"speed [m/s] {worlds}": _ended("mean_speed", ".2f"),
+        "faster than `known` [m/s]": lambda e: interval(e.get("faster_than_known"), "+.2f"),
+        " / ".join(OUTCOMES).replace("_", " "): lambda e: " / ".join(str(e[o]) for o in OUTCOMES),
+        "collisions, 95 % interval": lambda e: span(e["collided_interval"], ".1f", 100.0, " %"),
+        "impact speed [m/s]": _plain("impact_speed", ".1f"),
+        "top speed [m/s]": _plain("max_speed", ".2f"),
+        "least clearance [m]": _plain("min_clearance", ".2f"),
+        "stops": _plain("stops", "d"),
+        f"promises broken {worlds}": broken,
+        "control cycle p50 / p99 [ms]": lambda e: (
+            f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}"
+        ),
+        "handled faults": lambda e: str(sum(e["faults"].values())),
+        "paths by source": lambda e: " / ".join(str(e["paths"].get(s, 0)) for s in SOURCES),
+        "recovery manoeuvres": lambda e: str(e["paths"].get("manoeuvre", 0)),
+    }
+    if all(entry["over_optimum"] is None for entry in entries):
+        del rows["time over T_opt, where reached"]
+    return rows
 
-    ended("**SCT**", "sct", ".3f")
-    estimate("**time ratio** to `known`, both reached", "time_ratio", ".2f")
-    if any(entry["over_optimum"] is not None for entry in summary.values()):
-        plain("time over T_opt, where reached", "over_optimum", ".2f")
-    together = f"{first['time_to_goal_episodes']} episodes all reached"
-    plain(f"time to goal [s], {together}", "time_to_goal", ".1f")
-    plain("detour factor, where reached", "detour", ".2f")
-    ended("speed [m/s]", "mean_speed", ".2f")
-    estimate("faster than `known` [m/s]", "faster_than_known", "+.2f")
-    row(
-        " / ".join(outcome.replace("_", " ") for outcome in OUTCOMES),
-        lambda e: " / ".join(str(e[outcome]) for outcome in OUTCOMES),
-    )
-    row("collisions, 95 % interval", lambda e: _percent(e["collided_interval"], " %"))
-    plain("impact speed [m/s]", "impact_speed", ".1f")
-    plain("top speed [m/s]", "max_speed", ".2f")
-    plain("least clearance [m]", "min_clearance", ".2f")
-    plain("stops", "stops", "d")
-    row("promises broken (95 % over worlds)", broken)
-    row(
-        "control cycle p50 / p99 [ms]",
-        lambda e: f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}",
-    )
-    row("handled faults", lambda e: str(sum(e["faults"].values())))
-    row(
-        "paths by source",
-        lambda e: " / ".join(str(e["paths"].get(source, 0)) for source in SOURCES),
-    )
-    row("recovery manoeuvres", lambda e: str(e["paths"].get("manoeuvre", 0)))
-    lines = [markdown(rows), ""]
-    for name, entry in summary.items():
-        if entry["faults"]:
-            kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
-            lines.append(f"Handled faults of `{name}`: {kinds}.")
-    for key, what in (("sct", "in SCT"), ("time", "in time, where all three reached")):
-        if share[key] is not None:
-            closed = interval(share[key], ".0f", 100.0)
-            lines.append(f"Share of the gap between `known` and `oracle` {what}: {closed} %.")
-    # Without an interval there are too few buildings to say anything about the gap.
-    if (
-        summary.keys() >= set(statistics.GAP)
-        and first["sct_interval"] is not None
-        and share["sct"] is None
-    ):
-        lines.append(
-            "Share of the gap in SCT: not given, `oracle` is not better than `known` with "
-            "certainty."
-        )
-    return "\n".join(lines).rstrip()
+
+def _plain(key: str, form: str) -> Cell:
+    """Return a cell of a measure without an interval."""
+    return lambda entry: "" if entry[key] is None else format(entry[key], form)
+
+
+def _ended(key: str, form: str) -> Cell:
+    """Return a cell of a measure with its interval."""
+    return lambda entry: figure(entry[key], entry[f"{key}_interval"], form)
 
 
 def broken(entry: dict[str, Any]) -> str:
     """Return the share of promises that an arm broke, with its interval, as text."""
-    if entry["promises_broken"] is None:
-        return ""
-    return f"{100 * entry['promises_broken']:.2f} % ({_percent(entry['promises_broken_interval'])})"
+    return figure(entry["promises_broken"], entry["promises_broken_interval"], ".2f", 100.0, " %")
 
 
-def _percent(ends: list[float] | None, unit: str = "") -> str:
-    return DASH if ends is None else "–".join(f"{100 * end:.1f}" for end in ends) + unit
+def _remarks(summary: dict[str, Any], share: dict[str, Any]) -> Iterator[str]:
+    """Yield the lines below the table: kinds of faults, and the share of the gap."""
+    for arm, entry in summary.items():
+        if entry["faults"]:
+            kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
+            yield f"Handled faults of `{arm}`: {kinds}."
+    for key, what in (("sct", "in SCT"), ("time", "in time, where all three reached")):
+        if share[key] is not None:
+            closed = interval(share[key], ".0f", 100.0, " %")
+            yield f"Share of the gap between `known` and `oracle` {what}: {closed}."
+    if no_gap(summary, share):
+        yield (
+            "Share of the gap in SCT: not given, `oracle` is not better than `known` with "
+            "certainty."
+        )
+
+
+def no_gap(summary: dict[str, Any], share: dict[str, Any]) -> bool:
+    """Return whether `oracle` is not better than `known` in SCT with certainty.
+
+    Without an interval there are too few buildings to say anything about the gap.
+    """
+    driven = summary.keys() >= set(statistics.GAP)
+    return driven and share["sct"] is None and summary["known"]["sct_interval"] is not None

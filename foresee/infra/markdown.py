@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 DASH = "–"
@@ -23,30 +24,43 @@ def records(rows: list[dict[str, Any]]) -> str:
     return markdown([[*rows[0]], *([*map(str, row.values())] for row in rows)]) if rows else ""
 
 
-def figure(value: float | None, ends: list[float] | None, form: str) -> str:
-    """Return a value and its 95 % interval as text, "0.46 (0.39–0.54)"; "" without a value.
+def interval(
+    estimate: Mapping[str, Any] | None, form: str, factor: float = 1.0, unit: str = ""
+) -> str:
+    """Return an estimate and its 95 % interval as text, "0.87 (0.86–0.88)"; "" without an estimate.
 
     Args:
-        value: the value; None: there is none.
-        ends: both ends of the interval; None: `DASH` in its place.
-        form: format of the numbers, such as ".2f".
-    """
-    if value is None:
-        return ""
-    told = DASH if ends is None else "–".join(format(end, form) for end in ends)
-    return f"{format(value, form)} ({told})"
-
-
-def interval(value: dict[str, Any], form: str, factor: float = 1.0) -> str:
-    """Return a value and its 95 % interval as text, "0.90 (0.75 to 1.01)".
-
-    Args:
-        value: `value`, `low` and `high`; if `low` is None, `DASH` stands for the interval.
+        estimate: `value`, `low` and `high`; the ends are None if there is no interval.
         form: format of the numbers, such as ".2f".
         factor: factor that all three are multiplied by, such as 100 for percentages.
+        unit: text after a number, such as " %".
     """
-    mid = format(factor * value["value"], form)
-    if value["low"] is None:
-        return f"{mid} ({DASH})"
-    low, high = (format(factor * value[name], form) for name in ("low", "high"))
-    return f"{mid} ({low} to {high})"
+    if estimate is None:
+        return ""
+    low, high = estimate["low"], estimate["high"]
+    return figure(estimate["value"], None if low is None else (low, high), form, factor, unit)
+
+
+def figure(
+    value: float | None,
+    ends: Sequence[float] | None,
+    form: str,
+    factor: float = 1.0,
+    unit: str = "",
+) -> str:
+    """Return a value and both ends of its interval as text, see `interval`; "" without a value."""
+    if value is None:
+        return ""
+    return f"{format(factor * value, form)} ({span(ends, form, factor)}){unit}"
+
+
+def span(ends: Sequence[float] | None, form: str, factor: float = 1.0, unit: str = "") -> str:
+    """Return both ends of an interval as text, "0.86–0.88", or with signs "-0.1 to 0.2".
+
+    Without ends, it is `DASH`.
+    """
+    if ends is None:
+        return DASH
+    texts = [format(factor * end, form) for end in ends]
+    signed = any(text.startswith(("+", "-")) for text in texts)
+    return (" to " if signed else "–").join(texts) + unit

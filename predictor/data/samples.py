@@ -20,7 +20,6 @@ import hashlib
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -238,15 +237,3 @@ def _drive(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.int64], dict[str, 
     if "world" not in facts or "original" not in facts:
         raise ValueError("it does not name its building")
     return block, ends.astype(np.int64), facts
-
-
-def check_apart(splits: dict[str, Samples]) -> None:
-    """Check that no building is in two splits.
-
-    Raises:
-        SamplesError: if one is.
-    """
-    for one, other in combinations(splits, 2):
-        both = splits[one].worlds & splits[other].worlds
-        if both:
-            raise SamplesError(f"{len(both)} buildings are both in {one} and in {other}")

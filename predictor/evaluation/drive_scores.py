@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
-from foresee.infra.markdown import markdown
+from foresee.infra.markdown import markdown, span
 from foresee.infra.plain_json import without_nan
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import Part, ResumableFolder
@@ -34,6 +34,35 @@ def group_of(place: str) -> str:
     """Return the group in which a building is reported: its family, or the folder of its map."""
     path = Path(place)
     return path.resolve().parent.name if path.suffix else place
+
+
+class Group:
+    """The scores of the drives in a group of buildings.
+
+    Args:
+        names: names of the rows of scores.
+
+    Attributes:
+        facts: facts of each drive.
+        scores: row → scores of all drives.
+        bins: row → building → `Scores.bins` of free.
+    """
+
+    def __init__(self, names: list[str]) -> None:
+        self.facts: list[dict[str, Any]] = []
+        self.scores = {name: Scores() for name in names}
+        self.bins: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in names}
+
+    def add(self, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Add a drive, which may have been skipped."""
+        self.facts.append(facts)
+        if "skipped" in facts:
+            return
+        for name, total in self.scores.items():
+            scores = Scores.of(arrays, name)
+            total += scores
+            of_building = self.bins[name].setdefault(facts["hash"], np.zeros((BINS, 3)))
+            of_building += scores.bins("free")
 
 
 class DriveScores:
@@ -77,50 +106,34 @@ class DriveScores:
 
     def finish(self) -> dict[str, Any]:
         """Write results.json and the figures of all scored drives, and return the results."""
-        names = rows_of(self.config)
-        groups: dict[str, dict[str, Scores]] = {}
-        bins: dict[str, dict[str, dict[str, NDArray[Any]]]] = {}
-        facts: dict[str, list[dict[str, Any]]] = {}
+        groups: dict[str, Group] = {}
         pictures: list[tuple[float, NDArray[Any]]] = []
         for item in self.items:
             part = self._read(item)
-            if part is None:
-                continue
-            fact, arrays = part
-            group = group_of(item[0])
-            facts.setdefault(group, []).append(fact)
-            sums = groups.setdefault(group, {name: Scores() for name in names})
-            each = bins.setdefault(group, {name: {} for name in names})
-            if "skipped" in fact:
-                continue
-            for name in names:
-                scores = Scores.of(arrays, name)
-                sums[name] += scores
-                of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
-                of_building += scores.bins("free")
-            pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
-        summaries = {
-            group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
-        }
-        learned = [group for group in groups if group in LEARNED]
+            if part is not None:
+                facts, arrays = part
+                group = groups.setdefault(group_of(item[0]), Group(rows_of(self.config)))
+                group.add(facts, arrays)
+                errors = enumerate(facts.get("errors", ()))
+                pictures += [(error, arrays[f"picture/{i}"]) for i, error in errors]
+        summaries = {name: _summary([group]) for name, group in groups.items()}
+        learned = [name for name in groups if name in LEARNED]
         if len(learned) > 1:
             # Scores of all learned families together, since families may resemble each other.
-            pooled = {name: Scores() for name in names}
-            for group in learned:
-                for name in names:
-                    pooled[name] += groups[group][name]
-            every = [fact for group in learned for fact in facts[group]]
-            families = [bins[group] for group in learned]
-            summaries[" + ".join(learned)] = _summary(every, pooled, families)
+            summaries[" + ".join(learned)] = _summary([groups[name] for name in learned])
+        drives = {name: group.facts for name, group in groups.items()}
         results = {
             "settings": self.settings,
             "machine": machine(),
-            "commits": sorted({str(fact["commit"]) for every in facts.values() for fact in every}),
+            "commits": sorted(
+                {str(drive["commit"]) for every in drives.values() for drive in every}
+            ),
             "groups": summaries,
-            "drives": facts,
+            "drives": drives,
         }
         write_results(self.out / "results.json", "evaluation", without_nan(results))
-        draw_evaluation(self.out, groups, pictures, self.config.predictors)
+        scores = {name: group.scores for name, group in groups.items()}
+        draw_evaluation(self.out, scores, pictures, self.config.predictors)
         return results
 
     def _read(self, item: tuple[str, int]) -> Part | None:
@@ -132,40 +145,33 @@ class DriveScores:
         return f"parts/{self.items.index(item):05d}.npz"
 
 
-def _summary(
-    facts: list[dict[str, Any]],
-    sums: dict[str, Scores],
-    families: list[dict[str, dict[str, NDArray[Any]]]],
-) -> dict[str, Any]:
-    """Compute the scores of a group: predictor → measures.
-
-    Args:
-        facts: facts of each drive.
-        sums: predictor → scores of all drives.
-        families: for each family, predictor → building → `Scores.bins` of free.
-    """
-    scored = [fact for fact in facts if "skipped" not in fact]
+def _summary(groups: list[Group]) -> dict[str, Any]:
+    """Compute the scores of some groups together: predictor → measures."""
+    names = list(groups[0].scores)
+    facts = [drive for group in groups for drive in group.facts]
+    scored = [drive for drive in facts if "skipped" not in drive]
     rows: dict[str, dict[str, Any]] = {}
-    for name in [*sums, BLANK] if scored else []:
+    for name in [*names, BLANK] if scored else []:
         row = rows[name] = {}
         if name in scored[0]["ssim"]:
-            row["ssim"] = float(np.mean([fact["ssim"][name] for fact in scored]))
+            row["ssim"] = float(np.mean([drive["ssim"][name] for drive in scored]))
         if name in scored[0]["ms"]:
-            row["ms"] = float(np.median([fact["ms"][name] for fact in scored]))
-        if name in sums:
-            row |= _measures(name, sums[name], slice(None))
-            row["ece_free_95"] = calibration_interval(
-                [list(family[name].values()) for family in families]
-            )
+            row["ms"] = float(np.median([drive["ms"][name] for drive in scored]))
+        if name in names:
+            scores = Scores()
+            for group in groups:
+                scores += group.scores[name]
+            row |= _measures(name, scores, slice(None))
+            bins = [list(group.bins[name].values()) for group in groups]
+            row["ece_free_95"] = calibration_interval(bins)
             row["rings"] = [
-                {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}
-                for i in range(RINGS)
+                {"from": EDGES[i], **_measures(name, scores, slice(i, i + 1))} for i in range(RINGS)
             ]
     return {
         "drives": len(scored),
         "skipped": len(facts) - len(scored),
-        "moments": sum(fact["moments"] for fact in scored),
-        "learned": sum(bool(fact["learned_by"]) for fact in scored),
+        "moments": sum(drive["moments"] for drive in scored),
+        "learned": sum(bool(drive["learned_by"]) for drive in scored),
         "predictors": rows,
     }
 
@@ -205,7 +211,7 @@ def table(results: dict[str, Any]) -> str:
         if any(row.get("ece_free_95") for row in entry["predictors"].values()):
             rows[0].append("ece free, 95 %")
             for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
-                cells.append("–".join(map(_cell, row.get("ece_free_95") or ())))
+                cells.append(span(row.get("ece_free_95"), ".3f"))
         parts.append(f"{head}\n\n{markdown(rows)}")
         parts.append(_by_distance(entry["predictors"]))
     return "\n\n".join(parts)
@@ -219,11 +225,11 @@ def _by_distance(predictors: dict[str, Any]) -> str:
             edges = [ring["from"] for ring in row["rings"]]
             spans = [f"{low:g}–{high:g} m" for low, high in pairwise(edges)]
             rows = rows or [["iou / brier / ece free", *spans, f"{edges[-1]:g} m–"]]
-            found = [
+            triples = [
                 [ring[f"{measure}_free"] for measure in ("iou", "brier", "ece")]
                 for ring in row["rings"]
             ]
-            rows.append([name, *(" / ".join(map(_cell, values)) for values in found)])
+            rows.append([name, *(" / ".join(map(_cell, values)) for values in triples)])
     return markdown(rows) if rows else ""
 
 

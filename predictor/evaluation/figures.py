@@ -69,12 +69,13 @@ def draw_evaluation(
         return [{"from": EDGES[i], **scores.measures(slice(i, i + 1))} for i in range(RINGS)]
 
     of_rings = {
-        group: {one: rings(scores[one]) for one in predictors} for group, scores in groups.items()
+        group: {name: rings(scores[name]) for name in predictors}
+        for group, scores in groups.items()
     }
     curves = {
         group: {
-            f"was {name}": {one: scores[one].reliability(name) for one in predictors}
-            for name in ("free", "occupied")
+            f"was {state}": {name: scores[name].reliability(state) for name in predictors}
+            for state in ("free", "occupied")
         }
         for group, scores in groups.items()
     }
@@ -177,11 +178,11 @@ def panels(
 
 def legend(figure: Figure, axes: NDArray[Any]) -> None:
     """Draw one legend for all panels beside them."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for axis in axes.flat:
         handles, labels = axis.get_legend_handles_labels()
-        found = dict(zip(labels, handles, strict=True)) | found
-    figure.legend(found.values(), found, loc="outside right center", frameon=False, fontsize=8)
+        entries = dict(zip(labels, handles, strict=True)) | entries
+    figure.legend(entries.values(), entries, loc="outside right center", frameon=False, fontsize=8)
 
 
 def sheet(

@@ -14,7 +14,7 @@ from foresee.prediction import Caller, View
 from planner.navigator import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
 from predictor.evaluation.settings import EvaluateConfig
-from predictor.networks.room import REACH
+from predictor.networks.compact_net import ROOM_REACH
 from predictor.provenance import has_learned
 from predictor.recording.replay import drive_without_prediction, replayed_with
 from predictor.registry import load_predictor
@@ -49,7 +49,7 @@ def score_drive(
         BadPredictionError: if a predictor breaks its contract, or raises.
     """
     place, seed = item
-    square_of_a_car = np.ones((2 * REACH + 1, 2 * REACH + 1), dtype=bool)
+    square_of_a_car = np.ones((2 * ROOM_REACH + 1, 2 * ROOM_REACH + 1), dtype=bool)
     try:
         task = task_in(place, seed)
     except NoTaskError as error:
@@ -71,8 +71,8 @@ def score_drive(
         ring = rings_of(crop)
         free, occupied = world.truth(square)
         # Morphological opening; cells outside of the square count as free.
-        room = binary_opening(np.pad(free, REACH, constant_values=True), square_of_a_car)
-        room = room[REACH:-REACH, REACH:-REACH]
+        room = binary_opening(np.pad(free, ROOM_REACH, constant_values=True), square_of_a_car)
+        room = room[ROOM_REACH:-ROOM_REACH, ROOM_REACH:-ROOM_REACH]
         true_image = TERNARY[truth_codes(free, occupied)]
         blank = np.full(true_image.shape, 0.5)
         similar[BLANK].append(ssim(blank, true_image))

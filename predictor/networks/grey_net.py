@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from predictor.networks import ARCHITECTURES
-from predictor.networks.grey_map import literal
+from predictor.networks.grey_image import literal
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.mlp import MLP
 from predictor.networks.resnet_ff import ResNet
@@ -29,8 +29,8 @@ class GreyNet(nn.Module):
         self.config = config
         self.net = _network(config)
         self.chances: Tensor
-        """p_free and p_occupied at each level of grey, (2, LEVELS), see `grey_map`; `literal` until
-        they are fitted."""
+        """p_free and p_occupied at each level of grey, (2, GREY_LEVELS), see `grey_image`; before
+        they are fitted, `literal`."""
         self.register_buffer("chances", torch.from_numpy(literal()).float())
 
     @property

@@ -1,11 +1,11 @@
-"""Settings of the paper's networks and of their training, and the presets.
+"""Settings of the paper's networks.
 
 This module imports nothing heavy, since command lines are built from it.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from predictor.networks import ARCHITECTURES
@@ -77,70 +77,3 @@ class ImageConfig:
             TypeError: if a field is unknown or of the wrong type; a missing one has its default.
         """
         return cls(**fields)
-
-
-@dataclass(frozen=True)
-class ImageTraining:
-    """Settings of the training of a network of the paper.
-
-    Attributes:
-        epochs: number of passes over the frames; need not be whole.
-        batch: frames per step, over all processes.
-        rate: learning rate of Adam; it falls linearly to zero over the second half.
-        sigma: standard deviation of the first weights.
-        brief: whether to compute in bfloat16 where torch's autocast allows it.
-        seed: seed of the first weights, of the order of frames and of dropout.
-    """
-
-    epochs: float = 200.0
-    batch: int = 1
-    rate: float = 2e-4
-    sigma: float = 0.02
-    brief: bool = False
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name, low, high in (("epochs", 0.0, 1e6), ("rate", 0.0, 1.0), ("sigma", 0.0, 10.0)):
-            if not low < getattr(self, name) <= high:
-                raise ValueError(
-                    f"{name} is {getattr(self, name)}, it must lie in ({low:g}, {high:g}]"
-                )
-        for name, least in (("batch", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} is {getattr(self, name)}, it must be at least {least}")
-
-
-@dataclass(frozen=True)
-class Preset:
-    """Size and schedule, the same for all architectures.
-
-    Attributes:
-        width: see `ImageConfig`.
-        side: see `ImageConfig` [pixels].
-        training: settings of the training.
-    """
-
-    width: float
-    side: int
-    training: ImageTraining
-
-
-PRESETS = {
-    "paper": Preset(1.0, 256, ImageTraining()),
-    "short": Preset(0.125, 128, ImageTraining(epochs=4.0, batch=8, rate=1e-3)),
-}
-"""`paper` is that of Katyal et al. 2018. `short` is for 2 CPU cores, which train all 20 networks in
-two or three hours."""
-
-
-def described(
-    config: ImageConfig, training: ImageTraining, digests: tuple[str, str]
-) -> dict[str, Any]:
-    """Return the facts that identify a training in checkpoints and weights.
-
-    Args:
-        config: settings of the network.
-        training: settings of the training.
-        digests: digests of the training frames and of the validation frames.
-    """
-    return {"config": asdict(training), "network": asdict(config), "data": list(digests)}

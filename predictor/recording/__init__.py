@@ -1,11 +1,10 @@
 """Simulated drives for the commands of `predictor`: training samples and data sets.
 
-These modules are not in `predictor`, since they use the simulator and the planner.
-
 - `settings`: settings and options of all recorded drives.
 - `own_buildings`: reads a user's own maps and logs.
 - `replay`: drives without prediction, and repeats a drive with another LIDAR.
 - `simulated_log`: simulates the log of a robot.
+- `sample_set`: makes the files of samples in parallel, apart from other seeds.
 - `training_drives`: the samples of `predictor.drives` and `predictor.train`, made with these three
   modules.
 - `exploration`: the samples of `predictor.train_frontiers`, and where frontiers truly lead.

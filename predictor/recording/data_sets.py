@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -12,9 +14,10 @@ from foresee.infra.workers import finished
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import FrameSet
 from predictor.data.log_files import site_of, sources_of
+from predictor.data.splits import check_apart
 from predictor.data.survey import make_log
 from predictor.data.survey import settings_of as settings_of_logs
-from predictor.recording.paper_drives import check_apart, drives_of, make_drive, settings_of
+from predictor.recording.paper_drives import drives_of, make_drive, settings_of
 from predictor.recording.settings import SimulatedConfig
 
 
@@ -29,6 +32,7 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     Raises:
         FramesError: if the folder holds another set.
         DriveError: if a drive cannot be made.
+        SplitError: if a validation drive or a further test drive shares a building with others.
     """
     drives = {drive.name: drive for drive in drives_of(config)}
     frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
@@ -42,7 +46,19 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
             frames.add(drive.name, facts)
             bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
             bar.update(drive.count)
-    check_apart(list(frames.done.values()))
+    check_apart(worlds_of(frames.done.values()))
+
+
+def worlds_of(trajectories: Iterable[dict[str, Any]]) -> dict[str, set[str]]:
+    """Return split → hashes of the buildings of its trajectories; "test" belongs to "train".
+
+    In the paper, training and test drives are in the same two buildings.
+    """
+    worlds: dict[str, set[str]] = {}
+    for facts in trajectories:
+        split = "train" if facts["split"] == "test" else facts["split"]
+        worlds.setdefault(split, set()).add(facts["world"])
+    return worlds
 
 
 def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int) -> None:

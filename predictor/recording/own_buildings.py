@@ -1,6 +1,6 @@
 """A user's own buildings for training (`--world`): reading of maps and logs, and their split.
 
-The split is by building, into training and validation; see `OwnBuildings.found`.
+The split is by building, into training and validation; see `OwnBuildings.read`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class OwnBuildings:
     skipped: tuple[str, ...] = ()
 
     @classmethod
-    def found(cls, names: tuple[str, ...]) -> OwnBuildings:
+    def read(cls, names: tuple[str, ...]) -> OwnBuildings:
         """Read the maps and logs that are given, and split them by building.
 
         Each file counts as one building, except that all files in a subfolder of a given folder
@@ -75,30 +75,30 @@ class OwnBuildings:
             UsageError: if a path is none of these, or no building can be used.
         """
         seen: dict[str, Path] = {}
-        found, skipped = [], []
+        buildings, skipped = [], []
         for paths in _buildings(names):
             good: dict[str, str] = {}
             for path in paths:
                 try:
-                    one = _hash(path)
+                    content = _hash(path)
                 except (MapError, LogError, NoTaskError) as error:
-                    told = one_line(error)
-                    skipped.append(told if str(path) in told else f"{path}: {told}")
+                    reason = one_line(error)
+                    skipped.append(reason if str(path) in reason else f"{path}: {reason}")
                     continue
-                if one in seen:
-                    skipped.append(f"{path} holds the same as {seen[one]}")
+                if content in seen:
+                    skipped.append(f"{path} holds the same as {seen[content]}")
                 else:
-                    seen[one] = path
-                    good[one] = str(path.resolve())
+                    seen[content] = path
+                    good[content] = str(path.resolve())
             if good:
                 hashes = sorted(good)
-                found.append(Building(tuple(good[one] for one in hashes), tuple(hashes)))
-        if names and not found:
+                buildings.append(Building(tuple(map(good.__getitem__, hashes)), tuple(hashes)))
+        if names and not buildings:
             raise UsageError(f"--world: none of its files can be used: {'; '.join(skipped)}")
-        found.sort(key=lambda one: one.hashes[0])
-        held = sum(int(one.hashes[0][:8], 16) < HELD_OUT * 16**8 for one in found)
-        held = min(max(held, 1), len(found) - 1) if found else 0
-        return cls(tuple(found[held:]), tuple(found[:held]), tuple(skipped))
+        buildings.sort(key=lambda building: building.hashes[0])
+        held = sum(int(b.hashes[0][:8], 16) < HELD_OUT * 16**8 for b in buildings)
+        held = min(max(held, 1), len(buildings) - 1) if buildings else 0
+        return cls(tuple(buildings[held:]), tuple(buildings[:held]), tuple(skipped))
 
     def of(self, split: str) -> tuple[Building, ...]:
         """Return the buildings of a split, "train" or "validation"."""
@@ -108,7 +108,8 @@ class OwnBuildings:
     def hashes(self) -> dict[str, list[list[str]]]:
         """Split → hashes of each of its buildings, plain data for JSON."""
         return {
-            split: [list(one.hashes) for one in self.of(split)] for split in ("train", "validation")
+            split: [list(building.hashes) for building in self.of(split)]
+            for split in ("train", "validation")
         }
 
 
@@ -154,26 +155,26 @@ def _buildings(names: tuple[str, ...]) -> list[list[Path]]:
     Raises:
         UsageError: if a path names none.
     """
-    found: list[list[Path]] = []
+    buildings: list[list[Path]] = []
     for path in map(Path, names):
         if is_folder(path):
-            inside = [[one] for one in _files(path)]
-            folders = [one for one in sorted(path.iterdir()) if is_folder(one)]
+            inside = [[file] for file in _files(path)]
+            folders = [inner for inner in sorted(path.iterdir()) if is_folder(inner)]
             inside += [files for files in map(_files, folders) if files]
             if not inside:
                 raise UsageError(f"--world: the folder {path} holds neither a .yaml map nor a log")
-            found += inside
+            buildings += inside
         elif not path.exists():
             raise UsageError(f"--world: no such file: {path}")
         elif path.suffix in MAPS or is_log(path):
-            found.append([path])
+            buildings.append([path])
         else:
             raise UsageError(
                 f"--world: {path} is neither a .yaml map, nor a log, nor a folder of such files; "
                 f"logs are {LOG_FORMATS}"
             )
-    return found
+    return buildings
 
 
 def _files(folder: Path) -> list[Path]:
-    return [one for one in sorted(folder.iterdir()) if one.suffix in MAPS or is_log(one)]
+    return [file for file in sorted(folder.iterdir()) if file.suffix in MAPS or is_log(file)]

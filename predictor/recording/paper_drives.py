@@ -24,7 +24,6 @@ from foresee.mapping.grid import world_hash
 from planner.guide.guide import GuideConfig
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
-from predictor.data.frames import FramesError
 from predictor.data.squares import truth_codes
 from predictor.recording.settings import SimulatedConfig
 from sim import DubinsCar, Lidar, LidarConfig
@@ -83,21 +82,6 @@ def settings_of(config: SimulatedConfig) -> dict[str, Any]:
         "first_map": FIRST_MAP,
         "first_drive": FIRST_DRIVE,
     }
-
-
-def check_apart(about: list[dict[str, Any]]) -> None:
-    """Check that validation drives and the further test drives share no building with others.
-
-    Raises:
-        FramesError: if they do.
-    """
-    homes: dict[str, set[str]] = {}
-    for facts in about:
-        split = "train" if facts["split"] == "test" else facts["split"]
-        homes.setdefault(facts["world"], set()).add(split)
-    both = [sorted(splits) for splits in homes.values() if len(splits) > 1]
-    if both:
-        raise FramesError(f"{len(both)} buildings are both in {' and in '.join(both[0])}")
 
 
 def drives_of(config: SimulatedConfig) -> list[Drive]:

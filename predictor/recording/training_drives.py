@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_json import loads
 from foresee.infra.resumable import ResumableFolder
-from foresee.infra.workers import finished
-from foresee.mapping.context import SIDE as CONTEXT
+from foresee.mapping.context import SIDE as CONTEXT_SIDE
 from foresee.mapping.grid import Grid, OccupancyGrid, world_hash
 from foresee.mapping.polyline import arc_length
 from predictor.data.frames import MANIFEST
@@ -33,6 +32,7 @@ from predictor.data.squares import cells_of, codes_of, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.recording.own_buildings import OwnBuildings, log_hash, world_of
 from predictor.recording.replay import drive_without_prediction, replayed_with
+from predictor.recording.sample_set import DRIVES, Item, make_missing, path_of
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
 from sim import LidarConfig
@@ -42,9 +42,6 @@ from sim.task import NoTaskError, sample_task
 from sim.variation import varied
 from sim.world import World
 
-SPLITS = {"train": 1_200_000, "validation": 520_000}
-"""First seed of each split. Published measurements use other seeds, below 10,000 and from 700,000
-on; earlier weights used the 200,000 before the first and the 20,000 before the second."""
 WINDOWS = (5.0, 5.0, 5.0, 5.0, 7.0, 10.0, 20.0, 40.0)
 """Sides of the square in which the LIDAR is used, drawn at random [m]."""
 JOURNEYS, APART = (1, 2, 4, 8), 2.0
@@ -59,7 +56,7 @@ SPREAD = 10_000_000
 """Difference of seeds from one route of a log to the next, larger than any split."""
 
 
-def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tuple[int, str]:
+def record(config: DrivesConfig, own: OwnBuildings, item: Item) -> tuple[int, str]:
     """Make and write the samples of one drive.
 
     Args:
@@ -71,7 +68,7 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
         The number of samples; and why there is none, or an empty string.
     """
     split, number = item
-    seed = SPLITS[split] + number
+    seed = DRIVES[split] + number
     rng = np.random.default_rng(seed)
     kind, path = place_of(config, own, split, number)
     if path is not None and is_log(path):
@@ -87,14 +84,14 @@ def record(config: DrivesConfig, own: OwnBuildings, item: tuple[str, int]) -> tu
         driven_through = world_hash(world.grid.cells)
         logged = path is None and rng.random() < config.simulated_logs
         made = (_logged if logged else _driven)(config, world, seed, rng)
-    samples, why = [], ""
+    samples, reason = [], ""
     try:
         samples = list(made)
     except NoTaskError as error:
-        why = str(error)
+        reason = str(error)
     about = {"family": kind, "seed": seed, "world": driven_through, "original": drawn}
-    write_samples(path_of(config, item), samples, about)
-    return len(samples), why
+    write_samples(path_of(config.out, item), samples, about)
+    return len(samples), reason
 
 
 def place_of(
@@ -114,13 +111,13 @@ def place_of(
     Returns:
         The family of a generated building, "map" or "log"; and the path of the map or log, or None.
     """
-    mine = own.of(split)
-    share = config.share if mine else 0.0
+    buildings = own.of(split)
+    share = config.share if buildings else 0.0
     before, after = math.floor(number * share), math.floor((number + 1) * share)
     if after == before:
         return config.families[(number - before) % len(config.families)], None
-    paths = mine[before % len(mine)].paths
-    path = Path(paths[before // len(mine) % len(paths)])
+    paths = buildings[before % len(buildings)].paths
+    path = Path(paths[before // len(buildings) % len(paths)])
     return "log" if is_log(path) else "map", path
 
 
@@ -145,7 +142,7 @@ def _driven(
             side = SIDE * known.frame.resolution
             crop = known.crop(known.frame.square(state[0], state[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
-            around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
+            around = known.crop(known.frame.square(state[0], state[1], CONTEXT_SIDE))
             yield encoded(crop, truth, around, float(state[2])), state[:3]
 
 
@@ -206,30 +203,20 @@ def _replayed(
         begin = int(rng.integers(starts)) if longest < math.inf else 0
         x, y = (float(value) for value in log.poses[begin, :2])
         known = OccupancyGrid(frame.square(x, y, window), window)
-        gone = float(rng.uniform(0.0, APART))
+        travelled = float(rng.uniform(0.0, APART))
         for number in range(begin, len(log)):
             if along[number] > along[begin] + longest:
                 break
             pose = log.poses[number]
             known.integrate(clipped(log.scans[number], REACH), pose)
-            gone += along[number] - along[max(number - 1, begin)]
-            if gone >= APART:
+            travelled += along[number] - along[max(number - 1, begin)]
+            if travelled >= APART:
                 # The remainder is carried over, but not whole jumps from one route to the next.
-                gone %= APART
+                travelled %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = codes_of(truth.crop(square).cells)
-                around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT))
+                around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT_SIDE))
                 yield encoded(known.crop(square), true, around, float(pose[2])), pose
-
-
-def path_of(config: DrivesConfig, item: tuple[str, int]) -> Path:
-    """Return the path of the file with a drive's samples.
-
-    Args:
-        config: settings of the set.
-        item: split, and number of the drive in it.
-    """
-    return config.out / item[0] / f"{item[1]:06d}.npz"
 
 
 def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset()) -> None:
@@ -246,25 +233,14 @@ def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset())
             `config.world` names no usable building, or a building in `learned` that would be held
             out.
     """
-    from tqdm import tqdm
-
-    own = OwnBuildings.found(config.world)
+    own = OwnBuildings.read(config.world)
     for line in own.skipped:
         print(f"skipped: {line}", file=sys.stderr)
     if config.world:
         _check(config, own, learned)
     _claim(config, own)
-    items = [(split, n) for split in SPLITS for n in range(getattr(config, split))]
-    todo = [item for item in items if not path_of(config, item).exists()]
-    count, undriven = 0, set[str]()
-    with tqdm(total=len(items), initial=len(items) - len(todo), unit="drive") as bar:
-        for _, (samples, why) in finished(partial(record, config, own), todo, jobs):
-            count += samples
-            if why and why not in undriven:
-                undriven.add(why)
-                bar.write(why, file=sys.stderr)
-            bar.set_postfix_str(f"{count} samples")
-            bar.update()
+    drives = {split: getattr(config, split) for split in DRIVES}
+    make_missing(config.out, drives, partial(record, config, own), jobs, "drive")
 
 
 def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> None:
@@ -283,13 +259,13 @@ def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> 
     if not own.validation:
         line = "--world has one building, which is trained on: scores are of generated buildings"
         print(f"warning: {line}", file=sys.stderr)
-    both = [one.paths[0] for one in own.validation if learned & set(one.hashes)]
-    if both:
+    known = [building.paths[0] for building in own.validation if learned & set(building.hashes)]
+    if known:
         raise UsageError(
-            f"--start: its weights have learned from {', '.join(both)}, which would be held out: "
+            f"--start: its weights have learned from {', '.join(known)}, which would be held out: "
             "start from other weights, or leave it out"
         )
-    for split in SPLITS:
+    for split in DRIVES:
         drives = math.floor(getattr(config, split) * config.share)
         missed = len(own.of(split)) - drives
         if missed > 0:
@@ -301,18 +277,16 @@ def _check(config: DrivesConfig, own: OwnBuildings, learned: frozenset[str]) -> 
 
 
 def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
-    """Make the folders of the splits; refuse a folder with samples made with other settings.
+    """Refuse a folder with samples made with other settings.
 
     Raises:
         UsageError: if the folder holds frames, or samples made with other settings.
     """
     if (config.out / MANIFEST).exists():
         raise UsageError(f"{config.out} holds frames of predictor.dataset: choose another folder")
-    for split in SPLITS:
-        (config.out / split).mkdir(parents=True, exist_ok=True)
     recipe = {
         "format": FORMAT,
-        "seeds": SPLITS,
+        "seeds": DRIVES,
         "views": config.views,
         "families": config.families,
         "own": own.hashes,
@@ -325,10 +299,10 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
         "journeys": JOURNEYS,
         "apart": APART,
     }
-    theirs = own.hashes
+    recorded = own.hashes
     with contextlib.suppress(OSError, ValueError, AttributeError):
-        theirs = loads((config.out / RECIPE).read_text()).get("own", theirs)
-    if theirs != own.hashes:
+        recorded = loads((config.out / RECIPE).read_text()).get("own", recorded)
+    if recorded != own.hashes:
         raise UsageError(
             f"{config.out} holds samples of other buildings of --world: choose another folder "
             "(--data, in predictor.drives --out), and another --out for the training"

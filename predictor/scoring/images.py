@@ -32,7 +32,7 @@ SETTINGS = {
     "K2": 0.03,
 }
 """Settings of scikit-image's SSIM: its defaults, fixed so that results do not change with them."""
-LEVELS = ((0.0, 2), (1.25, 4))
+BLOCKS = ((0.0, 2), (1.25, 4))
 """Pairs of a distance from the 5 m crop [m], and the side of the blocks that are averaged beyond it
 [cells]."""
 
@@ -83,7 +83,7 @@ class Similarity:
             planner gets it.
         ssim_unseen: mean over unobserved cells outside of the 5 m crop; NaN if there are none.
         ssim_coarse: mean over all cells, at a resolution that falls with the distance, see
-            `LEVELS`.
+            `BLOCKS`.
         ssim_coarse_unseen: the same, over the cells of `ssim_unseen` alone.
     """
 
@@ -111,10 +111,10 @@ def similarity(
     whole, fine = structural_similarity(image, truth, full=True, **SETTINGS)
     coarse = fine.copy()
     beyond = beyond_crop(len(truth))
-    for far, block in LEVELS:
+    for far, block in BLOCKS:
         there = beyond > far
         if there.any():
-            blocks = (_averaged(one, block) for one in (image, truth))
+            blocks = (_averaged(grey, block) for grey in (image, truth))
             _, at_block = structural_similarity(*blocks, full=True, **SETTINGS)
             coarse[there] = _spread(at_block, block, len(truth))[there]
     some = bool(unseen.any())

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from foresee.mapping.grid import Grid
+from foresee.statistics import ends, resampled
 
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, np.inf)
 """Edges of the rings of distance beyond the frontier [m]."""
@@ -153,7 +154,7 @@ class Scores:
 
 
 def calibration_interval(
-    families: Sequence[Sequence[NDArray[np.float64]]], rounds: int = 2000
+    families: Sequence[Sequence[NDArray[np.float64]]],
 ) -> tuple[float, float] | None:
     """Compute the 95 % bootstrap interval of a calibration error, over buildings within families.
 
@@ -162,24 +163,18 @@ def calibration_interval(
 
     Args:
         families: for each family, `Scores.bins` of each building, (BINS, 3).
-        rounds: number of resamplings; their seed is fixed.
 
     Returns:
         Both ends; None if a family has less than two buildings, or no cell.
     """
     if min(len(family) for family in families) < 2:
         return None
-    rng = np.random.default_rng(0)
-    drawn = np.zeros((rounds, BINS, 3))
-    for family in families:
-        count = len(family)
-        times = rng.multinomial(count, np.full(count, 1.0 / count), rounds)
-        drawn += np.tensordot(times, np.stack(family), 1)
+    strata = [np.stack(family).reshape(len(family), -1).T for family in families]
+    drawn = np.ascontiguousarray(resampled(strata).T).reshape(-1, BINS, 3)
     cells, p, hits = np.moveaxis(drawn, 2, 0)
     if not cells.any(axis=1).all():
         return None
-    low, high = np.percentile(abs(p - hits).sum(axis=1) / cells.sum(axis=1), [2.5, 97.5])
-    return float(low), float(high)
+    return ends(abs(p - hits).sum(axis=1) / cells.sum(axis=1))
 
 
 def _area(counts: NDArray[np.int64]) -> float:

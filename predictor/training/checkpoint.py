@@ -51,14 +51,13 @@ def read_checkpoint(
         return None
     try:
         state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
-        theirs = state["facts"]
+        saved = state["facts"]
     except Exception as error:
         # On a damaged file torch.load raises exceptions of any kind.
         raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
-    if theirs != facts:
-        other = ", ".join(
-            _told(k, theirs.get(k), facts[k]) for k in sorted(facts) if theirs.get(k) != facts[k]
-        )
+    if saved != facts:
+        changed = [name for name in sorted(facts) if saved.get(name) != facts[name]]
+        other = ", ".join(_difference(name, saved.get(name), facts[name]) for name in changed)
         raise TrainError(
             f"{path.parent} holds a training with another {other}; give the command "
             "that began it, or choose another folder by --out"
@@ -79,10 +78,10 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
     if not weights.exists():
         return False
     try:
-        _, theirs = facts_of(weights)
+        _, saved = facts_of(weights)
     except WeightsError as error:
         raise TrainError(f"{error}; delete it to make it again") from None
-    if any(theirs.get(name) != value for name, value in facts.items()):
+    if any(saved.get(name) != value for name, value in facts.items()):
         raise TrainError(
             f"{weights} was trained in another way or on other frames: choose another"
             " folder by --out"
@@ -90,7 +89,7 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
     return True
 
 
-def _told(name: str, theirs: Any, mine: Any) -> str:
+def _difference(name: str, saved: Any, wanted: Any) -> str:
     """Return the name of a fact that differs, with both values if they are short."""
-    how = f"{theirs}, not {mine}"
-    return f"{name} ({how})" if len(how) < 80 else name
+    values = f"{saved}, not {wanted}"
+    return f"{name} ({values})" if len(values) < 80 else name

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from foresee.infra.markdown import markdown
+from foresee.infra.markdown import records
 from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
 from predictor.scoring.scores import Scores
-from predictor.training.compact_training import USUAL, VALIDATED, validate
+from predictor.training.compact_training import USUAL_SIDE, VALIDATED, validate
+from predictor.training.trainer import spread
 from predictor.weights import load_weights
 
 
@@ -30,20 +31,19 @@ def table(before: Path, after: Path, samples: Samples) -> str:
     """
     nets = [load_weights(path, CompactNet)[0].eval() for path in (before, after)]
     kinds = np.array([facts["family"] for facts in samples.about])[samples.starts[:, 0]]
-    rows = [
-        ["held-out buildings", "number", "constant"]
-        + [f"{name} {when}" for name in ("Brier", "calibration") for when in ("before", "after")]
-    ]
+    rows = []
     for kind in dict.fromkeys(kinds):
-        mine = np.flatnonzero(kinds == kind)
-        chosen = mine[np.unique(np.linspace(0, len(mine) - 1, VALIDATED).astype(int))]
-        scores = [validate(net, samples, USUAL, chosen) for net in nets]
-        buildings = {samples.about[int(n)]["original"] for n in samples.starts[mine, 0]}
-        figures = [_constant(scores[0])] + [
-            score.measures()[name] for name in ("brier_free", "ece_free") for score in scores
-        ]
-        rows.append([str(kind), str(len(buildings)), *(f"{figure:.3f}" for figure in figures)])
-    return markdown(rows)
+        of_kind = np.flatnonzero(kinds == kind)
+        chosen = of_kind[spread(len(of_kind), VALIDATED)]
+        scores = [validate(net, samples, USUAL_SIDE, chosen) for net in nets]
+        buildings = {samples.about[int(n)]["original"] for n in samples.starts[of_kind, 0]}
+        row = {"held-out buildings": kind, "number": len(buildings)}
+        row["constant"] = f"{_constant(scores[0]):.3f}"
+        for name, measure in (("Brier", "brier_free"), ("calibration", "ece_free")):
+            for when, score in zip(("before", "after"), scores, strict=True):
+                row[f"{name} {when}"] = f"{score.measures()[measure]:.3f}"
+        rows.append(row)
+    return records(rows)
 
 
 def _constant(scores: Scores) -> float:

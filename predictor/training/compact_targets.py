@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -10,11 +12,10 @@ from torch import Tensor
 
 from foresee.mapping.context import CELLS
 from predictor.data.squares import NOTHING, middle, parted
-from predictor.networks.compact_net import FREE, ROOM
-from predictor.networks.room import REACH, question, widened
+from predictor.networks.compact_net import FREE, ROOM, ROOM_REACH, room_masks, widened
 
 
-def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]) -> Tensor:
+def batch_of(samples: Sequence[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]) -> Tensor:
     """Return the codes of the middle squares of some samples, (B, side, side) uint8.
 
     Args:
@@ -30,7 +31,7 @@ def batch_of(samples: list[NDArray[np.uint8]], side: int, mirror: NDArray[np.boo
 
 
 def contexts_of(
-    contexts: list[NDArray[np.uint8]],
+    contexts: Sequence[NDArray[np.uint8]],
     mirror: NDArray[np.bool_],
     alone: NDArray[np.bool_],
     side: int,
@@ -83,7 +84,10 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     of_truth = logs.gather(1, truth[:, None])[:, 0]
     room, asked = room_of(codes)
     # Squares of ROOM that reach beyond the map are left out, since their truth is unknown.
-    asked = F.pad(asked[:, REACH:-REACH, REACH:-REACH], (REACH, REACH, REACH, REACH))
+    asked = F.pad(
+        asked[:, ROOM_REACH:-ROOM_REACH, ROOM_REACH:-ROOM_REACH],
+        (ROOM_REACH, ROOM_REACH, ROOM_REACH, ROOM_REACH),
+    )
     weight = unseen * nearness(seen)
     of_room = F.binary_cross_entropy_with_logits(logits[:, ROOM], room.float(), reduction="none")
     return (
@@ -105,4 +109,4 @@ def nearness(seen: Tensor) -> Tensor:
 def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
     """Return the cells that truly have room, and those whose room is not known yet, (B, H, W)."""
     seen, truth = parted(codes)
-    return widened((truth != FREE).byte()) == 0, question(seen)[1]
+    return widened((truth != FREE).byte()) == 0, room_masks(seen)[1]

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +16,17 @@ from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import CompactTraining
 from predictor.training.compact_targets import NEAR, batch_of, contexts_of, known_of, losses
 from predictor.training.group import Group
-from predictor.training.trainer import Trainer, deterministic
+from predictor.training.optimisation import cosine, descend, deterministic
+from predictor.training.settings import CompactTraining
+from predictor.training.trainer import Trainer, common_facts, spread
 from predictor.weights import save_weights
 
-SIDES = (200, 200, 200, 120, 160, 240, 280)
+SQUARE_SIDES = (200, 200, 200, 120, 160, 240, 280)
 """Sides of the squares of a step, drawn at random [cells], since windows and expansions of drives
 differ."""
-USUAL = 200
+USUAL_SIDE = 200
 """Side of the square at a window of 5 m and an expansion of 2 [cells]."""
 ALONE = 0.2
 """Share of the samples that are used without their context, since the predictor may be called
@@ -88,14 +86,9 @@ class CompactTrainer(Trainer):
         self.optimizer = torch.optim.AdamW(
             learned, config.rate, (0.9, 0.98), weight_decay=config.decay
         )
-        facts = {
-            "config": dataclasses.asdict(config),
-            "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
-            # Device and threads decide the rounding of sums.
-            "device": self.device.type,
-            "threads (--jobs)": torch.get_num_threads(),
+        self.parts = {"net": self.net, "optimizer": self.optimizer}
+        facts = common_facts(config, self.net, self.device, train, validation) | {
             "bfloat16": self.brief,
-            "data": [train.digest, validation.digest],
             "losses": {"near": NEAR, "kind": KIND_WEIGHT},
             "before": {
                 name: before[name]
@@ -103,12 +96,9 @@ class CompactTrainer(Trainer):
                 if name in before
             },
             "drives": len(train.about),
-            "samples": len(train),
-            "worlds": sorted(train.worlds | set(before.get("worlds", ()))),
-            "validation_worlds": sorted(
-                validation.worlds | set(before.get("validation_worlds", ()))
-            ),
         }
+        for name in ("worlds", "validation_worlds"):
+            facts[name] = sorted({*facts[name], *before.get(name, ())})
         note_every = max(1, min(500, config.steps // 10))
         super().__init__(out / "compact.safetensors", facts, config.steps, note_every, group)
 
@@ -119,48 +109,37 @@ class CompactTrainer(Trainer):
         return net.eval()
 
     def _state(self) -> dict[str, Any]:
-        return {
-            "net": self.net.state_dict(),
-            "kinds": self.kinds and self.kinds.state_dict(),
-            "averaged": self.averaged,
-            "optimizer": self.optimizer.state_dict(),
-        }
+        kinds = self.kinds and self.kinds.state_dict()
+        return super()._state() | {"kinds": kinds, "averaged": self.averaged}
 
     def _load(self, state: dict[str, Any]) -> None:
-        self.net.load_state_dict(state["net"])
+        super()._load(state)
         if self.kinds is not None:
             self.kinds.load_state_dict(state["kinds"])
         self.averaged = state["averaged"]
-        self.optimizer.load_state_dict(state["optimizer"])
 
     def _batch(self, step: int) -> tuple[Tensor, ...]:
         rng = np.random.default_rng([self.config.seed, step])
-        side = int(rng.choice(SIDES))
-        count = max(1, round(self.config.batch * (USUAL / side) ** 2))
+        side = int(rng.choice(SQUARE_SIDES))
+        count = max(1, round(self.config.batch * (USUAL_SIDE / side) ** 2))
         chosen = rng.integers(len(self.train), size=count)
         drawn = [self.train.with_context(int(i)) for i in chosen]
-        codes, contexts = [one for one, _ in drawn], [context for _, context in drawn]
+        codes, contexts = zip(*drawn, strict=True)
         mirror, alone = rng.random(count) < 0.5, rng.random(count) < ALONE
         families = torch.tensor([self.train.family(int(i)) for i in chosen])
         return batch_of(codes, side, mirror), contexts_of(contexts, mirror, alone, side), families
 
     def _learn(self, *batch: Tensor) -> list[float]:
         config, step = self.config, self.step
-        share = min(1.0, (step + 1) / config.warmup)
-        fall = 0.5 * (1.0 + math.cos(math.pi * step / config.steps))
-        for group in self.optimizer.param_groups:
-            group["lr"] = config.rate * share * fall
         self.net.train()
-        codes, contexts, families = (one.to(self.device) for one in batch)
+        codes, contexts, families = (part.to(self.device) for part in batch)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
             logits = self.net(known_of(codes), contexts)
         loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
         if self.kinds is not None:
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
-        self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
-        self.optimizer.step()
+        rate = config.rate * min(1.0, (step + 1) / config.warmup) * cosine(step, config.steps)
+        descend(self.optimizer, loss, rate, self.net)
         # The average follows fast at first, so that it forgets the first weights.
         keep = min(config.average, step / (step + 10.0))
         with torch.no_grad():
@@ -172,7 +151,7 @@ class CompactTrainer(Trainer):
         return [float(loss.detach())]
 
     def _measures(self) -> dict[str, float]:
-        return validate(self.smoothed(), self.validation, USUAL).measures()
+        return validate(self.smoothed(), self.validation, USUAL_SIDE).measures()
 
     def _export(self, facts: dict[str, Any]) -> None:
         save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
@@ -207,12 +186,12 @@ class KindOfBuilding(nn.Module):
             codes: codes of the samples, (B, H, W).
         """
         features = self.features.float()
-        told = self.head(torch.cat([features.mean(dim=(2, 3)), features.amax(dim=(2, 3))], dim=1))
+        logits = self.head(torch.cat([features.mean(dim=(2, 3)), features.amax(dim=(2, 3))], dim=1))
         seen, truth = parted(codes)
         unseen = seen == NOTHING
         free = (unseen & (truth == 0)).sum(dim=(1, 2)) / unseen.sum(dim=(1, 2)).clamp(min=1)
-        of_free = F.binary_cross_entropy_with_logits(told[:, -1], free.float())
-        return F.cross_entropy(told[:, :-1], families) + of_free
+        of_free = F.binary_cross_entropy_with_logits(logits[:, -1], free.float())
+        return F.cross_entropy(logits[:, :-1], families) + of_free
 
 
 def validate(
@@ -229,12 +208,12 @@ def validate(
     scores = Scores()
     device = next(net.parameters()).device
     if chosen is None:
-        chosen = np.unique(np.linspace(0, len(samples) - 1, VALIDATED).astype(int))
+        chosen = spread(len(samples), VALIDATED)
     for start in range(0, len(chosen), 32):
         part = [samples.with_context(int(i)) for i in chosen[start : start + 32]]
-        no = np.zeros(len(part), dtype=bool)
-        codes = batch_of([one for one, _ in part], side, no)
-        contexts = contexts_of([context for _, context in part], no, no, side)
+        none = np.zeros(len(part), dtype=bool)
+        squares, surroundings = zip(*part, strict=True)
+        codes, contexts = batch_of(squares, side, none), contexts_of(surroundings, none, none, side)
         with torch.inference_mode():
             logits = net(known_of(codes.to(device)), contexts.to(device))[:, :ROOM]
         p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -17,12 +15,13 @@ from torch import Tensor
 from foresee.infra.markdown import records
 from predictor.data.frontier_samples import COLUMNS, GOALS, FrontierSamples, way_back
 from predictor.networks.frontier_net import SCALE, FrontierNet
-from predictor.training.frontier_config import FrontierTraining
 from predictor.training.group import Group
-from predictor.training.trainer import Trainer, deterministic
+from predictor.training.optimisation import cosine, descend, deterministic
+from predictor.training.settings import FrontierTraining
+from predictor.training.trainer import Trainer, common_facts
 from predictor.weights import save_weights
 
-VALIDATED = 512
+VALIDATION_BATCH = 512
 """Number of samples of a batch of the validation."""
 
 
@@ -57,27 +56,11 @@ class FrontierTrainer(Trainer):
         self.optimizer = torch.optim.AdamW(
             self.net.parameters(), config.rate, weight_decay=config.decay
         )
-        facts = {
-            "config": dataclasses.asdict(config),
-            "network": json.loads(json.dumps(dataclasses.asdict(self.net.config))),
-            # Device and threads decide the rounding of sums.
-            "device": self.device.type,
-            "threads (--jobs)": torch.get_num_threads(),
-            "data": [train.digest, validation.digest],
-            "buildings": len(train.about),
-            "samples": len(train),
-            "worlds": sorted(train.worlds),
-            "validation_worlds": sorted(validation.worlds),
-        }
+        self.parts = {"net": self.net, "optimizer": self.optimizer}
+        facts = common_facts(config, self.net, self.device, train, validation)
+        facts |= {"buildings": len(train.about)}
         note_every = max(1, min(500, config.steps // 6))
         super().__init__(out / "frontiers.safetensors", facts, config.steps, note_every, group)
-
-    def _state(self) -> dict[str, Any]:
-        return {"net": self.net.state_dict(), "optimizer": self.optimizer.state_dict()}
-
-    def _load(self, state: dict[str, Any]) -> None:
-        self.net.load_state_dict(state["net"])
-        self.optimizer.load_state_dict(state["optimizer"])
 
     def _batch(self, step: int) -> tuple[Tensor, ...]:
         rng = np.random.default_rng([self.config.seed, step])
@@ -95,16 +78,11 @@ class FrontierTrainer(Trainer):
         )
 
     def _learn(self, *batch: Tensor) -> list[float]:
-        fall = 0.5 * (1.0 + math.cos(math.pi * self.step / self.config.steps))
-        for group in self.optimizer.param_groups:
-            group["lr"] = self.config.rate * fall
         self.net.train()
-        of_leads, of_ways = _losses(self.net, *(one.to(self.device) for one in batch))
+        of_leads, of_ways = _losses(self.net, *(part.to(self.device) for part in batch))
         loss = of_leads.mean() + of_ways.mean()
-        self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
-        self.optimizer.step()
+        rate = self.config.rate * cosine(self.step, self.config.steps)
+        descend(self.optimizer, loss, rate, self.net)
         return [float(loss.detach()), float(of_leads.detach().mean())]
 
     def _measures(self) -> dict[str, float]:
@@ -126,11 +104,11 @@ def losses_of(
     device = next(net.parameters()).device
     parts = []
     with torch.inference_mode():
-        for start in range(0, len(samples), VALIDATED):
-            chosen = np.arange(start, min(start + VALIDATED, len(samples)))
+        for start in range(0, len(samples), VALIDATION_BATCH):
+            chosen = np.arange(start, min(start + VALIDATION_BATCH, len(samples)))
             pictures, numbers = _read(samples, chosen, np.zeros(len(chosen), dtype=int))
             batch = (pictures, numbers, samples.sizes[chosen])
-            losses = _losses(net, *(torch.from_numpy(one).to(device) for one in batch))
+            losses = _losses(net, *(torch.from_numpy(part).to(device) for part in batch))
             parts.append(torch.stack(losses).cpu().numpy())
     of_leads, of_ways = np.concatenate(parts, axis=1)
     return of_leads, of_ways
@@ -186,8 +164,8 @@ def _losses(
     """Return the losses of `leads` and of both ways, (B,) each."""
     dx, dy, to_go, leads, way, beyond = numbers.unbind(dim=1)
     goals, back = torch.stack([dx, dy], dim=1), way_back(beyond)
-    told, way_told, back_told = net(pictures.float() / 100.0, goals, to_go, sizes)
-    of_leads = F.binary_cross_entropy_with_logits(told, leads, reduction="none")
-    of_way = leads * F.smooth_l1_loss(way_told / SCALE, way / SCALE, reduction="none")
-    of_back = (1 - leads) * F.smooth_l1_loss(back_told / SCALE, back / SCALE, reduction="none")
+    logit, predicted_way, predicted_back = net(pictures.float() / 100.0, goals, to_go, sizes)
+    of_leads = F.binary_cross_entropy_with_logits(logit, leads, reduction="none")
+    of_way = leads * F.smooth_l1_loss(predicted_way / SCALE, way / SCALE, reduction="none")
+    of_back = (1 - leads) * F.smooth_l1_loss(predicted_back / SCALE, back / SCALE, reduction="none")
     return of_leads, 0.5 * (of_way + of_back)

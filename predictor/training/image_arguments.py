@@ -6,8 +6,9 @@ import argparse
 import dataclasses
 from typing import Any
 
-from predictor.networks.image_config import GIVEN, PRESETS, SIDES, ImageConfig, ImageTraining
+from predictor.networks.image_config import GIVEN, SIDES, ImageConfig
 from predictor.training.checkpoint import TrainError
+from predictor.training.settings import PRESETS, ImageTraining
 
 NAMES = ("preset", "given", "width", "side", "epochs", "sigma", "bf16")
 """Arguments that `add_arguments` adds."""

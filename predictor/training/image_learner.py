@@ -10,9 +10,9 @@ from torch import Tensor, nn
 
 from predictor.networks.gan import L1_WEIGHT, Discriminator, judged
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import ImageTraining
-from predictor.networks.initialisation import initialise
 from predictor.training.group import Group
+from predictor.training.optimisation import descend, restore, states
+from predictor.training.settings import ImageTraining
 
 BETAS = (0.5, 0.999)
 """Moment decay rates of Adam, as in the paper."""
@@ -48,35 +48,23 @@ class Learner:
         with self._brief():
             claimed = self._generate(given)
         loss = F.l1_loss(claimed.to(wanted.dtype), wanted)
-        self._descend("net", loss, rate)
+        descend(self.optimizers["net"], loss, rate)
         return loss.detach()[None]
 
     def state(self) -> dict[str, Any]:
         """Return the state of networks and optimisers for a checkpoint."""
-        return {
-            "parts": {name: part.state_dict() for name, part in self.parts.items()},
-            "optimizers": {name: adam.state_dict() for name, adam in self.optimizers.items()},
-        }
+        return {"parts": states(self.parts), "optimizers": states(self.optimizers)}
 
     def load(self, state: dict[str, Any]) -> None:
         """Restore the state that `state` returned."""
-        for name, part in self.parts.items():
-            part.load_state_dict(state["parts"][name])
-            self.optimizers[name].load_state_dict(state["optimizers"][name])
+        restore(self.parts, state["parts"])
+        restore(self.optimizers, state["optimizers"])
 
     def _adam(self, part: nn.Module) -> torch.optim.Adam:
         return torch.optim.Adam(part.parameters(), self.training.rate, BETAS)
 
     def _brief(self) -> torch.autocast:
         return torch.autocast(self.group.device.type, torch.bfloat16, enabled=self.training.brief)
-
-    def _descend(self, name: str, loss: Tensor, rate: float) -> None:
-        adam = self.optimizers[name]
-        for settings in adam.param_groups:
-            settings["lr"] = rate
-        adam.zero_grad(set_to_none=True)
-        loss.backward()
-        adam.step()
 
 
 class Adversary(Learner):
@@ -111,12 +99,32 @@ class Adversary(Learner):
         doubt = 0.5 * (
             judged(of_claimed.to(wanted.dtype), False) + judged(of_wanted.to(wanted.dtype), True)
         )
-        self._descend("judge", doubt, rate)
+        descend(self.optimizers["judge"], doubt, rate)
         # Without the wrapper `_judge`, since this loss has no gradients of the discriminator.
         self.judge.requires_grad_(False)
         with self._brief():
             of_claimed = self.judge(given, claimed)
         belief = judged(of_claimed.to(wanted.dtype), True)
         l1 = F.l1_loss(claimed.to(wanted.dtype), wanted)
-        self._descend("net", belief + L1_WEIGHT * l1, rate)
+        descend(self.optimizers["net"], belief + L1_WEIGHT * l1, rate)
         return torch.stack([l1, belief, doubt]).detach()
+
+
+def initialise(net: nn.Module, sigma: float) -> None:
+    """Draw the initial weights of a network, in place, as in pix2pix (Isola et al. 2017).
+
+    Weights are N(0, σ), gains of normalisations N(1, σ), and biases 0.
+
+    Args:
+        net: the network.
+        sigma: σ; Katyal et al. state 0.2, pix2pix has 0.02.
+    """
+    for module in net.modules():
+        if isinstance(module, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+            nn.init.normal_(module.weight, 0.0, sigma)
+        elif isinstance(module, nn.BatchNorm2d | nn.InstanceNorm2d):
+            nn.init.normal_(module.weight, 1.0, sigma)
+        else:
+            continue
+        if module.bias is not None:
+            nn.init.zeros_(module.bias)

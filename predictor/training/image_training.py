@@ -15,14 +15,16 @@ from torch import Tensor
 
 from predictor.data.frames import Frames, FramesError
 from predictor.data.samples import RECIPE, Samples, SamplesError
+from predictor.data.splits import check_apart
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import ImageConfig, ImageTraining, described
+from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
-from predictor.training.image_targets import images_of
-from predictor.training.image_validation import fit, images_alike
-from predictor.training.trainer import Trainer, deterministic
+from predictor.training.image_validation import fit, images_alike, images_of
+from predictor.training.optimisation import deterministic
+from predictor.training.settings import ImageTraining, described
+from predictor.training.trainer import Trainer
 from predictor.weights import save_weights
 
 if TYPE_CHECKING:
@@ -45,8 +47,9 @@ class ImageTrainer(Trainer):
         group: processes that train together.
 
     Raises:
-        TrainError: if the folder holds another training, a building is in both splits, or the
-            batch cannot be shared by the processes.
+        TrainError: if the folder holds another training, or the batch cannot be shared by the
+            processes.
+        SplitError: if a building is in both splits.
     """
 
     def __init__(
@@ -65,9 +68,7 @@ class ImageTrainer(Trainer):
                 f"a batch of {training.batch} cannot be shared by {group.size} processes: "
                 "choose a multiple by --batch"
             )
-        both = train.worlds & validation.worlds
-        if both:
-            raise TrainError(f"{len(both)} buildings are both in train and in validation")
+        check_apart({"train": train.worlds, "validation": validation.worlds})
         steps = max(1, round(training.epochs * len(self.train) / training.batch))
         deterministic(training.seed)
         net = GreyNet(config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]

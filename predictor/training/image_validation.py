@@ -1,6 +1,8 @@
-"""Validation of the paper's networks, and the calibration of their greys."""
+"""Images, validation and calibration of the greys of the paper's networks."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -9,12 +11,19 @@ from numpy.typing import NDArray
 from predictor.data.frames import Frames
 from predictor.data.samples import Samples
 from predictor.data.squares import GREYS, NOTHING, Square
-from predictor.networks.grey_map import LEVELS, counted, fitted, level_of
+from predictor.networks.grey_image import (
+    GREY_LEVELS,
+    counted,
+    fitted,
+    image_of,
+    level_of,
+    pixels_at_cells,
+)
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image import pixels_at_cells
+from predictor.networks.image_config import ImageConfig
 from predictor.scoring.images import ssim
 from predictor.scoring.scores import RINGS, Scores
-from predictor.training.image_targets import images_of
+from predictor.training.trainer import spread
 
 VALIDATED, FITTED = 64, 1024
 """Number of frames of a validation, and of the calibration at the end, spread evenly over the
@@ -30,7 +39,8 @@ def images_alike(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
         net: the network.
         frames: set of which VALIDATED frames are taken.
     """
-    squares = [frames.square(i, net.config.expansion) for i in _spread(len(frames), VALIDATED)]
+    chosen = spread(len(frames), VALIDATED).tolist()
+    squares = [frames.square(i, net.config.expansion) for i in chosen]
     greys = greys_of(net, squares)
     truths = GREYS[np.stack([square.truth for square in squares])].astype(np.float32)
     alike = [ssim(grey, truth, span=2.0) for truth, grey in zip(truths, greys, strict=True)]
@@ -49,8 +59,8 @@ def fit(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
         must be measured on other cells.
     """
     parts = []
-    counts = np.zeros((LEVELS, 3), dtype=np.int64)
-    every = _spread(len(frames), FITTED)
+    counts = np.zeros((GREY_LEVELS, 3), dtype=np.int64)
+    every = spread(len(frames), FITTED).tolist()
     for first in range(0, len(every), VALIDATED):
         chosen = every[first : first + VALIDATED]
         squares = [frames.square(i, net.config.expansion) for i in chosen]
@@ -82,7 +92,20 @@ def greys_of(net: GreyNet, squares: list[Square]) -> NDArray[np.float32]:
     return out
 
 
-def _spread(total: int, count: int) -> list[int]:
-    """Return at most `count` of the numbers below `total`, evenly spread."""
-    spread: list[int] = np.unique(np.linspace(0, total - 1, count).astype(np.intp)).tolist()
-    return spread
+def images_of(
+    squares: Sequence[Square], config: ImageConfig
+) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    """Return the input and the target images of a network of the paper.
+
+    Args:
+        squares: squares of the network's expansion.
+        config: settings of the network.
+
+    Returns:
+        Input and target images, (B, 1, side, side) each.
+    """
+    given = np.stack(
+        [square.crop if config.given == "crop" else square.window for square in squares]
+    )
+    wanted = np.stack([square.truth for square in squares])
+    return image_of(given[:, None], config.side), image_of(wanted[:, None], config.side)

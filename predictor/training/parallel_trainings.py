@@ -22,9 +22,10 @@ from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import loads
 from foresee.infra.workers import follow_parent, interrupts_blocked
-from predictor.networks.image_config import ImageConfig, ImageTraining, described
+from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import is_trained
 from predictor.training.image_training import train_images
+from predictor.training.settings import ImageTraining, described
 from predictor.training.trainer import Stopped, summary_of
 
 if TYPE_CHECKING:
@@ -133,7 +134,9 @@ class Study:
     def __init__(self, trainings: list[Training], out: Path) -> None:
         self.trainings, self.out = trainings, out
         out.mkdir(parents=True, exist_ok=True)
-        self.state = {one: "finished" if one.finished() else "waiting" for one in trainings}
+        self.state = {
+            training: "finished" if training.finished() else "waiting" for training in trainings
+        }
 
     def train(self, jobs: int, minutes: float = math.inf) -> None:
         """Train what is missing, with a progress bar and a line for each start and end.
@@ -142,39 +145,39 @@ class Study:
             jobs: number of trainings at a time.
             minutes: time after which running trainings are stopped; they can be resumed.
         """
-        todo = [one for one in self.trainings if self.state[one] == "waiting"]
+        todo = [training for training in self.trainings if self.state[training] == "waiting"]
         running: dict[Any, tuple[Training, SpawnProcess]] = {}
         done, end = len(self.trainings) - len(todo), time.monotonic() + 60 * minutes
         with tqdm(total=len(self.trainings), initial=done, unit="network") as bar:
 
-            def enter(one: Training, state: str) -> None:
-                self.state[one] = state
-                bar.write(self.line(one), file=sys.stderr)
+            def enter(training: Training, state: str) -> None:
+                self.state[training] = state
+                bar.write(self.line(training), file=sys.stderr)
 
             try:
                 while (todo or running) and time.monotonic() < end:
                     while todo and len(running) < jobs:
-                        one = todo.pop(0)
-                        process = one.start()
-                        running[process.sentinel] = one, process
-                        enter(one, "running")
+                        training = todo.pop(0)
+                        process = training.start()
+                        running[process.sentinel] = training, process
+                        enter(training, "running")
                     for sentinel in wait(list(running), timeout=LOOK_EVERY):
-                        one, process = running.pop(sentinel)
-                        enter(one, one.outcome(process))
+                        training, process = running.pop(sentinel)
+                        enter(training, training.outcome(process))
                         bar.update()
-                    lasts = (f"{one.name} {one.last()}" for one, _ in running.values())
+                    lasts = (f"{now.name} {now.last()}" for now, _ in running.values())
                     bar.set_postfix_str(" | ".join(lasts))
                     self._note()
             finally:
-                for one, process in running.values():
+                for training, process in running.values():
                     process.terminate()
                     process.join()
-                    self.state[one] = "finished" if one.finished() else "stopped"
+                    self.state[training] = "finished" if training.finished() else "stopped"
                 self._note()
 
-    def line(self, one: Training) -> str:
+    def line(self, training: Training) -> str:
         """Return state, epoch and losses of a training as one line."""
-        return f"{one.name:14} {self.state[one]}  {one.last()}".rstrip()
+        return f"{training.name:14} {self.state[training]}  {training.last()}".rstrip()
 
     def table(self) -> str:
         """Return the lines of all trainings."""

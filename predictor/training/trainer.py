@@ -13,6 +13,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ import numpy as np
 import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
@@ -27,6 +29,7 @@ from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.environment import commit
 from predictor.training.checkpoint import read_checkpoint, write_checkpoint
 from predictor.training.group import Group
+from predictor.training.optimisation import restore, states
 
 if TYPE_CHECKING:
     from threading import Event
@@ -82,6 +85,9 @@ class Trainer(ABC):
     """Names of the training losses that `_learn` returns."""
     CURVES: tuple[tuple[str, ...], ...]
     """Names of the values drawn in each panel of curve.png."""
+
+    parts: dict[str, Any]
+    """Networks and optimisers by name, whose state is in the checkpoint; set by the subclass."""
 
     def __init__(
         self, weights: Path, facts: dict[str, Any], steps: int, note_every: int, group: Group
@@ -162,13 +168,13 @@ class Trainer(ABC):
         state |= {"facts": self._facts, "commits": sorted(self.commits), "learner": self._state()}
         write_checkpoint(self.checkpoint, state)
 
-    @abstractmethod
     def _state(self) -> dict[str, Any]:
         """Return the state of networks and optimisers, plain data and tensors, for a checkpoint."""
+        return states(self.parts)
 
-    @abstractmethod
     def _load(self, state: dict[str, Any]) -> None:
         """Restore the state that `_state` returned."""
+        restore(self.parts, state)
 
     @abstractmethod
     def _batch(self, step: int) -> tuple[Tensor, ...]:
@@ -203,6 +209,34 @@ class Trainer(ABC):
         write_whole(self.weights.with_name("log.jsonl"), lines.encode())
 
 
+def common_facts(config: Any, net: Any, device: torch.device, *splits: Any) -> dict[str, Any]:
+    """Return the facts that the trainings on samples have in common.
+
+    Args:
+        config: settings of the training, a dataclass.
+        net: network with its configuration.
+        device: device that computes.
+        splits: samples to train on, and to validate on.
+    """
+    train, validation = splits
+    return {
+        "config": asdict(config),
+        "network": json.loads(json.dumps(asdict(net.config))),
+        # Device and threads decide the rounding of sums.
+        "device": device.type,
+        "threads (--jobs)": torch.get_num_threads(),
+        "data": [train.digest, validation.digest],
+        "samples": len(train),
+        "worlds": sorted(train.worlds),
+        "validation_worlds": sorted(validation.worlds),
+    }
+
+
+def spread(total: int, count: int) -> NDArray[np.intp]:
+    """Return at most `count` of the numbers below `total`, evenly spread, to validate on."""
+    return np.unique(np.linspace(0, total - 1, count).astype(np.intp))
+
+
 def summary_of(entry: dict[str, float]) -> str:
     """Return the main values of a log entry as one line."""
     shown = ", ".join(
@@ -235,9 +269,3 @@ def draw_curve(
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=130)
     write_whole(path, buffer.getvalue())
-
-
-def deterministic(seed: int) -> None:
-    """Seed torch, and make cuDNN use deterministic algorithms only."""
-    torch.backends.cudnn.deterministic = True
-    torch.manual_seed(seed)

@@ -12,9 +12,6 @@ from hypothesis import strategies as st
 
 from benchmarks.runs.statistics import (
     GAP,
-    MIN_WORLDS,
-    estimate,
-    grouped_mean,
     mcnemar,
     mean_speed,
     promises_broken,
@@ -23,6 +20,7 @@ from benchmarks.runs.statistics import (
     time_ratio,
     wilson,
 )
+from foresee.statistics import MIN_GROUPS, estimate, grouped_mean
 
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
 
@@ -137,7 +135,7 @@ def test_an_interval_takes_five_distinct_worlds(worlds):
         time_ratio(arms, "predicted", "known"),
         promises_broken(arms["known"]),
     ]
-    enough = worlds >= MIN_WORLDS == 5
+    enough = worlds >= MIN_GROUPS == 5
     for figure in given:
         assert (figure["low"] is not None, figure["high"] is not None) == (enough, enough)
     for share in (share_of_gap(arms, "sct"), share_of_gap(arms, "time")):

@@ -42,7 +42,7 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
     assert "reliance ε = 0.07, risk δ = 0, level λ = 0" in text
     assert "dubins car" in text
     ratio = next(line for line in text.splitlines() if "time ratio" in line)
-    assert re.search(r"0\.\d\d \(0\.\d\d to \d\.\d\d\)", ratio)
+    assert re.search(r"0\.\d\d \(0\.\d\d–\d\.\d\d\)", ratio)
     sct = next(line for line in text.splitlines() if "SCT" in line)
     assert not "".join(sct.split("|")[2:]).strip()
     assert tables.main([str(path) for path in files]) == 0
@@ -63,5 +63,5 @@ def test_the_tables_of_runs_have_the_reliance_beside_what_became_of_it(capsys):
     assert [row[1] for row in rows] == [path.stem for path in files]
     for row, path in zip(rows, files, strict=True):
         assert float(row[4]) == json.loads(path.read_text())["settings"]["reliance"]
-        value, low, high = re.fullmatch(r"(.+) % \((.+)–(.+)\)", row[5]).groups()
+        value, low, high = re.fullmatch(r"(.+) \((.+)–(.+)\) %", row[5]).groups()
         assert float(low) < float(value) < float(high)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,19 +15,20 @@ import pytest
 from foresee.mapping.grid import world_hash
 from predictor.compact import LOGS, PAPER, SHIPPED
 from predictor.data.frames import MANIFEST, Frames, FramesError
+from predictor.data.splits import SplitError, check_apart
 from predictor.data.squares import truth_codes
 from predictor.dataset import main
 from predictor.recording import data_sets
-from predictor.recording.data_sets import make_simulated
+from predictor.recording.data_sets import make_simulated, worlds_of
 from predictor.recording.paper_drives import (
     FIRST_DRIVE,
     FIRST_MAP,
     TRIES,
     SimulatedConfig,
-    check_apart,
     drives_of,
 )
-from predictor.recording.training_drives import SPLITS
+from predictor.recording.sample_set import DRIVES, EXPLORATIONS
+from predictor.recording.settings import DrivesConfig, FrontiersConfig
 from predictor.weights import facts_of
 from sim.families import generate
 
@@ -66,8 +68,15 @@ def test_seeds_are_those_of_nothing_else():
     assert len(tasks) == TRIES * len(drives)
     assert FIRST_MAP <= min(maps) < max(maps) < FIRST_DRIVE <= min(tasks)
     # Before the samples' first seeds lie those of earlier weights; see predictor.drives.
-    assert max(tasks) < SPLITS["train"] - 100_000
-    assert min(maps) > SPLITS["validation"] + 100_000
+    assert max(tasks) < DRIVES["train"] - 100_000
+    assert min(maps) > DRIVES["validation"] + 100_000
+    seeds = ((DrivesConfig(), DRIVES), (FrontiersConfig(), EXPLORATIONS))
+    ranges = sorted(
+        (first, first + getattr(config, split))
+        for config, splits in seeds
+        for split, first in splits.items()
+    )
+    assert all(end <= first for (_, end), (first, _) in pairwise(ranges))
 
 
 @pytest.fixture(scope="module")
@@ -182,9 +191,9 @@ def test_the_manifest_says_how_the_set_was_made(folder):
 
 def test_a_building_in_two_splits_is_refused():
     about = [{"split": split, "world": "a"} for split in ("train", "test")]
-    check_apart(about)
-    with pytest.raises(FramesError, match="1 buildings are both in more and in train"):
-        check_apart([*about, {"split": "more", "world": "a"}])
+    check_apart(worlds_of(about))
+    with pytest.raises(SplitError, match="1 buildings are both in train and in more"):
+        check_apart(worlds_of([*about, {"split": "more", "world": "a"}]))
 
 
 @pytest.mark.parametrize(

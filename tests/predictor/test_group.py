@@ -10,10 +10,11 @@ import torch.multiprocessing as mp
 from torch import nn
 
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import ImageConfig, ImageTraining
+from predictor.networks.image_config import ImageConfig
 from predictor.networks.normalisation import BatchNorm
 from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
+from predictor.training.settings import ImageTraining
 
 ARCHS = ("unet_ff", "gan")
 TRAINING = ImageTraining(batch=4, rate=1e-2)

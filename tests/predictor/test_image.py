@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from predictor.data.squares import GREYS
-from predictor.networks.image import image_of, pixels_at_cells, pixels_of
+from predictor.networks.grey_image import image_of, pixels_at_cells, pixels_of
 from predictor.networks.image_config import EXPANSIONS, ImageConfig
-from predictor.training.image_targets import images_of
+from predictor.training.image_validation import images_of
 
 
 def some_codes(n, seed=0):

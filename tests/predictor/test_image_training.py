@@ -14,11 +14,12 @@ from foresee.mapping.context import CELLS
 from predictor.data.samples import Samples, write_samples
 from predictor.networks import ARCHITECTURES
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import PRESETS, ImageConfig, ImageTraining
+from predictor.networks.image_config import ImageConfig
 from predictor.train import main
 from predictor.training.checkpoint import TrainError
 from predictor.training.group import Group
 from predictor.training.image_training import ImageTrainer, train_images
+from predictor.training.settings import PRESETS, ImageTraining
 from predictor.training.trainer import Stopped
 from predictor.weights import load_weights
 

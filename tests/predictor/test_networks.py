@@ -1,5 +1,8 @@
 """The networks of the paper: shapes, sizes, first weights."""
 
+import subprocess
+import sys
+
 import pytest
 import torch
 from torch import nn
@@ -8,10 +11,10 @@ from predictor.networks import ARCHITECTURES
 from predictor.networks.gan import Discriminator, judged
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.networks.initialisation import initialise
 from predictor.networks.mlp import MLP
 from predictor.networks.resnet_ff import BLOCKS, Block, ResNet
 from predictor.networks.unet_ff import UNet
+from predictor.training.image_learner import initialise
 
 
 def parameters(net):
@@ -158,3 +161,13 @@ def test_a_batch_of_one_is_normalised_alike_in_training_and_after_it():
 def test_what_no_network_can_be_is_said(wrong, message):
     with pytest.raises(ValueError, match=message):
         ImageConfig(**wrong)
+
+
+def test_running_a_network_needs_no_training_code():
+    code = "import sys, predictor.registry; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = done.stdout.split()
+    assert "predictor.compact" in modules
+    floors = ("training", "recording", "scoring", "evaluation")
+    others = (*(f"predictor.{name}" for name in floors), "sim", "planner", "skimage", "matplotlib")
+    assert not [name for name in modules if name.startswith(others)]

@@ -10,13 +10,14 @@ import pytest
 
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from predictor.data.samples import Samples, check_apart
+from predictor.data.samples import Samples
+from predictor.data.splits import check_apart
 from predictor.networks.compact_net import CompactNet
 from predictor.recording.own_buildings import OwnBuildings, world_of
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.training_drives import _check, make, place_of
 from predictor.train import main
-from predictor.training.compact_config import TUNING
+from predictor.training.settings import TUNING
 from predictor.weights import load_weights, save_weights
 from sim.families import generate
 from sim.map_server import save_world
@@ -50,17 +51,17 @@ def carmen(path, count=80, seen=True):
 
 
 def test_buildings_are_split_by_what_they_are_and_not_by_their_names(maps, tmp_path):
-    one = OwnBuildings.found((str(maps),))
+    one = OwnBuildings.read((str(maps),))
     assert len(one.train) == 2
     assert len(one.validation) == 1
     assert one.validation[0] not in one.train
     for old, new in (("a", "z"), ("b", "y"), ("c", "x")):
         save_world(generate("narrow", {"a": 1, "b": 2, "c": 3}[old]), tmp_path / f"{new}.yaml")
-    assert OwnBuildings.found((str(tmp_path),)).hashes == one.hashes
+    assert OwnBuildings.read((str(tmp_path),)).hashes == one.hashes
 
 
 def test_what_cannot_be_used_is_named_and_the_rest_is_kept(maps):
-    bad, copy = OwnBuildings.found((str(maps),)).skipped
+    bad, copy = OwnBuildings.read((str(maps),)).skipped
     assert "bad.yaml: missing key" in bad
     assert "copy.yaml holds the same as" in copy
 
@@ -80,11 +81,11 @@ def test_a_wrong_name_is_an_error_before_any_drive(tmp_path, name, said):
     for file in ("text.txt", "bad.yaml", "bad.log"):
         (tmp_path / file).write_text("nothing")
     with pytest.raises(UsageError, match=said):
-        OwnBuildings.found((str(tmp_path / name),))
+        OwnBuildings.read((str(tmp_path / name),))
 
 
 def test_drives_are_shared_out_evenly(maps):
-    own = OwnBuildings.found((str(maps),))
+    own = OwnBuildings.read((str(maps),))
     config = DrivesConfig(world=(str(maps),), share=0.25, families=("corridor", "paper"))
     mine = [("map", Path(one.paths[0])) for one in own.train]
     places = [place_of(config, own, "train", number) for number in range(80)]
@@ -105,7 +106,7 @@ def test_the_drives_without_own_buildings_are_the_families_in_turn():
 
 def test_one_building_is_trained_on_and_validation_is_on_generated_ones(maps, tmp_path, capsys):
     world = (str(maps / "a.yaml"),)
-    own = OwnBuildings.found(world)
+    own = OwnBuildings.read(world)
     assert (len(own.train), len(own.validation)) == (1, 0)
     config = DrivesConfig(world=world)
     assert place_of(config, own, "validation", 1)[0] in config.families
@@ -127,8 +128,8 @@ def test_fine_tuning_on_own_maps_prints_scores_of_held_out_ones(maps, tmp_path, 
     assert all(math.isfinite(figure) and 0 <= figure <= 1 for figure in figures)
     assert "skipped: " in err
     sets = {split: Samples.load(tmp_path / "data" / split) for split in ("train", "validation")}
-    check_apart(sets)
-    own = OwnBuildings.found((str(maps),))
+    check_apart({split: samples.worlds for split, samples in sets.items()})
+    own = OwnBuildings.read((str(maps),))
     hashes = {split: {one.hashes[0] for one in own.of(split)} for split in sets}
     assert {split: samples.worlds for split, samples in sets.items()} == hashes
     facts = load_weights(tmp_path / "out" / "compact.safetensors", CompactNet)[1]
@@ -149,7 +150,7 @@ def test_a_building_that_was_held_out_stays_so_when_others_are_added(maps, tmp_p
     for seed in range(20, 32):
         save_world(generate("narrow", seed), tmp_path / f"{seed}.yaml")
     few, many = (
-        OwnBuildings.found(names) for names in ((str(tmp_path),), (str(tmp_path), str(maps)))
+        OwnBuildings.read(names) for names in ((str(tmp_path),), (str(tmp_path), str(maps)))
     )
     assert 1 <= len(few.validation) < len(few.train)
     assert set(few.validation) <= set(many.validation)
@@ -157,7 +158,7 @@ def test_a_building_that_was_held_out_stays_so_when_others_are_added(maps, tmp_p
 
 
 def test_weights_that_know_a_held_out_building_are_refused_before_any_drive(maps, tmp_path):
-    held = OwnBuildings.found((str(maps),)).validation[0]
+    held = OwnBuildings.read((str(maps),)).validation[0]
     config = DrivesConfig(out=tmp_path / "data", train=1, validation=1, world=(str(maps),))
     with pytest.raises(UsageError, match=r"have learned from .*which would be held out"):
         make(config, 1, frozenset(held.hashes))
@@ -168,7 +169,7 @@ def test_files_in_a_folder_of_their_own_are_of_one_building(tmp_path):
     for name, seed in (("a/1", 1), ("a/2", 2), ("b/3", 3), ("b/4", 4)):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         save_world(generate("narrow", seed), tmp_path / f"{name}.yaml")
-    own = OwnBuildings.found((str(tmp_path),))
+    own = OwnBuildings.read((str(tmp_path),))
     both = [{Path(path).parent.name for path in one.paths} for one in (*own.train, *own.validation)]
     assert sorted(map(sorted, both)) == [["a"], ["b"]]
     config = DrivesConfig(world=(str(tmp_path),), share=1.0)
@@ -194,7 +195,7 @@ def test_a_map_that_cannot_be_driven_in_and_a_log_that_sees_nothing_are_left_out
         tmp_path / "closet.yaml",
     )
     carmen(tmp_path / "blind.log", seen=False)
-    own = OwnBuildings.found((str(tmp_path), str(maps)))
+    own = OwnBuildings.read((str(tmp_path), str(maps)))
     assert sum("closet" in line and "no way" in line for line in own.skipped) == 1
     assert sum("blind.log" in line and "no scan has" in line for line in own.skipped) == 1
     assert len(own.train) + len(own.validation) == 3
@@ -203,7 +204,7 @@ def test_a_map_that_cannot_be_driven_in_and_a_log_that_sees_nothing_are_left_out
 def test_a_log_is_known_again_when_it_is_packed(tmp_path):
     carmen(tmp_path / "one.log")
     (tmp_path / "packed.log.gz").write_bytes(gzip.compress((tmp_path / "one.log").read_bytes()))
-    own = OwnBuildings.found((str(tmp_path),))
+    own = OwnBuildings.read((str(tmp_path),))
     assert len(own.train) == 1
     assert "holds the same as" in own.skipped[0]
 
@@ -218,7 +219,7 @@ def test_settings_that_make_no_sense_are_refused(maps, tmp_path, changes, said):
 
 
 def test_too_few_drives_for_all_buildings_are_told(maps, tmp_path, capsys):
-    own = OwnBuildings.found((str(maps),))
+    own = OwnBuildings.read((str(maps),))
     _check(DrivesConfig(out=tmp_path, train=2, validation=2, world=(str(maps),)), own, frozenset())
     assert "warning: no train drive is in 1 of the buildings" in capsys.readouterr().err
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from predictor.scoring.images import LEVELS, beyond_crop, similarity
+from predictor.scoring.images import BLOCKS, beyond_crop, similarity
 
 
 def test_an_image_is_wholly_like_itself_and_less_like_any_other():
@@ -21,7 +21,7 @@ def test_an_image_is_wholly_like_itself_and_less_like_any_other():
 def test_far_off_a_shift_by_a_cell_costs_less_at_a_coarser_resolution():
     truth = np.ones((200, 200))
     truth[:, ::16] = truth[:, 1::16] = 0.0
-    far = beyond_crop(200) > LEVELS[-1][0]
+    far = beyond_crop(200) > BLOCKS[-1][0]
     moved = np.roll(truth, 1, axis=1)
     shifted = similarity(moved, moved, truth, far)
     assert shifted.ssim_coarse_unseen > shifted.ssim_unseen

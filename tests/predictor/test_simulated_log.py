@@ -9,10 +9,10 @@ from scipy.ndimage import binary_dilation
 from foresee.infra.command_line import UsageError
 from predictor.data.samples import Samples
 from predictor.data.survey import frame_around, surveyed
+from predictor.recording.sample_set import DRIVES
 from predictor.recording.simulated_log import ROBOT, SimulatedLogConfig, poses_along, simulated_log
 from predictor.recording.training_drives import (
     APART,
-    SPLITS,
     SPREAD,
     DrivesConfig,
     make,
@@ -103,7 +103,7 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
     make(config, 1)
     count = len(Samples.load(tmp_path / "train"))
     task = [
-        sample_task(generate("corridor", SPLITS["train"]), SPLITS["train"] + n * SPREAD, ROBOT)
+        sample_task(generate("corridor", DRIVES["train"]), DRIVES["train"] + n * SPREAD, ROBOT)
         for n in range(ways)
     ]
     way = sum(one.path_length for one in task)

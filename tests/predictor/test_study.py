@@ -8,11 +8,12 @@ import pytest
 from generated_frames import generated, write_frames
 
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import EXPANSIONS, ImageConfig, ImageTraining
+from predictor.networks.image_config import EXPANSIONS, ImageConfig
 from predictor.study import ORDER, main
 from predictor.training import parallel_trainings
 from predictor.training.image_training import frames_of
 from predictor.training.parallel_trainings import Study, Training
+from predictor.training.settings import ImageTraining
 from predictor.weights import save_weights
 
 TINY = ["--width", "0.0625", "--side", "64", "--epochs", "0.2", "--batch", "1"]

@@ -25,8 +25,8 @@ from predictor.train import main
 from predictor.training import compact_training
 from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_config import CompactTraining
 from predictor.training.compact_training import CompactTrainer
+from predictor.training.settings import CompactTraining
 from predictor.weights import load_weights
 from sim import LidarConfig
 from sim.families import generate
@@ -64,8 +64,8 @@ def data(tmp_path_factory):
 @pytest.fixture
 def small(monkeypatch):
     """Small maps, one thread: a step takes a moment, and sums come out in one order."""
-    monkeypatch.setattr(compact_training, "SIDES", (40, 80))
-    monkeypatch.setattr(compact_training, "USUAL", 80)
+    monkeypatch.setattr(compact_training, "SQUARE_SIDES", (40, 80))
+    monkeypatch.setattr(compact_training, "USUAL_SIDE", 80)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield

@@ -19,11 +19,11 @@ from predictor.data.frames import checksum
 from predictor.data.squares import TERNARY, codes_of
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
-from predictor.networks.image_config import PRESETS
 from predictor.provenance import fingerprint_of
 from predictor.recording.settings import SimulatedConfig
 from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 from predictor.scoring.images import ternary
+from predictor.training.settings import PRESETS
 
 BASELINES = ("copy", "grey")
 """Names of the baselines: the unchanged crop, unknown around it; and an image that is all grey."""

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.statistics import grouped_mean
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, reduced
 from benchmarks.studies.katyal2018.cost import Cost
 from benchmarks.studies.katyal2018.evaluation import (
@@ -25,6 +24,7 @@ from benchmarks.studies.katyal2018.transients import transients
 from foresee.infra.environment import machine
 from foresee.infra.plain_json import without_nan
 from foresee.infra.results_file import write_results
+from foresee.statistics import grouped_mean
 from predictor.registry import load_predictor
 from predictor.scoring import images
 from predictor.scoring.scores import EDGES, RINGS, Scores
@@ -77,7 +77,7 @@ def report(
             "apart": evaluation.apart,
             "block": BLOCK,
             "ssim": images.SETTINGS,
-            "ssim_coarse": images.LEVELS,
+            "ssim_coarse": images.BLOCKS,
             "rings": EDGES,
             "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
         },

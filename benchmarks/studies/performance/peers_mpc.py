@@ -17,7 +17,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.statistics import grouped_mean
 from benchmarks.studies.performance.hall import (
     Drive,
     Solve,
@@ -32,6 +31,7 @@ from benchmarks.studies.performance.peers_casadi import general
 from benchmarks.studies.performance.peers_do_mpc import do_mpc
 from benchmarks.studies.performance.peers_mppi import mppi
 from benchmarks.studies.performance.stage_times import OURS, beside_ours
+from foresee.statistics import grouped_mean
 from planner.mpc.mpc import MPC, MPCConfig
 from planner.navigator import AFRESH
 

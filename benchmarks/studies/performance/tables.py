@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from foresee.infra.markdown import markdown
+from foresee.infra.markdown import markdown, span
 
 PEERS_COLUMNS = {
     "median_ms": ("median [ms]", ".3f"),
@@ -41,7 +41,7 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
             told = zip(PEERS_COLUMNS, forms, strict=True)
             cells = [format(s[key], form) if key in s else "" for key, form in told]
             if "dearer_low" in s:
-                cells[dearer] += f" ({s['dearer_low']:+.3f} to {s['dearer_high']:+.3f})"
+                cells[dearer] += f" ({span((s['dearer_low'], s['dearer_high']), '+.3f')})"
             cells[dearer] += " %" if cells[dearer] else ""
             rows.append([stage, name, *cells])
     return markdown(rows)
@@ -55,7 +55,7 @@ def measures_table(found: dict[str, dict[str, Any]]) -> str:
     for name, m in found.items():
         value = f"{m['value']:.4g}"
         if "low" in m:
-            value += f" ({m['low']:.4g} to {m['high']:.4g})"
+            value += f" ({span((m['low'], m['high']), '.4g')})"
         p99 = f"{m['p99']:.4g}" if "p99" in m else ""
         rows.append([name, value, p99, m["unit"], str(m["samples"])])
     return markdown(rows)

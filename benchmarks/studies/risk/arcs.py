@@ -11,12 +11,12 @@ from scipy.ndimage import minimum_filter
 from tqdm import tqdm
 
 from benchmarks.runs.saved_run import Run, observed_at
-from benchmarks.runs.statistics import estimate
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body, covered
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import Grid
 from foresee.prediction import Caller, View
+from foresee.statistics import estimate
 from planner.motion.dynamics import pose_along
 from planner.navigator import NavigatorConfig
 from predictor.registry import load_predictor

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.studies.risk.series import PROMISE
-from foresee.infra.markdown import DASH, interval, records
+from foresee.infra.markdown import DASH, interval, records, span
 
 
 def tables(found: dict[str, Any]) -> str:
@@ -35,8 +35,8 @@ def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
                 "requested δ": DASH if row["requested"] is None else f"{row['requested']:g}",
                 "level λ": f"{row['level']:.2g}",
                 "collided": f"{row['collided']} of {row['drives']}",
-                "rate (95 %)": "–".join(f"{100 * end:.1f}" for end in row["interval"]) + " %",
-                "per km (95 %)": "–".join(f"{end:.2f}" for end in row["per_km_interval"] or ()),
+                "rate (95 %)": span(row["interval"], ".1f", 100.0, " %"),
+                "per km (95 %)": span(row["per_km_interval"], ".2f"),
                 "reached / stuck / timed out / no task": " / ".join(
                     str(n)
                     for n in (
@@ -104,7 +104,7 @@ def _pooled_table(rows: Sequence[dict[str, Any]]) -> str:
                     f"{name} {level:g}" for name, level in row["levels"].items()
                 ),
                 "collided": f"{row['collided']} of {row['drives']}",
-                "rate (95 %)": "–".join(f"{100 * end:.1f}" for end in row["interval"]) + " %",
+                "rate (95 %)": span(row["interval"], ".1f", 100.0, " %"),
                 "time ratio to `known`": _told(row["time_ratio"], ".2f"),
                 "share of the gap in time [%]": _told(row["share_of_gap"], ".0f", 100.0),
             }

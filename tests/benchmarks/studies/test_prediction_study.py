@@ -375,7 +375,7 @@ def test_networks_stand_at_their_own_expansion_alone(study):
 def test_a_training_as_published_is_not_reduced():
     from dataclasses import asdict
 
-    from predictor.networks.image_config import ImageTraining
+    from predictor.training.settings import ImageTraining
 
     facts = {"network": asdict(ImageConfig()), "config": asdict(ImageTraining(seed=3))}
     facts["frames"] = 5221
