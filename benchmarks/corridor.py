@@ -151,8 +151,8 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
                 if isinstance(driven, str):
                     store.skipped[index] = driven
                 else:
-                    result, arrays = driven
-                    store.add(result, arrays)
+                    store.add(driven)
+                    result = driven.result
                     bar.set_postfix_str(f"{arm} {result.outcome} in {result.time:.1f} s")
                 bar.update()
         except KeyboardInterrupt:

@@ -184,8 +184,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     driven = attempt(one, weights, (0, ARM))
     if isinstance(driven, str):
         return told | {"outcome": NO_TASK, "note": driven}
-    result, _ = driven
-    return told | {name: getattr(result, name) for name in KEPT}
+    return told | {name: getattr(driven.result, name) for name in KEPT}
 
 
 def _summary(tested: Tested) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
-from foresee.infra.plain_json import loads
+from foresee.infra.plain_json import loads, read_object
 
 SETTINGS = "settings.json"
 """Name of the file with the settings that the results of a folder were made with."""
@@ -106,8 +106,8 @@ class ResumableFolder:
             return
         if path.exists():
             try:
-                theirs = dict(absent or {}) | dict(loads(path.read_text()))
-            except (OSError, ValueError, TypeError) as error:
+                theirs = dict(absent or {}) | read_object(path)
+            except (OSError, ValueError) as error:
                 raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
             refuse_other_settings(folder, settings, theirs, grows)
         write_whole(path, json.dumps(settings, indent=1).encode())

@@ -15,7 +15,8 @@ from PIL import Image
 from safetensors.torch import save
 
 from benchmarks.runs.drive_file import read_drives
-from benchmarks.runs.saved_run import Run, RunError
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import RunError
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
 from foresee.mapping.context import CELLS
