@@ -148,7 +148,8 @@ def _samples_of(drives: DrivesConfig) -> tuple[Samples, Samples]:
     Raises:
         SamplesError: if they cannot be read, or share a building.
     """
-    from predictor.data.samples import Samples, check_apart
+    from predictor.data.sample_set import check_apart
+    from predictor.data.samples import Samples
 
     train = Samples.load(drives.out / "train", drives.train)
     validation = Samples.load(drives.out / "validation", drives.validation)

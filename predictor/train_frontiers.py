@@ -50,9 +50,9 @@ def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.N
     import torch
 
     from predictor.data.frontier_samples import FrontierSamples
+    from predictor.data.sample_set import check_apart
     from predictor.networks.frontier_net import FrontierNet
     from predictor.recording.exploration import make
-    from predictor.training.checkpoint import TrainError
     from predictor.training.frontier_training import FrontierTrainer, scores
     from predictor.weights import load_weights
 
@@ -62,9 +62,7 @@ def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.N
         FrontierSamples.load(config.data / split, count)
         for split, count in (("train", config.train), ("validation", config.validation))
     )
-    both = train.worlds & validation.worlds
-    if both:
-        raise TrainError(f"{len(both)} buildings are both trained on and held out")
+    check_apart({"train": train, "validation": validation})
     path = FrontierTrainer(training, train, validation, args.out).run()
     print(scores(load_weights(path, FrontierNet)[0], validation))
     print(path)

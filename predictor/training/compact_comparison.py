@@ -29,7 +29,7 @@ def table(before: Path, after: Path, samples: Samples) -> str:
         WeightsError: if a file does not hold weights of the compact network.
     """
     nets = [load_weights(path, CompactNet)[0].eval() for path in (before, after)]
-    kinds = np.array([facts["family"] for facts in samples.about])[samples.starts[:, 0]]
+    kinds = np.array(samples.families)[samples.family_numbers]
     rows = [
         ["held-out buildings", "number", "constant"]
         + [f"{name} {when}" for name in ("Brier", "calibration") for when in ("before", "after")]
@@ -38,7 +38,7 @@ def table(before: Path, after: Path, samples: Samples) -> str:
         mine = np.flatnonzero(kinds == kind)
         chosen = mine[np.unique(np.linspace(0, len(mine) - 1, VALIDATED).astype(int))]
         scores = [validate(net, samples, USUAL, chosen) for net in nets]
-        buildings = {samples.about[int(n)]["original"] for n in samples.starts[mine, 0]}
+        buildings = {samples.about[int(n)]["original"] for n in samples.places[mine, 0]}
         figures = [_constant(scores[0])] + [
             score.measures()[name] for name in ("brier_free", "ece_free") for score in scores
         ]

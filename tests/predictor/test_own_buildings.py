@@ -10,7 +10,8 @@ import pytest
 
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from predictor.data.samples import Samples, check_apart
+from predictor.data.sample_set import check_apart
+from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
 from predictor.recording.own_buildings import OwnBuildings, world_of
 from predictor.recording.settings import DrivesConfig

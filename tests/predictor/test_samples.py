@@ -6,15 +6,8 @@ import pytest
 from foresee.mapping.context import CELLS, context_of
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
-from predictor.data.samples import (
-    SIDE,
-    Samples,
-    SamplesError,
-    check_apart,
-    encoded,
-    quarters,
-    write_samples,
-)
+from predictor.data.sample_set import SamplesError, check_apart
+from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
 
