@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.optima import Key, task_key
 from benchmarks.runs.saved_run import RESULTS, TRACES, Archive, Run
 from benchmarks.runs.settings import ARMS, OLDER, Settings
 from benchmarks.runs.summary import gap, summarise
+from benchmarks.runs.time_optimal import Key, task_key
 from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.atomic_file import replacing
 from foresee.infra.command_line import UsageError
@@ -90,17 +90,17 @@ class Store(ResumableFolder):
     def _save(self, drive: Drive) -> None:
         self.write(_part(drive.result), dataclasses.asdict(drive.result), drive.trace.arrays)
 
-    def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
+    def pack(self, t_opt: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
         """Write results.json and traces.npz of all finished drives, and return the results.
 
         Args:
-            optima: task → least time T_opt [s]; None: the results keep their own.
+            t_opt: task → least time T_opt [s]; None: the results keep their own.
         """
         arms = self.settings.arms
         chosen = [e for e in self.episodes if self._wanted(e)]
-        if optima is not None:
+        if t_opt is not None:
             chosen = [
-                dataclasses.replace(e, t_opt=optima.get(task_key(e.world, e.seed, e.start, e.goal)))
+                dataclasses.replace(e, t_opt=t_opt.get(task_key(e.world, e.seed, e.start, e.goal)))
                 for e in chosen
             ]
         chosen.sort(key=lambda e: (e.index, arms.index(e.arm)))

@@ -8,7 +8,7 @@ import itertools
 import json
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -143,6 +143,24 @@ class ResumableFolder:
         except UNREADABLE as error:
             self.set_aside(path, one_line(error))
             return None
+
+    def once(self, name: str, measure: Callable[[], Any]) -> Any:
+        """Return a stored measurement, or measure and store it.
+
+        Args:
+            name: path of its JSON file inside the folder.
+            measure: function that returns plain data for JSON.
+        """
+        path = self.folder / name
+        try:
+            return loads(path.read_text())
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError) as error:
+            self.set_aside(path, one_line(error))
+        measured = measure()
+        write_whole(path, json.dumps(measured).encode())
+        return measured
 
     def set_aside(self, path: Path, why: str) -> None:
         """Rename a damaged file so that it ends with `.damaged`, and add a line to `notes`."""

@@ -109,9 +109,9 @@ class SampleSet:
         blocks: dict[str, NDArray[Any]] = {
             cls.NAME: np.frombuffer(b"".join(packed), dtype=np.uint8),
             "ends": np.cumsum([len(sample) for sample in packed], dtype=np.int64),
-            "about": as_bytes(cls.HEAD | about),
         }
-        write_arrays(path, blocks | arrays, compress=False)
+        facts = {"about": as_bytes(cls.HEAD | about)}
+        write_arrays(path, blocks | arrays | facts, compress=False)
 
     def __len__(self) -> int:
         return len(self.places)
