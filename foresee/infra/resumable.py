@@ -51,9 +51,38 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compress: bool 
     write_whole(path, buffer.getvalue())
 
 
-def as_bytes(facts: Mapping[str, Any]) -> NDArray[np.uint8]:
-    """Return facts (plain data) as JSON in an array of bytes, for an archive of arrays."""
-    return np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+def write_part(
+    path: Path,
+    facts: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[Any]],
+    key: str = "facts",
+    compress: bool = True,
+) -> None:
+    """Write facts and arrays to one NumPy archive atomically; `read_part` reads them.
+
+    Args:
+        path: path of the file.
+        facts: plain data, which are stored as JSON in an array of bytes.
+        arrays: arrays by name.
+        key: name of the array with the facts.
+        compress: whether to compress the arrays.
+    """
+    text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+    write_arrays(path, {**arrays, key: text}, compress)
+
+
+def read_part(path: Path, key: str = "facts") -> Part:
+    """Read facts and arrays without running code from their file.
+
+    Raises:
+        UNREADABLE: one of these, if the file is missing or damaged.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    facts = loads(bytes(arrays.pop(key)))
+    if not isinstance(facts, dict):
+        raise ValueError(f"its {key} are no JSON object")
+    return facts, arrays
 
 
 class ResumableFolder:
@@ -129,15 +158,13 @@ class ResumableFolder:
         """
         path = self.folder / name
         path.parent.mkdir(exist_ok=True)
-        write_arrays(path, {"facts": as_bytes(facts), **arrays})
+        write_part(path, facts, arrays)
 
     def read(self, name: str) -> Part | None:
         """Read a part; None if it is missing or damaged. A damaged file is set aside."""
         path = self.folder / name
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            return dict(loads(bytes(arrays.pop("facts")))), arrays
+            return read_part(path)
         except FileNotFoundError:
             return None
         except UNREADABLE as error:

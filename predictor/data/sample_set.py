@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.errors import LineError, one_line
-from foresee.infra.plain_json import loads
-from foresee.infra.resumable import UNREADABLE, as_bytes, write_arrays
+from foresee.infra.resumable import UNREADABLE, Part, read_part, write_part
 
 
 class SamplesError(LineError):
@@ -79,7 +78,7 @@ class SampleSet:
             raise SamplesError(
                 f"{folder} misses {lost} of its drives: give the command that makes them again"
             )
-        files = [cls._read(path) for path in paths]
+        about, files = zip(*map(cls._read, paths), strict=True)
         ends = [file["ends"].astype(np.int64) for file in files]
         if not sum(map(len, ends)):
             raise SamplesError(f"{folder} holds drives without a single sample: make more drives")
@@ -90,7 +89,7 @@ class SampleSet:
         return cls(
             [file[cls.NAME] for file in files],
             np.concatenate(places),
-            [file["facts"] for file in files],
+            list(about),
             {name: np.concatenate([file[name] for file in files]) for name in cls.ARRAYS},
         )
 
@@ -106,12 +105,10 @@ class SampleSet:
             about: facts of the drive.
             arrays: further arrays by name.
         """
-        blocks: dict[str, NDArray[Any]] = {
-            cls.NAME: np.frombuffer(b"".join(packed), dtype=np.uint8),
-            "ends": np.cumsum([len(sample) for sample in packed], dtype=np.int64),
-        }
-        facts = {"about": as_bytes(cls.HEAD | about)}
-        write_arrays(path, blocks | arrays | facts, compress=False)
+        block = np.frombuffer(b"".join(packed), dtype=np.uint8)
+        ends = np.cumsum([len(sample) for sample in packed], dtype=np.int64)
+        arrays = {cls.NAME: block, "ends": ends, **arrays}
+        write_part(path, cls.HEAD | about, arrays, "about", compress=False)
 
     def __len__(self) -> int:
         return len(self.places)
@@ -169,16 +166,10 @@ class SampleSet:
         return digest.hexdigest()
 
     @classmethod
-    def _read(cls, path: Path) -> dict[str, Any]:
-        """Read the arrays of a file by name, and its `facts`."""
+    def _read(cls, path: Path) -> Part:
+        """Read the facts of a file, and its arrays by name."""
         try:
-            with np.load(path, allow_pickle=False) as file:
-                found: dict[str, Any] = {
-                    name: file[name] for name in (cls.NAME, "ends", *cls.ARRAYS)
-                }
-                facts = found["facts"] = loads(bytes(file["about"]))
-            if not isinstance(facts, dict):
-                raise ValueError("its facts (about) are no JSON object")
+            facts, found = read_part(path, "about")
             if not cls.HEAD.items() <= facts.items():
                 raise SamplesError(
                     f"{path} is of format {facts.get('format')}, not {cls.HEAD['format']}: make "
@@ -199,7 +190,7 @@ class SampleSet:
                     raise ValueError(f"{name} are {values.dtype} {values.shape}")
                 if not np.isfinite(values).all():
                     raise ValueError(f"{name} are not finite")
-            return found
+            return facts, found
         except SamplesError:
             raise
         except UNREADABLE as error:

@@ -55,12 +55,13 @@ def read_checkpoint(
     except Exception as error:
         # On a damaged file torch.load raises exceptions of any kind.
         raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
+    other = [name for name in sorted(facts) if theirs.get(name) != facts[name]]
     if theirs != facts:
-        other = ", ".join(
-            _told(k, theirs.get(k), facts[k]) for k in sorted(facts) if theirs.get(k) != facts[k]
-        )
+        # Both values are named if they are short.
+        values = {name: f" ({theirs.get(name)}, not {facts[name]})" for name in other}
+        named = ", ".join(n + (values[n] if len(values[n]) < 83 else "") for n in other)
         raise TrainError(
-            f"{path.parent} holds a training with another {other}; give the command "
+            f"{path.parent} holds a training with another {named}; give the command "
             "that began it, or choose another folder by --out"
         )
     return state
@@ -88,9 +89,3 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
             " folder by --out"
         )
     return True
-
-
-def _told(name: str, theirs: Any, mine: Any) -> str:
-    """Return the name of a fact that differs, with both values if they are short."""
-    how = f"{theirs}, not {mine}"
-    return f"{name} ({how})" if len(how) < 80 else name
