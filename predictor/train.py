@@ -146,14 +146,15 @@ def _samples_of(drives: DrivesConfig) -> tuple[Samples, Samples]:
     """Read the samples to train on, and those to validate on.
 
     Raises:
-        SamplesError: if they cannot be read, or share a building.
+        SamplesError: if they cannot be read.
+        SplitError: if they share a building.
     """
-    from predictor.data.sample_set import check_apart
     from predictor.data.samples import Samples
+    from predictor.data.splits import check_apart
 
     train = Samples.load(drives.out / "train", drives.train)
     validation = Samples.load(drives.out / "validation", drives.validation)
-    check_apart({"train": train, "validation": validation})
+    check_apart({"train": train.worlds, "validation": validation.worlds})
     return train, validation
 
 

@@ -50,7 +50,7 @@ def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.N
     import torch
 
     from predictor.data.frontier_samples import FrontierSamples
-    from predictor.data.sample_set import check_apart
+    from predictor.data.splits import check_apart
     from predictor.networks.frontier_net import FrontierNet
     from predictor.recording.exploration import make
     from predictor.training.frontier_training import FrontierTrainer, scores
@@ -62,7 +62,7 @@ def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.N
         FrontierSamples.load(config.data / split, count)
         for split, count in (("train", config.train), ("validation", config.validation))
     )
-    check_apart({"train": train, "validation": validation})
+    check_apart({"train": train.worlds, "validation": validation.worlds})
     path = FrontierTrainer(training, train, validation, args.out).run()
     print(scores(load_weights(path, FrontierNet)[0], validation))
     print(path)

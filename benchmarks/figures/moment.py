@@ -32,7 +32,7 @@ from benchmarks.figures.palette import (
     swatch,
 )
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import Moment
+from benchmarks.runs.trace import RecordedMoment
 from foresee.infra.drawing import INK, bare
 from foresee.mapping.body import Body
 from foresee.mapping.polyline import arc_length
@@ -107,7 +107,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     return figure
 
 
-def _view(now: Moment) -> tuple[float, float, float, float]:
+def _view(now: RecordedMoment) -> tuple[float, float, float, float]:
     """Return left, right, bottom and top [m] of a square that contains all maps of this tick."""
     boxes = np.array([extent(now.known.frame), extent(now.frame)])
     left, right = boxes[:, 0].min(), boxes[:, 1].max()
@@ -129,7 +129,7 @@ def _truth() -> Line2D:
     return Line2D([], [], color=TRUTH_COLOUR, linewidth=1.0, label="truth")
 
 
-def _observed(ax: Axes, now: Moment, window: float) -> None:
+def _observed(ax: Axes, now: RecordedMoment, window: float) -> None:
     draw_image(ax, map_image(now.known.cells), now.known.frame)
     handles: list[Artist] = [
         swatch(FREE_COLOUR, "free"),
@@ -144,7 +144,7 @@ def _observed(ax: Axes, now: Moment, window: float) -> None:
     _name(ax, "Observed map", [*handles, _truth()])
 
 
-def _predicted(ax: Axes, now: Moment) -> None:
+def _predicted(ax: Axes, now: RecordedMoment) -> None:
     colours = {
         "likely free": BELIEVED_FREE,
         "likely occupied": BELIEVED_OCCUPIED,
@@ -166,7 +166,7 @@ def _predicted(ax: Axes, now: Moment) -> None:
     draw_image(ax, image, now.frame)
 
 
-def _trust(figure: Figure, ax: Axes, now: Moment) -> None:
+def _trust(figure: Figure, ax: Axes, now: RecordedMoment) -> None:
     predicted = now.prediction is not None
     _name(ax, "Trust that cells are free", [_truth()], x=0.12 if predicted else 0.5)
     if now.prediction is None:
@@ -183,14 +183,14 @@ def _trust(figure: Figure, ax: Axes, now: Moment) -> None:
     bar.outline.set_visible(False)
 
 
-def _safe_image(now: Moment) -> NDArray[np.float64]:
+def _safe_image(now: RecordedMoment) -> NDArray[np.float64]:
     image = map_image(now.known.cells)
     image[now.safe & now.known.free] = to_rgb(SEEN_SAFE)
     image[now.safe & ~now.known.free] = to_rgb(RELIED_COLOUR)
     return image
 
 
-def _safe(ax: Axes, now: Moment) -> None:
+def _safe(ax: Axes, now: RecordedMoment) -> None:
     draw_image(ax, _safe_image(now), now.known.frame)
     handles = [
         swatch(SEEN_SAFE, "observed free"),
@@ -200,7 +200,7 @@ def _safe(ax: Axes, now: Moment) -> None:
     _name(ax, "Cells that the plan may enter", [*handles, _truth()])
 
 
-def _planned(ax: Axes, now: Moment, v_max: float) -> None:
+def _planned(ax: Axes, now: RecordedMoment, v_max: float) -> None:
     # Paler, so that the lines stand out.
     draw_image(ax, 0.55 * _safe_image(now) + 0.45, now.known.frame)
     ax.plot(*now.path.T, zorder=3.5, **PATH)
@@ -215,7 +215,7 @@ def _planned(ax: Axes, now: Moment, v_max: float) -> None:
     ax.set_facecolor("#EAEAEA")
 
 
-def _stop(ax: Axes, now: Moment, v_max: float) -> None:
+def _stop(ax: Axes, now: RecordedMoment, v_max: float) -> None:
     """Draw the speed along the plan, and whether the car's front is then on observed cells."""
     x, y, yaw, speed = now.plan.T
     distance = arc_length(now.plan)

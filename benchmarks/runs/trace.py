@@ -24,7 +24,7 @@ class RunError(LineError):
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class RecordedMoment:
     """One tick of a drive in full.
 
     Attributes:
@@ -143,7 +143,7 @@ class Trace:
         return Grid(self.truth.frame, np.where(seen, self.truth.cells, np.int8(UNKNOWN)))
 
     @property
-    def moment(self) -> Moment:
+    def moment(self) -> RecordedMoment:
         """The tick that was recorded in full."""
         known = self.read("moment_known")
         prediction, frame = None, self._frame(self._full("moment_frame"), known)
@@ -152,7 +152,7 @@ class Trace:
             names = ("moment_p_free", "moment_p_occupied", "moment_confidence")
             prediction = [self.read(name) / 255.0 for name in names]
             other = self._frame(self._full("moment_prediction_frame"), prediction[0])
-        return Moment(
+        return RecordedMoment(
             int(self.read("moment_tick")),
             Grid(frame, known),
             self.read("moment_safe").astype(bool),

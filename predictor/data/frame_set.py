@@ -67,7 +67,7 @@ class FrameSet:
             "format": FORMAT,
             "kind": kind,
             "version": version("foresee"),
-            "settings": json.loads(json.dumps(settings)),
+            "settings": settings,
             "planned": len(names),
         }
         self.done: dict[str, dict[str, Any]] = {}

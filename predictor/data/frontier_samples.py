@@ -1,6 +1,6 @@
 """Samples of frontiers: what was observed around each, and where it truly leads.
 
-A folder holds one file for each building, see `predictor.data.sample_set`:
+A folder holds one file for each building, see `predictor.data.packed_samples`:
 
     pictures  packed pictures
     numbers   (n, GOALS, 6) float32: for each of several goals the columns of `COLUMNS`
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.frontier import Frontier
 from foresee.mapping.grid import FREE, OCCUPIED, Grid
-from predictor.data.sample_set import SampleSet
+from predictor.data.packed_samples import PackedSamples
 
 FORMAT = 1
 CELL = 0.25
@@ -122,7 +122,7 @@ def write_frontiers(
     )
 
 
-class FrontierSamples(SampleSet):
+class FrontierSamples(PackedSamples):
     """All samples of some buildings, the pictures compressed."""
 
     NAME, NEEDED, COMMAND = "pictures", ("world", "family"), "predictor.train_frontiers"

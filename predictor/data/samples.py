@@ -1,6 +1,6 @@
 """Training samples: the observed map at a moment of a drive, and the true map there.
 
-A folder holds one file for each drive, see `predictor.data.sample_set`:
+A folder holds one file for each drive, see `predictor.data.packed_samples`:
 
     codes     packed samples
     poses     (n, 3) float64: x, y, yaw of the robot in its building [m, m, rad]
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from foresee.mapping.context import CELLS, context_of
 from foresee.mapping.conventions import CROP_CELLS
 from foresee.mapping.grid import Grid
-from predictor.data.sample_set import SamplesError, SampleSet
+from predictor.data.packed_samples import PackedSamples, SamplesError
 from predictor.data.squares import Square, codes_of, joined, middle, parted
 
 FORMAT = 3
@@ -69,7 +69,7 @@ def write_samples(
     Samples.write(path, [sample for sample, _ in samples], about, poses=poses)
 
 
-class Samples(SampleSet):
+class Samples(PackedSamples):
     """All samples of a folder, held compressed in memory."""
 
     NAME, NEEDED, COMMAND = "codes", ("world", "original"), "predictor.drives"

@@ -78,19 +78,40 @@ class DriveScores:
     def finish(self) -> dict[str, Any]:
         """Write results.json and the figures of all scored drives, and return the results."""
         names = rows_of(self.config)
-        groups: dict[str, _Group] = {}
+        groups: dict[str, dict[str, Scores]] = {}
+        bins: dict[str, dict[str, dict[str, NDArray[Any]]]] = {}
+        facts: dict[str, list[dict[str, Any]]] = {}
         pictures: list[tuple[float, NDArray[Any]]] = []
-        for item, part in ((item, self._read(item)) for item in self.items):
-            if part is not None:
-                groups.setdefault(group_of(item[0]), _Group(names)).add(*part)
-                errors = part[0].get("errors", ())
-                pictures += [(e, part[1][f"picture/{i}"]) for i, e in enumerate(errors)]
-        summaries = {name: _summary([group]) for name, group in groups.items()}
-        learned = [name for name in groups if name in LEARNED]
+        for item in self.items:
+            part = self._read(item)
+            if part is None:
+                continue
+            fact, arrays = part
+            group = group_of(item[0])
+            facts.setdefault(group, []).append(fact)
+            sums = groups.setdefault(group, {name: Scores() for name in names})
+            each = bins.setdefault(group, {name: {} for name in names})
+            if "skipped" in fact:
+                continue
+            for name in names:
+                scores = Scores.of(arrays, name)
+                sums[name] += scores
+                of_building = each[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
+                of_building += scores.bins("free")
+            pictures += [(e, arrays[f"picture/{i}"]) for i, e in enumerate(fact["errors"])]
+        summaries = {
+            group: _summary(facts[group], groups[group], [bins[group]]) for group in groups
+        }
+        learned = [group for group in groups if group in LEARNED]
         if len(learned) > 1:
             # Scores of all learned families together, since families may resemble each other.
-            summaries[" + ".join(learned)] = _summary([groups[name] for name in learned])
-        facts = {name: group.facts for name, group in groups.items()}
+            pooled = {name: Scores() for name in names}
+            for group in learned:
+                for name in names:
+                    pooled[name] += groups[group][name]
+            every = [fact for group in learned for fact in facts[group]]
+            families = [bins[group] for group in learned]
+            summaries[" + ".join(learned)] = _summary(every, pooled, families)
         results = {
             "settings": self.settings,
             "machine": machine(),
@@ -99,8 +120,7 @@ class DriveScores:
             "drives": facts,
         }
         write_results(self.out / "results.json", "evaluation", without_nan(results))
-        sums = {name: group.sums for name, group in groups.items()}
-        draw_evaluation(self.out, sums, pictures, self.config.predictors)
+        draw_evaluation(self.out, groups, pictures, self.config.predictors)
         return results
 
     def _read(self, item: tuple[str, int]) -> Part | None:
@@ -112,40 +132,18 @@ class DriveScores:
         return f"parts/{self.items.index(item):05d}.npz"
 
 
-class _Group:
-    """The scores in a group of buildings.
+def _summary(
+    facts: list[dict[str, Any]],
+    sums: dict[str, Scores],
+    families: list[dict[str, dict[str, NDArray[Any]]]],
+) -> dict[str, Any]:
+    """Compute the scores of a group: predictor → measures.
 
     Args:
-        names: predictors, as `rows_of` names them.
-
-    Attributes:
         facts: facts of each drive.
         sums: predictor → scores of all drives.
-        bins: predictor → building → `Scores.bins` of free.
+        families: for each family, predictor → building → `Scores.bins` of free.
     """
-
-    def __init__(self, names: list[str]) -> None:
-        self.facts: list[dict[str, Any]] = []
-        self.sums = {name: Scores() for name in names}
-        self.bins: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in names}
-
-    def add(self, fact: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Add a drive."""
-        self.facts.append(fact)
-        for name in self.sums if "skipped" not in fact else ():
-            scores = Scores.of(arrays, name)
-            self.sums[name] += scores
-            of_building = self.bins[name].setdefault(fact["hash"], np.zeros((BINS, 3)))
-            of_building += scores.bins("free")
-
-
-def _summary(groups: list[_Group]) -> dict[str, Any]:
-    """Compute the scores of one or more groups together: predictor → measures."""
-    facts = [fact for group in groups for fact in group.facts]
-    sums = {name: Scores() for name in groups[0].sums}
-    for group in groups:
-        for name, scores in group.sums.items():
-            sums[name] += scores
     scored = [fact for fact in facts if "skipped" not in fact]
     rows: dict[str, dict[str, Any]] = {}
     for name in [*sums, BLANK] if scored else []:
@@ -157,7 +155,7 @@ def _summary(groups: list[_Group]) -> dict[str, Any]:
         if name in sums:
             row |= _measures(name, sums[name], slice(None))
             row["ece_free_95"] = calibration_interval(
-                [list(group.bins[name].values()) for group in groups]
+                [list(family[name].values()) for family in families]
             )
             row["rings"] = [
                 {"from": EDGES[i], **_measures(name, sums[name], slice(i, i + 1))}

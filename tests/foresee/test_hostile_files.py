@@ -23,7 +23,7 @@ from foresee.mapping.context import CELLS
 from predictor.compact import of_logs
 from predictor.data.carmen import read_carmen
 from predictor.data.laser_log import LogError
-from predictor.data.sample_set import SamplesError
+from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, write_samples
 from predictor.weights import WeightsError, facts_of
 from sim.map_server import MapError, load_world

@@ -10,8 +10,8 @@ import pytest
 
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from predictor.data.sample_set import check_apart
 from predictor.data.samples import Samples
+from predictor.data.splits import check_apart
 from predictor.networks.compact_net import CompactNet
 from predictor.recording.own_buildings import OwnBuildings, world_of
 from predictor.recording.settings import DrivesConfig
@@ -128,7 +128,7 @@ def test_fine_tuning_on_own_maps_prints_scores_of_held_out_ones(maps, tmp_path, 
     assert all(math.isfinite(figure) and 0 <= figure <= 1 for figure in figures)
     assert "skipped: " in err
     sets = {split: Samples.load(tmp_path / "data" / split) for split in ("train", "validation")}
-    check_apart(sets)
+    check_apart({split: samples.worlds for split, samples in sets.items()})
     own = OwnBuildings.found((str(maps),))
     hashes = {split: {one.hashes[0] for one in own.of(split)} for split in sets}
     assert {split: samples.worlds for split, samples in sets.items()} == hashes

@@ -6,8 +6,9 @@ import pytest
 from foresee.mapping.context import CELLS, context_of
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
-from predictor.data.sample_set import SamplesError, check_apart
+from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
+from predictor.data.splits import SplitError, check_apart
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
 
@@ -126,8 +127,8 @@ def test_a_varied_building_is_in_the_same_split_as_the_one_it_was_made_of(tmp_pa
     write(tmp_path / "a", world="turned")
     write(tmp_path / "b", world="turned as drawn")
     one, other = (Samples.load(tmp_path / name) for name in "ab")
-    with pytest.raises(SamplesError, match="1 buildings"):
-        check_apart({"one": one, "other": other})
+    with pytest.raises(SplitError, match="1 buildings"):
+        check_apart({"one": one.worlds, "other": other.worlds})
 
 
 def test_an_empty_folder_says_how_to_fill_it(tmp_path):
@@ -158,9 +159,9 @@ def test_a_building_in_two_splits_is_refused(tmp_path):
     write(tmp_path / "train", world="a")
     write(tmp_path / "validation", world="b")
     train, validation = (Samples.load(tmp_path / name) for name in ("train", "validation"))
-    check_apart({"train": train, "validation": validation})
-    with pytest.raises(SamplesError, match="2 buildings are both in train and in again"):
-        check_apart({"train": train, "again": train})
+    check_apart({"train": train.worlds, "validation": validation.worlds})
+    with pytest.raises(SplitError, match="2 buildings are both in train and in again"):
+        check_apart({"train": train.worlds, "again": train.worlds})
 
 
 def test_the_hash_tells_buildings_apart():

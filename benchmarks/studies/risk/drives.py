@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Mapping, Sequence
@@ -76,8 +75,7 @@ def drive_all(
 
 
 def _file(series: Series, out: Path) -> DriveFile:
-    told = json.loads(json.dumps(asdict(series.settings)))
-    told |= {"weights": weights_of(series.settings)}
+    told = asdict(series.settings) | {"weights": weights_of(series.settings)}
     return DriveFile(out / f"{series.name}.json", KIND, told, "episodes", OLDER)
 
 

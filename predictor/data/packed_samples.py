@@ -1,4 +1,4 @@
-"""Sets of samples: a folder with a NumPy archive for each drive or building, held in memory packed.
+"""Sets of packed samples: a folder with a NumPy archive for each drive or building.
 
 An archive is written atomically and read without running code from it:
 
@@ -14,7 +14,6 @@ import hashlib
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -30,7 +29,7 @@ class SamplesError(LineError):
 
 
 @dataclass(frozen=True, eq=False)
-class SampleSet:
+class PackedSamples:
     """All samples of a folder.
 
     Attributes:
@@ -202,15 +201,3 @@ class SampleSet:
 def _family(facts: dict[str, Any]) -> str:
     """Return the family of a drive's building, or "map" or "log" for one's own."""
     return str(facts.get("family", ""))
-
-
-def check_apart(splits: dict[str, SampleSet]) -> None:
-    """Check that no building is in two splits.
-
-    Raises:
-        SamplesError: if one is.
-    """
-    for one, other in combinations(splits, 2):
-        both = splits[one].worlds & splits[other].worlds
-        if both:
-            raise SamplesError(f"{len(both)} buildings are both in {one} and in {other}")
