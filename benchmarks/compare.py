@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from benchmarks.calibration.certificate import at_risk
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.runs.drive import drive as drive_episode
-from benchmarks.runs.saved_run import Archive, Run
+from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from foresee.infra.command_line import UsageError
@@ -54,13 +53,11 @@ def drive(
             "file's path"
         )
     task = task_in(world, seed) if isinstance(world, str) else task_in_world(world, seed)
-    results, arrays = [], dict[str, NDArray[Any]]()
-    for arm in chosen.arms:
-        result, found = drive_episode(chosen, 0, arm, task)
-        results.append(result)
-        arrays |= found
+    drives = [drive_episode(chosen, 0, arm, task) for arm in chosen.arms]
+    results = [drive.result for drive in drives]
     told, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
-    return Run(Path(name), told, summary, results, Archive(Path(name), arrays))
+    arrays = {name: values for drive in drives for name, values in drive.trace.arrays.items()}
+    return Run(Path(name), told, summary, results, arrays)
 
 
 def plot(run: Run) -> Figure:

@@ -92,24 +92,24 @@ def _run(argv: list[str] | None) -> int:
     from benchmarks.calibration.certificate import at_risk
     from benchmarks.figures.run_figures import draw_all
     from benchmarks.runs.drive import weights_of
-    from benchmarks.runs.optima import optimum_of
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
+    from benchmarks.runs.time_optimal import read_t_opt
     from foresee.infra.environment import several_states
     from sim.buildings import check_maps
 
     weights = weights_of(settings)
     check_maps(settings.world)
     settings = at_risk(settings, place.calibration)
-    optima = None if place.optimum is None else optimum_of(place.optimum, settings)
+    t_opt = None if place.optimum is None else read_t_opt(place.optimum, settings)
     out = place.out
     with Store(out, settings, weights, place.baselines) as store:
         for note in store.notes:
             print(f"warning: {note}", file=sys.stderr)
         interrupted = _drive_all(store, settings, weights, place)
-        results = store.pack(optima)
+        results = store.pack(t_opt)
     done = results["episodes"]
-    if optima is not None and done and all(e["t_opt"] is None for e in done):
+    if t_opt is not None and done and all(e["t_opt"] is None for e in done):
         print(f"warning: {place.optimum} has no T_opt of these tasks", file=sys.stderr)
     print(f"\n{comparison(results)}")
     for index, why in store.skipped.items():
@@ -151,8 +151,8 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
                 if isinstance(driven, str):
                     store.skipped[index] = driven
                 else:
-                    result, arrays = driven
-                    store.add(result, arrays)
+                    store.add(driven)
+                    result = driven.result
                     bar.set_postfix_str(f"{arm} {result.outcome} in {result.time:.1f} s")
                 bar.update()
         except KeyboardInterrupt:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive_file import DriveFile
-from benchmarks.runs.optima import KIND, table
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import OneLineParser, run_command
 
@@ -41,7 +40,7 @@ def _parsed(argv: list[str] | None) -> tuple[Settings, Path, int]:
 
 
 def _run(settings: Settings, out: Path, jobs: int) -> int:
-    from benchmarks.runs.quickest_drives import attempt
+    from benchmarks.runs.time_optimal import KIND, attempt, table
     from foresee.mapping.car_limits import CarLimits
     from sim.buildings import check_maps
     from sim.episode import EpisodeConfig

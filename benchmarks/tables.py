@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 TABLES = {
     "comparison": "benchmarks.runs.summary:comparison",
-    "optimum": "benchmarks.runs.optima:table",
+    "optimum": "benchmarks.runs.time_optimal:table",
     "attack": "benchmarks.studies.robustness.hostile_drives:table",
     "interrupt": "benchmarks.studies.robustness.interruptions:table",
     "stuck": "benchmarks.studies.driver.stuck:table",

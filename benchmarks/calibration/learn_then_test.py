@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -90,7 +89,7 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
     conditions = conditions_of(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     told = asdict(asked) | conditions
-    with ResumableFolder(out, json.loads(json.dumps(told)), grows=("drives",), exclusive=True):
+    with ResumableFolder(out, told, grows=("drives",), exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)
 
 
@@ -139,7 +138,6 @@ def _test(
     settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
     weights = weights_of(settings)
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
-    told = json.loads(json.dumps(told))
     file = DriveFile(
         out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=OLDER
     )
@@ -184,8 +182,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     driven = attempt(one, weights, (0, ARM))
     if isinstance(driven, str):
         return told | {"outcome": NO_TASK, "note": driven}
-    result, _ = driven
-    return told | {name: getattr(result, name) for name in KEPT}
+    return told | {name: getattr(driven.result, name) for name in KEPT}
 
 
 def _summary(tested: Tested) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from benchmarks.figures.palette import (
     set_line,
     speed_line,
 )
-from benchmarks.runs.saved_run import Run, observed_at
+from benchmarks.runs.saved_run import Run
 from foresee.infra.drawing import INK, bare
 from foresee.mapping.grid import Grid, GridFrame
 from sim.car import along_arc
@@ -103,9 +103,7 @@ class Animation:
         self.arm = run.pick_arm(self.index, arm)
         self.dt = run.setting("dt")
         self.trace = trace = run.trace(self.index, self.arm)
-        self.truth = run.truth(self.index)
-        self._first_seen = trace["first_seen"]
-        self.plans = trace["plans"]
+        self.truth, self.plans = trace.truth, trace.plans
         self.v_max = run.setting("v_max")
         self.window = run.setting("window")
         total = len(self.plans)
@@ -150,7 +148,7 @@ class Animation:
 
     def seen(self, tick: int) -> Grid:
         """Return the map of what has been observed up to a tick, with the true values of cells."""
-        return observed_at(self.truth, self._first_seen, tick)
+        return self.trace.observed(tick)
 
 
 class _Near:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,10 +31,10 @@ from benchmarks.figures.palette import (
     scale_bar,
     swatch,
 )
-from benchmarks.runs.saved_run import Run, frame_of
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import RecordedMoment
 from foresee.infra.drawing import INK, bare
 from foresee.mapping.body import Body
-from foresee.mapping.grid import Grid, GridFrame
 from foresee.mapping.polyline import arc_length
 
 BELIEVED_FREE, BELIEVED_OCCUPIED = "#A6CEE3", "#B2182B"
@@ -49,27 +48,6 @@ STOPPED: dict[str, Any] = {
     "markersize": 6,
     "linestyle": "none",
 }
-
-
-@dataclass(frozen=True, eq=False)
-class _Moment:
-    """Maps and plan at one tick, read from the trace.
-
-    Attributes:
-        known: observed map.
-        safe: cells that the plan may enter, (rows, columns).
-        plan: states of the plan: x, y, yaw, v, (N + 1, 4).
-        path: points of the reference path, (n, 2) [m].
-        prediction: p_free, p_occupied and confidence of each cell; None: there is no prediction.
-        frame: frame of the prediction; without one, the frame of `known`.
-    """
-
-    known: Grid
-    safe: NDArray[np.bool_]
-    plan: NDArray[np.float64]
-    path: NDArray[np.float64]
-    prediction: list[NDArray[np.float64]] | None
-    frame: GridFrame
 
 
 def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure:
@@ -89,8 +67,9 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     arm = run.pick_arm(index, arm)
     if index is None:
         driven = [i for i in run.indices if (i, arm) in run.drives]
-        index = max(driven, key=lambda i: int(run.trace(i, arm)["relied_count"].max(initial=0)))
-    now, truth = _load(run, index, arm), run.truth(index)
+        index = max(driven, key=lambda i: int(run.trace(i, arm).relied_count.max(initial=0)))
+    trace = run.trace(index, arm)
+    now, truth = trace.moment, trace.truth
     # Laid out by hand, to get six squares of equal size with room for a legend below each.
     figure = Figure(figsize=(12.6, 9.0), dpi=150)
     figure.subplots_adjust(0.015, 0.085, 0.985, 0.905, wspace=0.14, hspace=0.2)
@@ -115,7 +94,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
         ax.axis(view)
         bare(ax)
     scale_bar(axes[0, 0], 2.0)
-    time = int(run.trace(index, arm)["moment_tick"]) * run.setting("dt")
+    time = now.tick * run.setting("dt")
     figure.suptitle(
         f"{arm} · episode {index} · {run.drives[index, arm].world} · {time:.1f} s into "
         f"the drive, at {now.plan[0, 3]:.2f} m/s",
@@ -128,26 +107,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     return figure
 
 
-def _load(run: Run, index: int, arm: str) -> _Moment:
-    trace, path = run.trace(index, arm), run.archive.path
-    known = trace["moment_known"]
-    frame = frame_of(path, trace["moment_frame"], known)
-    prediction, other = None, frame
-    if "moment_p_free" in trace:
-        names = ("p_free", "p_occupied", "confidence")
-        prediction = [trace[f"moment_{name}"] / 255.0 for name in names]
-        other = frame_of(path, trace["moment_prediction_frame"], prediction[0])
-    return _Moment(
-        Grid(frame, known),
-        trace["moment_safe"].astype(bool),
-        trace["moment_plan"].astype(np.float64),
-        trace["moment_path"].astype(np.float64),
-        prediction,
-        other,
-    )
-
-
-def _view(now: _Moment) -> tuple[float, float, float, float]:
+def _view(now: RecordedMoment) -> tuple[float, float, float, float]:
     """Return left, right, bottom and top [m] of a square that contains all maps of this tick."""
     boxes = np.array([extent(now.known.frame), extent(now.frame)])
     left, right = boxes[:, 0].min(), boxes[:, 1].max()
@@ -169,7 +129,7 @@ def _truth() -> Line2D:
     return Line2D([], [], color=TRUTH_COLOUR, linewidth=1.0, label="truth")
 
 
-def _observed(ax: Axes, now: _Moment, window: float) -> None:
+def _observed(ax: Axes, now: RecordedMoment, window: float) -> None:
     draw_image(ax, map_image(now.known.cells), now.known.frame)
     handles: list[Artist] = [
         swatch(FREE_COLOUR, "free"),
@@ -184,7 +144,7 @@ def _observed(ax: Axes, now: _Moment, window: float) -> None:
     _name(ax, "Observed map", [*handles, _truth()])
 
 
-def _predicted(ax: Axes, now: _Moment) -> None:
+def _predicted(ax: Axes, now: RecordedMoment) -> None:
     colours = {
         "likely free": BELIEVED_FREE,
         "likely occupied": BELIEVED_OCCUPIED,
@@ -206,7 +166,7 @@ def _predicted(ax: Axes, now: _Moment) -> None:
     draw_image(ax, image, now.frame)
 
 
-def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
+def _trust(figure: Figure, ax: Axes, now: RecordedMoment) -> None:
     predicted = now.prediction is not None
     _name(ax, "Trust that cells are free", [_truth()], x=0.12 if predicted else 0.5)
     if now.prediction is None:
@@ -223,14 +183,14 @@ def _trust(figure: Figure, ax: Axes, now: _Moment) -> None:
     bar.outline.set_visible(False)
 
 
-def _safe_image(now: _Moment) -> NDArray[np.float64]:
+def _safe_image(now: RecordedMoment) -> NDArray[np.float64]:
     image = map_image(now.known.cells)
     image[now.safe & now.known.free] = to_rgb(SEEN_SAFE)
     image[now.safe & ~now.known.free] = to_rgb(RELIED_COLOUR)
     return image
 
 
-def _safe(ax: Axes, now: _Moment) -> None:
+def _safe(ax: Axes, now: RecordedMoment) -> None:
     draw_image(ax, _safe_image(now), now.known.frame)
     handles = [
         swatch(SEEN_SAFE, "observed free"),
@@ -240,7 +200,7 @@ def _safe(ax: Axes, now: _Moment) -> None:
     _name(ax, "Cells that the plan may enter", [*handles, _truth()])
 
 
-def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
+def _planned(ax: Axes, now: RecordedMoment, v_max: float) -> None:
     # Paler, so that the lines stand out.
     draw_image(ax, 0.55 * _safe_image(now) + 0.45, now.known.frame)
     ax.plot(*now.path.T, zorder=3.5, **PATH)
@@ -255,7 +215,7 @@ def _planned(ax: Axes, now: _Moment, v_max: float) -> None:
     ax.set_facecolor("#EAEAEA")
 
 
-def _stop(ax: Axes, now: _Moment, v_max: float) -> None:
+def _stop(ax: Axes, now: RecordedMoment, v_max: float) -> None:
     """Draw the speed along the plan, and whether the car's front is then on observed cells."""
     x, y, yaw, speed = now.plan.T
     distance = arc_length(now.plan)

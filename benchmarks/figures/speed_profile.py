@@ -19,7 +19,8 @@ from benchmarks.figures.palette import (
     note,
 )
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.saved_run import Run, Trace
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import Trace
 from foresee.infra.drawing import INK, new_figure
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))

@@ -22,7 +22,8 @@ from benchmarks.figures.palette import (
     scale_bar,
 )
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.saved_run import Run, Trace
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import Drive
 from foresee.infra.drawing import INK, bare, new_figure
 from foresee.mapping.grid import Grid
 
@@ -43,7 +44,9 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
         RunError: if there is no such episode, or a trace is broken.
     """
     indices = run.indices[:3] if indices is None else list(indices)
-    rows = [[(run.drives[i, arm], run.trace(i, arm)) for arm in run.arms_of(i)] for i in indices]
+    rows = [
+        [Drive(run.drives[i, arm], run.trace(i, arm)) for arm in run.arms_of(i)] for i in indices
+    ]
     boxes = [_box(row) for row in rows]
     columns = max(len(row) for row in rows)
     width = min(4.2, 15.0 / columns)
@@ -51,16 +54,16 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
     figure = new_figure(width * columns + 0.9, sum(heights) + 0.8 * len(rows) + 0.5, maps=True)
     axes = figure.subplots(len(rows), columns, squeeze=False, height_ratios=heights)
     for index, row, box, across in zip(indices, rows, boxes, axes, strict=True):
-        truth = run.truth(index)
+        truth = row[0].trace.truth
         for ax in across[len(row) :]:
             ax.set_visible(False)
-        for ax, (episode, trace) in zip(across, row, strict=False):
-            line = _drive(ax, truth, trace, episode, run.setting("v_max"))
+        for ax, drive in zip(across, row, strict=False):
+            line = _drive(ax, truth, drive, run.setting("v_max"))
             ax.axis(box)
         scale_bar(across[0])
         # The layout reserves room for the height of the name, but not for its length, so that a
         # long name may extend over the next panel.
-        for text, counts in ((" ", True), (f"episode {index} · {row[0][0].world}", False)):
+        for text, counts in ((" ", True), (f"episode {index} · {row[0].result.world}", False)):
             title = note(across[0], text, (0, 1), (0, 34), xycoords="axes fraction", fontsize=9)
             title.set_in_layout(counts)
     bar = figure.colorbar(line, ax=axes, shrink=min(1.0, 3.2 / sum(heights)), aspect=22, pad=0.012)
@@ -76,10 +79,10 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
     return figure
 
 
-def _marks(drives: list[tuple[DriveResult, Trace]]) -> list[Line2D]:
+def _marks(drives: list[Drive]) -> list[Line2D]:
     """Return the entries of the legend for the markers that occur."""
-    seen = {"start", "goal"} | {_end_mark(episode) for episode, _ in drives}
-    if any(len(trace.cusps) for _, trace in drives):
+    seen = {"start", "goal"} | {_end_mark(drive.result) for drive in drives}
+    if any(len(drive.trace.cusps) for drive in drives):
         seen.add("change of gear")
     return [Line2D([], [], label=name, **MARKS[name]) for name in MARKS if name in seen]
 
@@ -88,21 +91,19 @@ def _end_mark(episode: DriveResult) -> str:
     return END_MARKS.get(episode.outcome, "stuck or timed out")
 
 
-def _box(row: list[tuple[DriveResult, Trace]]) -> NDArray[np.float64]:
+def _box(row: list[Drive]) -> NDArray[np.float64]:
     """Return left, right, bottom and top of the map that an episode's panels show [m]."""
-    points = np.vstack([row[0][0].goal] + [trace.states[:, :2] for _, trace in row])
+    points = np.vstack([row[0].result.goal] + [drive.trace.states[:, :2] for drive in row])
     low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
     # The shorter side is at least 0.4 of the longer one, also for a straight drive.
     short = np.maximum(0.0, 0.4 * (high - low).max() - (high - low)) / 2
     return np.stack([low - short, high + short], axis=1).ravel()
 
 
-def _drive(
-    ax: Axes, truth: Grid, trace: Trace, episode: DriveResult, v_max: float
-) -> LineCollection:
+def _drive(ax: Axes, truth: Grid, drive: Drive, v_max: float) -> LineCollection:
     """Draw the panel of one drive, and return the line that is coloured by speed."""
     draw_image(ax, map_image(truth.cells), truth.frame)
-    states = trace.states
+    (episode, trace), states = drive, drive.trace.states
     line = draw_speed(ax, states[:, :2], states[:, 3], v_max, width=2.2)
     ax.plot(*states[trace.cusps, :2].T, **MARKS["change of gear"])
     ax.plot(*states[0, :2], **MARKS["start"])

@@ -69,7 +69,7 @@ class Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class Drive(Guess):
+class TimeOptimalDrive(Guess):
     """A drive that was rolled out with the simulator's car.
 
     Attributes:
@@ -104,7 +104,7 @@ class MinimumTime:
     goal_radius: float
     box: NDArray[np.float64]
 
-    def solve(self, guess: Guess, iterations: int, barrier: float = 0.1) -> Drive:
+    def solve(self, guess: Guess, iterations: int, barrier: float = 0.1) -> TimeOptimalDrive:
         """Return the fastest drive near a guess, rolled out with the simulator's car.
 
         Args:
@@ -119,7 +119,7 @@ class MinimumTime:
             guess, barrier = drive, 1e-3
         return drive
 
-    def roll(self, guess: Guess, status: str = "") -> Drive:
+    def roll(self, guess: Guess, status: str = "") -> TimeOptimalDrive:
         """Roll out the controls of a guess with the simulator's car.
 
         Args:
@@ -136,9 +136,11 @@ class MinimumTime:
         driven = np.array(states)
         # The car's yaw is wrapped; unwrapped, it can be interpolated.
         driven[:, 2] = np.unwrap(driven[:, 2])
-        return Drive(guess.name, guess.dt, driven, guess.controls, status, hit, arrives)
+        return TimeOptimalDrive(guess.name, guess.dt, driven, guess.controls, status, hit, arrives)
 
-    def _solve(self, guess: Guess, margin: float, iterations: int, barrier: float) -> Drive:
+    def _solve(
+        self, guess: Guess, margin: float, iterations: int, barrier: float
+    ) -> TimeOptimalDrive:
         car, ticks = self.car, len(guess.controls)
         places = max(1, math.ceil(car.v_max * guess.dt / SPACING))
         x, u, dt = ca.MX.sym("x", 4, ticks + 1), ca.MX.sym("u", 2, ticks), ca.MX.sym("dt")

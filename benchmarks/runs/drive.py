@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.optimal.shortest_way import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of
+from benchmarks.runs.trace import Drive, Trace
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
 from foresee.infra.workers import WorkersError
@@ -29,10 +29,6 @@ from sim.world import World
 
 MEASURES = ("time", "path_length", "mean_speed", "max_speed", "min_clearance")
 """Measures that are copied from `sim.episode.Episode` into the result."""
-
-
-Driven = tuple[DriveResult, dict[str, NDArray[Any]]]
-"""The result of a drive, for results.json, and its arrays by name, for traces.npz."""
 
 
 class Oracle:
@@ -98,8 +94,8 @@ def weights_of(settings: Settings) -> str | None:
     return " and ".join(filter(None, found)) or None
 
 
-def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> Driven | str:
-    """Return the result of `drive`, or one line that says why the episode has no task.
+def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> Drive | str:
+    """Return what `drive` returns, or one line that says why the episode has no task.
 
     Args:
         settings: settings of the run.
@@ -175,8 +171,8 @@ def navigator_for(
     return Navigator(config, predictor, start, task.goal, known, waypoints, task.seed, frontiers)
 
 
-def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Driven:
-    """Drive one episode with one arm, and return the result and the arrays of the drive.
+def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Drive:
+    """Drive one episode with one arm, and return its result and trace.
 
     Args:
         settings: settings of the run.
@@ -200,9 +196,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     rng = np.random.default_rng([task.seed, 2])
     episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
     _give_back()
-    trace = episode.trace
-    times = trace["times"][:, list(trace["time_names"]).index("cycle")]
-    promised = trace["kept"] >= 0
+    trace = Trace.of(task, index, arm_name, episode.trace)
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}
     measured |= score(
         episode.outcome, episode.time, episode.path_length, shortest_length(task), car
@@ -218,21 +212,16 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         **measured,
         stops=int(episode.stops),
         impact_speed=episode.impact_speed,
-        promises=int(promised.sum()),
-        promises_broken=int((trace["kept"] == 0).sum()),
-        ticks=len(trace["kept"]),
+        promises=int((trace.kept >= 0).sum()),
+        promises_broken=int((trace.kept == 0).sum()),
+        ticks=len(trace.kept),
         faults={str(k): int(v) for k, v in episode.faults.items()},
         paths={str(k): int(v) for k, v in episode.paths.items()},
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
-        cycle_ms=[float(np.percentile(times, q)) for q in (50, 99)],
+        cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
     )
-    frame = task.world.grid.frame
-    arrays = {f"e{index}/{arm_name}/{name}": values for name, values in trace.items()}
-    arrays[f"w{index}/cells"] = task.world.grid.cells
-    arrays[f"w{index}/frame"] = np.array([frame.resolution, *frame.origin])
-    arrays[f"w{index}/waypoints"] = task.waypoints
-    return result, arrays
+    return Drive(result, trace)
 
 
 def _give_back() -> None:

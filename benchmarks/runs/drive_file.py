@@ -29,14 +29,12 @@ def read_drives(path: Path, kind: str) -> dict[str, Any]:
     """
     found = read_results(path)
     try:
-        if found["kind"] == kind:
-            # These raise if a drive has no number, or if the settings are no dictionary.
-            [int(drive["index"]) for drive in found["drives"]]
-            found["settings"].keys()
-            return found
-    except (ValueError, KeyError, TypeError, AttributeError):
-        pass
-    raise UsageError(f"{path} is no file of {COMMANDS[kind]}")
+        if found["kind"] != kind or not isinstance(found["settings"], dict):
+            raise TypeError
+        [int(drive["index"]) for drive in found["drives"]]
+    except (ValueError, KeyError, TypeError):
+        raise UsageError(f"{path} is no file of {COMMANDS[kind]}") from None
+    return found
 
 
 class DriveFile:

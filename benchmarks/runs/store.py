@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import shutil
 import zipfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
-
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.optima import Key, task_key
-from benchmarks.runs.saved_run import RESULTS, TRACES, Run, RunError
+from benchmarks.runs.saved_run import RESULTS, TRACES, Archive, Run
 from benchmarks.runs.settings import ARMS, OLDER, Settings
 from benchmarks.runs.summary import gap, summarise
+from benchmarks.runs.time_optimal import Key, task_key
+from benchmarks.runs.trace import Drive, RunError, Trace
+from foresee.infra.atomic_file import replacing
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
-from foresee.infra.errors import one_line
-from foresee.infra.plain_json import loads
 from foresee.infra.results_file import write_results
-from foresee.infra.resumable import SETTINGS, UNREADABLE, ResumableFolder
+from foresee.infra.resumable import SETTINGS, ResumableFolder
 from foresee.mapping.conventions import TICK
 
 PARTS = "parts"
@@ -53,6 +49,7 @@ class Store(ResumableFolder):
         UsageError: if the folder holds a run with other settings or weights, cannot be written, or
             is in use by another run; if the folder of the baselines holds no run, or no drive that
             would be the same.
+        RunError: if the folder holds damaged results, and no settings to compare.
     """
 
     def __init__(
@@ -66,13 +63,18 @@ class Store(ResumableFolder):
         adopted = None if baselines is None else self._checked(baselines)
         if not (out / SETTINGS).exists() and (out / RESULTS).exists():
             # A folder without settings must at least hold readable results; this raises if not.
-            _results(out / RESULTS)
+            Run.read(out)
         # Some older runs also name the control period, which is not a setting.
         grows = (*GROWS, "dt")
         super().__init__(out, self._marked, grows=grows, absent=OLDER, exclusive=True)
         self.commit = commit()
-        packed = self._packed()
+        listed, packed = self._packed()
         self.episodes = packed + self._loose({(e.index, e.arm) for e in packed})
+        lost = {(e.index, e.arm) for e in listed} - self.done()
+        if lost:
+            self.notes.append(
+                f"{len(lost)} of {len(listed)} drives have lost their traces and are driven again"
+            )
         if adopted is not None:
             self._adopt(*adopted)
 
@@ -80,22 +82,25 @@ class Store(ResumableFolder):
         """Return the episodes and arms that have been driven."""
         return {(e.index, e.arm) for e in self.episodes}
 
-    def add(self, result: DriveResult, arrays: dict[str, NDArray[Any]]) -> None:
+    def add(self, drive: Drive) -> None:
         """Save a finished drive; afterwards it survives a kill of the process."""
-        self.write(_part(result), dataclasses.asdict(result), arrays)
-        self.episodes.append(result)
+        self._save(drive)
+        self.episodes.append(drive.result)
 
-    def pack(self, optima: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
+    def _save(self, drive: Drive) -> None:
+        self.write(_part(drive.result), dataclasses.asdict(drive.result), drive.trace.arrays)
+
+    def pack(self, t_opt: Mapping[Key, float | None] | None = None) -> dict[str, Any]:
         """Write results.json and traces.npz of all finished drives, and return the results.
 
         Args:
-            optima: task → least time T_opt [s]; None: the results keep their own.
+            t_opt: task → least time T_opt [s]; None: the results keep their own.
         """
         arms = self.settings.arms
         chosen = [e for e in self.episodes if self._wanted(e)]
-        if optima is not None:
+        if t_opt is not None:
             chosen = [
-                dataclasses.replace(e, t_opt=optima.get(task_key(e.world, e.seed, e.start, e.goal)))
+                dataclasses.replace(e, t_opt=t_opt.get(task_key(e.world, e.seed, e.start, e.goal)))
                 for e in chosen
             ]
         chosen.sort(key=lambda e: (e.index, arms.index(e.arm)))
@@ -146,99 +151,66 @@ class Store(ResumableFolder):
 
     def _adopt(self, run: Run, alike: list[str]) -> None:
         """Copy the missing drives of some arms from an earlier run."""
-        done = self.done()
+        done, archive = self.done(), Archive(run.directory / TRACES)
         try:
-            arrays: dict[str, list[str]] = {}
-            for name in run.archive.names:
-                arrays.setdefault(name.rpartition("/")[0], []).append(name)
-            for (index, arm), drive in run.drives.items():
-                if arm in alike and self._wanted(drive) and (index, arm) not in done:
-                    names = arrays.get(f"e{index}/{arm}", []) + arrays.get(f"w{index}", [])
-                    self.add(drive, {name: run.archive.array(name) for name in names})
+            for (index, arm), result in run.drives.items():
+                if arm in alike and self._wanted(result) and (index, arm) not in done:
+                    self.add(_drive_in(archive, result))
         except RunError as error:
             raise UsageError(f"--baselines: {error}") from None
 
-    @contextmanager
-    def _traces(self) -> Iterator[zipfile.ZipFile]:
-        """Open a copy of the packed traces for adding; at the end it replaces the original."""
+    def _pack_traces(self, loose: list[Path]) -> None:
+        """Add the arrays of drives in files of their own to the packed traces."""
         target = self.folder / TRACES
-        temporary = target.with_suffix(".tmp")
-        try:
-            temporary.unlink(missing_ok=True)
+        with replacing(target) as temporary:
             if target.exists():
                 # Copied as a file, since compressing the arrays again would take hours.
                 shutil.copyfile(target, temporary)
             with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED, compresslevel=4) as packed:
-                yield packed
-            os.replace(temporary, target)
-        except BaseException:
-            # The incomplete file is removed, since the disk may be full.
-            temporary.unlink(missing_ok=True)
-            raise
+                names = {"facts.npy", *packed.namelist()}
+                for path in loose:
+                    with zipfile.ZipFile(path) as part:
+                        for name in part.namelist():
+                            if name not in names:
+                                names.add(name)
+                                packed.writestr(name, part.read(name))
 
-    def _pack_traces(self, loose: list[Path]) -> None:
-        with self._traces() as packed:
-            names = {"facts.npy", *packed.namelist()}
-            for path in loose:
-                with zipfile.ZipFile(path) as part:
-                    for name in part.namelist():
-                        if name not in names:
-                            names.add(name)
-                            packed.writestr(name, part.read(name))
+    def _packed(self) -> tuple[list[DriveResult], list[DriveResult]]:
+        """Return the drives in results.json, and those that are whole in traces.npz.
 
-    def _packed(self) -> list[DriveResult]:
-        """Return the packed drives that have results and traces; damaged files are set aside."""
+        Damaged files are set aside. What is whole in a damaged traces.npz becomes loose drives.
+        """
         path, traces = self.folder / RESULTS, self.folder / TRACES
         if not path.exists() and not traces.exists():
-            return []
+            return [], []
         try:
-            drives, self.skipped = _results(path)
-        except UsageError as error:
+            run = Run.read(self.folder)
+        except RunError as error:
             # Without results, the traces cannot be assigned to drives.
             for damaged in (path, traces):
                 if damaged.exists():
                     self.set_aside(damaged, str(error))
-            return []
-        good = self._good_traces()
-        kept = [drive for drive in drives if f"e{drive.index}/{drive.arm}/states" in good]
-        if len(kept) < len(drives):
-            self.notes.append(
-                f"{len(drives) - len(kept)} of {len(drives)} drives have lost their "
-                "traces and are driven again"
-            )
-        return kept
-
-    def _good_traces(self) -> set[str]:
-        """Return the names of the packed arrays of drives whose arrays and building are undamaged.
-
-        If there are damaged arrays, the file is set aside, and the undamaged ones are written anew.
-        """
-        traces = self.folder / TRACES
+            return [], []
+        self.skipped = run.skipped
+        drives, archive = [*run.episodes, *run.unused], Archive(traces)
         if not traces.exists():
-            return set()
+            return drives, []
         try:
-            with zipfile.ZipFile(traces) as packed:
-                names = [name.removesuffix(".npy") for name in packed.namelist()]
-                bad = {name.rpartition("/")[0] for name in names if not _reads(packed, name)}
-                # A drive cannot be used without the map of its building.
-                worlds = {group[1:] for group in bad if group.startswith("w")}
-                good = {
-                    name: packed.read(f"{name}.npy")
-                    for name in (names if bad else [])
-                    if name.rpartition("/")[0] not in bad
-                    and name[1:].partition("/")[0] not in worlds
-                }
-        except (OSError, zipfile.BadZipFile) as error:
-            self.set_aside(traces, one_line(error))
-            return set()
+            bad = {group for group, names in archive.groups.items() if not _read(archive, names)}
+        except RunError as error:
+            self.set_aside(traces, str(error))
+            return drives, []
+        whole = [
+            drive
+            for drive in drives
+            if _groups_of(drive)[0] in archive.groups and bad.isdisjoint(_groups_of(drive))
+        ]
         if not bad:
-            return set(names)
-        lost = len(names) - len(good)
-        self.set_aside(traces, f"{lost} of its {len(names)} arrays do not read")
-        with self._traces() as anew:
-            for name, data in good.items():
-                anew.writestr(f"{name}.npy", data)
-        return set(good)
+            return drives, whole
+        for drive in whole:
+            self._save(_drive_in(archive, drive))
+        self.set_aside(traces, f"arrays of {', '.join(sorted(bad))} do not read")
+        return drives, []
 
     def _loose(self, packed: set[tuple[int, str]]) -> list[DriveResult]:
         """Return the drives in files of their own that are not packed."""
@@ -255,28 +227,24 @@ class Store(ResumableFolder):
         return sorted((self.folder / PARTS).glob("*.npz"))
 
 
-def _results(path: Path) -> tuple[list[DriveResult], dict[int, str]]:
-    """Read the drives of a results.json, and the reasons why episodes are left out.
+def _groups_of(drive: DriveResult) -> tuple[str, str]:
+    """Return the groups of a drive's own arrays and of its building's, see `Archive.groups`."""
+    return f"e{drive.index}/{drive.arm}", f"w{drive.index}"
 
-    Raises:
-        UsageError: if it is damaged or of another version.
-    """
+
+def _drive_in(archive: Archive, result: DriveResult) -> Drive:
+    """Return a drive whose arrays are read from an archive."""
+    names = (name for group in _groups_of(result) for name in archive.groups.get(group, ()))
+    arrays = {name: archive[name] for name in names}
+    return Drive(result, Trace(archive.path, result.index, result.arm, arrays))
+
+
+def _read(archive: Archive, names: list[str]) -> bool:
+    """Return whether all of some arrays can be read."""
     try:
-        results = loads(path.read_text())
-        skipped = {int(k): str(v) for k, v in results["skipped"].items()}
-        drives = [*map(DriveResult.from_json, [*results["episodes"], *results["unused"]])]
-    except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
-        raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
-    return drives, skipped
-
-
-def _reads(packed: zipfile.ZipFile, name: str) -> bool:
-    """Return whether an array of an archive can be read, with the right checksum."""
-    try:
-        packed.read(f"{name}.npy")
-    except (*UNREADABLE, RuntimeError):
+        return all(archive[name] is not None for name in names)
+    except RunError:
         return False
-    return True
 
 
 def _part(result: DriveResult) -> str:

@@ -44,6 +44,19 @@ def loads(text: str | bytes) -> Any:
         raise ValueError("it is nested too deep") from None
 
 
+def read_object(path: Path) -> dict[str, Any]:
+    """Read a file that holds a JSON object.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is not valid JSON, nested too deeply, or no object.
+    """
+    value = loads(path.read_text(encoding="utf-8"))
+    if not isinstance(value, dict):
+        raise ValueError("it holds no object")
+    return value
+
+
 def without_nan(value: Any, digits: int | None = None) -> Any:
     """Return data with None in place of NaN and infinity, which JSON does not have.
 

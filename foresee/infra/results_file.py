@@ -10,7 +10,7 @@ from typing import Any
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
-from foresee.infra.plain_json import loads
+from foresee.infra.plain_json import read_object
 
 COMMANDS = {
     "comparison": "benchmarks.corridor",
@@ -50,8 +50,8 @@ def read_results(path: Path) -> dict[str, Any]:
         UsageError: if it cannot be read, or has no entry `kind`, or an unknown one.
     """
     try:
-        results = dict(loads(path.read_text()))
-    except (OSError, ValueError, TypeError) as error:
+        results = read_object(path)
+    except (OSError, ValueError) as error:
         raise UsageError(f"{path} is no results file: {one_line(error)}") from None
     if "kind" not in results:
         raise UsageError(

@@ -8,7 +8,7 @@ import itertools
 import json
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
-from foresee.infra.plain_json import loads
+from foresee.infra.plain_json import loads, read_object
 
 SETTINGS = "settings.json"
 """Name of the file with the settings that the results of a folder were made with."""
@@ -51,9 +51,38 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compress: bool 
     write_whole(path, buffer.getvalue())
 
 
-def as_bytes(facts: Mapping[str, Any]) -> NDArray[np.uint8]:
-    """Return facts (plain data) as JSON in an array of bytes, for an archive of arrays."""
-    return np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+def write_part(
+    path: Path,
+    facts: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[Any]],
+    key: str = "facts",
+    compress: bool = True,
+) -> None:
+    """Write facts and arrays to one NumPy archive atomically; `read_part` reads them.
+
+    Args:
+        path: path of the file.
+        facts: plain data, which are stored as JSON in an array of bytes.
+        arrays: arrays by name.
+        key: name of the array with the facts.
+        compress: whether to compress the arrays.
+    """
+    text = np.frombuffer(json.dumps(facts).encode(), dtype=np.uint8)
+    write_arrays(path, {**arrays, key: text}, compress)
+
+
+def read_part(path: Path, key: str = "facts") -> Part:
+    """Read facts and arrays without running code from their file.
+
+    Raises:
+        UNREADABLE: one of these, if the file is missing or damaged.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    facts = loads(bytes(arrays.pop(key)))
+    if not isinstance(facts, dict):
+        raise ValueError(f"its {key} are no JSON object")
+    return facts, arrays
 
 
 class ResumableFolder:
@@ -106,8 +135,8 @@ class ResumableFolder:
             return
         if path.exists():
             try:
-                theirs = dict(absent or {}) | dict(loads(path.read_text()))
-            except (OSError, ValueError, TypeError) as error:
+                theirs = dict(absent or {}) | read_object(path)
+            except (OSError, ValueError) as error:
                 raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
             refuse_other_settings(folder, settings, theirs, grows)
         write_whole(path, json.dumps(settings, indent=1).encode())
@@ -129,20 +158,36 @@ class ResumableFolder:
         """
         path = self.folder / name
         path.parent.mkdir(exist_ok=True)
-        write_arrays(path, {"facts": as_bytes(facts), **arrays})
+        write_part(path, facts, arrays)
 
     def read(self, name: str) -> Part | None:
         """Read a part; None if it is missing or damaged. A damaged file is set aside."""
         path = self.folder / name
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            return dict(loads(bytes(arrays.pop("facts")))), arrays
+            return read_part(path)
         except FileNotFoundError:
             return None
         except UNREADABLE as error:
             self.set_aside(path, one_line(error))
             return None
+
+    def once(self, name: str, measure: Callable[[], Any]) -> Any:
+        """Return a stored measurement, or measure and store it.
+
+        Args:
+            name: path of its JSON file inside the folder.
+            measure: function that returns plain data for JSON.
+        """
+        path = self.folder / name
+        try:
+            return loads(path.read_text())
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError) as error:
+            self.set_aside(path, one_line(error))
+        measured = measure()
+        write_whole(path, json.dumps(measured).encode())
+        return measured
 
     def set_aside(self, path: Path, why: str) -> None:
         """Rename a damaged file so that it ends with `.damaged`, and add a line to `notes`."""

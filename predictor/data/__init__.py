@@ -10,8 +10,8 @@ In the order of the data:
 - `survey`: makes the map of a log, and its frames with this map as truth.
 - `frame_set`: records the frames of a drive or a log, and writes them into a data set.
 - `frames`: reads the frames of a data set.
-- `samples`: writes and reads the samples of drives.
-- `frontier_samples`: writes and reads the samples of frontiers.
+- `packed_samples`: writes and reads samples, packed.
+- `samples`, `frontier_samples`: the samples of drives, and those of frontiers.
 - `squares`: codes of the observed and the true map, in frames and samples alike.
 """
 

@@ -67,18 +67,18 @@ class FrameSet:
             "format": FORMAT,
             "kind": kind,
             "version": version("foresee"),
-            "settings": json.loads(json.dumps(settings)),
+            "settings": settings,
             "planned": len(names),
         }
         self.done: dict[str, dict[str, Any]] = {}
         if (folder / MANIFEST).exists():
-            theirs = read_manifest(folder)
-            if theirs["trajectories"]:
-                there = theirs.get("settings")
-                there = there if isinstance(there, dict) else {"settings": there}
-                mine = {"kind": kind} | settings
-                refuse_other_settings(folder, mine, {"kind": theirs.get("kind")} | there)
-            kept = {Path(facts["file"]).stem: facts for facts in theirs["trajectories"]}
+            manifest = read_manifest(folder)
+            kept = {Path(facts["file"]).stem: facts for facts in manifest["trajectories"]}
+            if kept:
+                theirs = manifest.get("settings")
+                theirs = theirs if isinstance(theirs, dict) else {"settings": theirs}
+                theirs |= {"kind": manifest.get("kind")}
+                refuse_other_settings(folder, {"kind": kind} | settings, theirs)
             self.done = {name: kept[name] for name in names if self._is_whole(name, kept)}
             self._write()
 

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.errors import LineError
-from foresee.infra.plain_json import loads
+from foresee.infra.plain_json import read_object
 from foresee.infra.resumable import UNREADABLE
 from foresee.mapping.conventions import CROP_CELLS
 from predictor.data.squares import NOTHING, Square
@@ -230,16 +230,16 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         FramesError: if there is none, or it is no manifest of this format.
     """
     path = folder / MANIFEST
-    if not path.is_file():
+    try:
+        manifest = read_object(path)
+    except (FileNotFoundError, NotADirectoryError):
         raise FramesError(
             f"{folder} holds no data set, for there is no {MANIFEST}: "
             "python -m predictor.dataset makes one"
-        )
-    try:
-        manifest = loads(path.read_text(encoding="utf-8"))
+        ) from None
     except (OSError, ValueError) as error:
         raise FramesError(f"{path} cannot be read: {error}") from error
-    if not isinstance(manifest, dict) or "format" not in manifest:
+    if "format" not in manifest:
         raise FramesError(f"{path} is no manifest of a data set: it has no format")
     if manifest["format"] != FORMAT:
         raise FramesError(

@@ -1,13 +1,11 @@
 """Samples of frontiers: what was observed around each, and where it truly leads.
 
-A folder holds one file for each building, a NumPy archive that is written atomically and read
-without running code from it:
+A folder holds one file for each building, see `predictor.data.packed_samples`:
 
-    pictures  (bytes,) uint8            zlib-compressed pictures, one after the other
-    ends      (n,) int64                end of each picture in `pictures`
-    numbers   (n, GOALS, 6) float32     for each of several goals: the columns of `COLUMNS`
-    sizes     (n,) float32              number of cells of each frontier
-    about     (bytes,) uint8            JSON: format, family, seed, and the hash of the building
+    pictures  packed pictures
+    numbers   (n, GOALS, 6) float32: for each of several goals the columns of `COLUMNS`
+    sizes     (n,) float32: number of cells of each frontier
+    about     format, family, seed, and the hash of the building
 
 A picture shows the surroundings of a frontier, (3, SIDE, SIDE) uint8: the percentages of each cell
 that were observed free, and observed occupied, and 100 where the frontier is.
@@ -15,22 +13,17 @@ that were observed free, and observed occupied, and 100 where the frontier is.
 
 from __future__ import annotations
 
-import hashlib
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.infra.errors import one_line
-from foresee.infra.plain_json import loads
-from foresee.infra.resumable import UNREADABLE, as_bytes, write_arrays
 from foresee.mapping.frontier import Frontier
 from foresee.mapping.grid import FREE, OCCUPIED, Grid
-from predictor.data.samples import SamplesError
+from predictor.data.packed_samples import PackedSamples
 
 FORMAT = 1
 CELL = 0.25
@@ -120,65 +113,32 @@ def write_frontiers(
         sizes: number of cells of each frontier.
         about: facts: "family", "seed" and "world", the hash of the building.
     """
-    packed = [zlib.compress(picture.tobytes(), 3) for picture in pictures]
-    arrays: dict[str, NDArray[Any]] = {
-        "pictures": np.frombuffer(b"".join(packed), dtype=np.uint8),
-        "ends": np.cumsum([len(one) for one in packed], dtype=np.int64),
-        "numbers": np.array(numbers, dtype=np.float32).reshape(-1, GOALS, len(COLUMNS)),
-        "sizes": np.array(sizes, dtype=np.float32),
-        "about": as_bytes({"format": FORMAT} | about),
-    }
-    write_arrays(path, arrays, compress=False)
+    FrontierSamples.write(
+        path,
+        [zlib.compress(picture.tobytes(), 3) for picture in pictures],
+        about,
+        numbers=np.array(numbers, dtype=np.float32).reshape(-1, GOALS, len(COLUMNS)),
+        sizes=np.array(sizes, dtype=np.float32),
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class FrontierSamples:
-    """All samples of some buildings, the pictures compressed.
+class FrontierSamples(PackedSamples):
+    """All samples of some buildings, the pictures compressed."""
 
-    Attributes:
-        pictures: bytes of the pictures of each building.
-        places: building of each sample, and its begin and end in the bytes, (n, 3).
-        numbers: columns of `COLUMNS` for each goal, (n, GOALS, 6).
-        sizes: number of cells of each frontier, (n,).
-        about: facts of each building.
-    """
+    NAME, NEEDED, COMMAND = "pictures", ("world", "family"), "predictor.train_frontiers"
+    HEAD: ClassVar = {"format": FORMAT}
+    SIZE = 3 * SIDE**2
+    ARRAYS: ClassVar = {"numbers": (GOALS, len(COLUMNS)), "sizes": ()}
 
-    pictures: list[NDArray[np.uint8]]
-    places: NDArray[np.int64]
-    numbers: NDArray[np.float32]
-    sizes: NDArray[np.float32]
-    about: list[dict[str, Any]]
+    @property
+    def numbers(self) -> NDArray[np.float32]:
+        """Columns of `COLUMNS` for each goal, (n, GOALS, 6)."""
+        return self.arrays["numbers"]
 
-    @classmethod
-    def load(cls, folder: Path, buildings: int | None = None) -> FrontierSamples:
-        """Read the files of a folder.
-
-        Args:
-            folder: folder with the files of buildings.
-            buildings: number of buildings to read, from the first on; None: all.
-
-        Raises:
-            SamplesError: if there are none, or one is damaged or of another format.
-        """
-        paths = sorted(folder.glob("*.npz"))[:buildings]
-        parts = [_building(path) for path in paths]
-        if not sum(len(part[1]) for part in parts):
-            raise SamplesError(f"{folder} holds no samples of frontiers")
-        blocks, ends, numbers, sizes, about = zip(*parts, strict=True)
-        places = [
-            np.column_stack([np.full(len(end), i), np.append(0, end)[: len(end)], end])
-            for i, end in enumerate(ends)
-        ]
-        return cls(
-            list(blocks),
-            np.concatenate(places).astype(np.int64),
-            np.concatenate(numbers),
-            np.concatenate(sizes),
-            list(about),
-        )
-
-    def __len__(self) -> int:
-        return len(self.places)
+    @property
+    def sizes(self) -> NDArray[np.float32]:
+        """Number of cells of each frontier, (n,)."""
+        return self.arrays["sizes"]
 
     def picture(self, index: int) -> NDArray[np.uint8]:
         """Return the picture of a sample, (3, SIDE, SIDE).
@@ -186,56 +146,4 @@ class FrontierSamples:
         Raises:
             SamplesError: if it is damaged.
         """
-        building, begin, end = self.places[index]
-        try:
-            unpacked = zlib.decompressobj()
-            # Limited, since a few bytes may unpack to gigabytes.
-            block = unpacked.decompress(
-                self.pictures[building][begin:end].tobytes(), 3 * SIDE**2 + 1
-            )
-            return np.frombuffer(block, dtype=np.uint8).reshape(3, SIDE, SIDE)
-        except (zlib.error, ValueError) as error:
-            raise SamplesError(f"sample {index} is damaged: {one_line(error)}") from error
-
-    def families(self) -> NDArray[np.str_]:
-        """Return the family of the building of each sample, (n,)."""
-        return np.array([str(facts["family"]) for facts in self.about])[self.places[:, 0]]
-
-    @property
-    def worlds(self) -> frozenset[str]:
-        """Hashes of the buildings."""
-        return frozenset(str(facts["world"]) for facts in self.about)
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of all samples, in hexadecimal."""
-        digest = hashlib.sha256(self.places.tobytes())
-        digest.update(self.numbers.tobytes() + self.sizes.tobytes())
-        for block in self.pictures:
-            digest.update(block.tobytes())
-        return digest.hexdigest()
-
-
-def _building(path: Path) -> tuple[Any, ...]:
-    """Read the samples of a building: pictures, ends, numbers, sizes, facts."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            facts = loads(bytes(file["about"]))
-            block, ends, numbers, sizes = (
-                file[name] for name in ("pictures", "ends", "numbers", "sizes")
-            )
-        if not isinstance(facts, dict) or facts.get("format") != FORMAT:
-            raise ValueError(f"it is not of format {FORMAT}")
-        if "world" not in facts or "family" not in facts:
-            raise ValueError("it does not name its building")
-        if numbers.shape != (len(ends), GOALS, len(COLUMNS)) or sizes.shape != (len(ends),):
-            raise ValueError(f"its numbers are of shape {numbers.shape}")
-        if not (numbers.dtype == sizes.dtype == np.float32 and block.dtype == np.uint8):
-            raise ValueError(f"its arrays are of {numbers.dtype}, {sizes.dtype}, {block.dtype}")
-        if not (np.isfinite(numbers).all() and np.isfinite(sizes).all()):
-            raise ValueError("its numbers are not finite")
-        return block, ends, numbers, sizes, facts
-    except UNREADABLE as error:
-        raise SamplesError(
-            f"{path} is damaged ({one_line(error)}); delete it and make it again"
-        ) from error
+        return self.unpacked(index, 100).reshape(3, SIDE, SIDE)

@@ -55,7 +55,7 @@ class DriveError(LineError):
 
 
 @dataclass(frozen=True)
-class Drive:
+class PaperDrive:
     """One trajectory of the set.
 
     Attributes:
@@ -84,7 +84,7 @@ def settings_of(config: SimulatedConfig) -> dict[str, Any]:
     }
 
 
-def drives_of(config: SimulatedConfig) -> list[Drive]:
+def drives_of(config: SimulatedConfig) -> list[PaperDrive]:
     """Return all trajectories of a data set."""
     shares = {
         "train": _shared(config.train, 4),
@@ -99,11 +99,11 @@ def drives_of(config: SimulatedConfig) -> list[Drive]:
             paper = split in ("train", "test")
             map_seed = FIRST_MAP + (number % 2 if paper else place * PER_SPLIT + number)
             seed = FIRST_DRIVE + TRIES * (place * PER_SPLIT + number)
-            drives.append(Drive(f"{split}-{number:03d}", split, map_seed, seed, count))
+            drives.append(PaperDrive(f"{split}-{number:03d}", split, map_seed, seed, count))
     return drives
 
 
-def make_drive(folder: Path, config: SimulatedConfig, drive: Drive) -> dict[str, Any]:
+def make_drive(folder: Path, config: SimulatedConfig, drive: PaperDrive) -> dict[str, Any]:
     """Drive, record and write a trajectory, and return its facts for the manifest.
 
     Raises:

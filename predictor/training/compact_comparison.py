@@ -30,13 +30,13 @@ def table(before: Path, after: Path, samples: Samples) -> str:
         WeightsError: if a file does not hold weights of the compact network.
     """
     nets = [load_weights(path, CompactNet)[0].eval() for path in (before, after)]
-    kinds = np.array([facts["family"] for facts in samples.about])[samples.starts[:, 0]]
+    kinds = np.array(samples.families)[samples.family_numbers]
     rows = []
     for kind in dict.fromkeys(kinds):
         of_kind = np.flatnonzero(kinds == kind)
         chosen = of_kind[spread(len(of_kind), VALIDATED)]
         scores = [validate(net, samples, USUAL_SIDE, chosen) for net in nets]
-        buildings = {samples.about[int(n)]["original"] for n in samples.starts[of_kind, 0]}
+        buildings = {samples.about[int(n)]["original"] for n in samples.places[of_kind, 0]}
         row = {"held-out buildings": kind, "number": len(buildings)}
         row["constant"] = f"{_constant(scores[0]):.3f}"
         for name, measure in (("Brier", "brier_free"), ("calibration", "ece_free")):

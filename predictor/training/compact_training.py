@@ -80,7 +80,7 @@ class CompactTrainer(Trainer):
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.kinds = None
         if self.net.context is not None:
-            self.kinds = KindOfBuilding(self.net.context, train.families).to(self.device)
+            self.kinds = KindOfBuilding(self.net.context, len(train.families)).to(self.device)
         self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
         learned = [*self.net.parameters(), *(self.kinds.parameters() if self.kinds else ())]
         self.optimizer = torch.optim.AdamW(
@@ -126,7 +126,7 @@ class CompactTrainer(Trainer):
         drawn = [self.train.with_context(int(i)) for i in chosen]
         codes, contexts = zip(*drawn, strict=True)
         mirror, alone = rng.random(count) < 0.5, rng.random(count) < ALONE
-        families = torch.tensor([self.train.family(int(i)) for i in chosen])
+        families = torch.from_numpy(self.train.family_numbers[chosen])
         return batch_of(codes, side, mirror), contexts_of(contexts, mirror, alone, side), families
 
     def _learn(self, *batch: Tensor) -> list[float]:

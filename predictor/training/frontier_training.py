@@ -117,7 +117,8 @@ def losses_of(
 def scores(net: FrontierNet, samples: FrontierSamples) -> str:
     """Return a table of the log-loss of `leads` in each family, and of the best constant there."""
     of_leads, _ = losses_of(net, samples)
-    leads, families = samples.numbers[:, 0, COLUMNS.index("leads")], samples.families()
+    leads = samples.numbers[:, 0, COLUMNS.index("leads")]
+    families = np.array(samples.families)[samples.family_numbers]
     rows = []
     for family in (*sorted(set(families)), "all"):
         here = (families == family) | (family == "all")

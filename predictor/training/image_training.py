@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from predictor.data.frames import Frames, FramesError
-from predictor.data.samples import RECIPE, Samples, SamplesError
+from predictor.data.packed_samples import SamplesError
+from predictor.data.samples import RECIPE, Samples
 from predictor.data.splits import check_apart
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig

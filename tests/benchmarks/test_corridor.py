@@ -164,7 +164,7 @@ def test_an_episode_is_that_of_its_seed_with_noise_too():
     second, a = drive(Settings(**common, seed=0), 1, "known")
     first, b = drive(Settings(**common, seed=1), 0, "known")
     assert replace(second, index=0, cycle_ms=[]) == replace(first, cycle_ms=[])
-    assert np.array_equal(a["e1/known/states"], b["e0/known/states"])
+    assert np.array_equal(a.states, b.states)
 
 
 def test_help_names_the_units(tmp_path):

@@ -10,6 +10,7 @@ from drive_results import a_result
 
 from benchmarks.runs.drive import attempt
 from benchmarks.runs.store import Store
+from benchmarks.runs.trace import Drive, Trace
 from foresee.infra import resumable
 from foresee.infra.workers import LostError
 from predictor.registry import PredictorError
@@ -138,7 +139,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
     def failing(settings, weights, item):
         if item[0] == 1:
             raise error("it has gone")
-        return a_result(), {}
+        return Drive(a_result(), Trace(tmp_path, 0, "known", {}))
 
     monkeypatch.setattr("benchmarks.runs.drive.attempt", failing)
     assert run(*command) == 2
@@ -168,8 +169,8 @@ def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
         assert run(*command, "--jobs", jobs, "--out", tmp_path / str(jobs)) == 0
     plain, killed = Store.add, []
 
-    def add(store, *drive):
-        plain(store, *drive)
+    def add(store, drive):
+        plain(store, drive)
         if not killed:
             busy = next(w.name for w in cluster.scheduler.workers.values() if w.processing)
             killed.append(cluster.workers[busy].pid)

@@ -13,8 +13,9 @@ from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
 from benchmarks.figures.run_figures import draw_all
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
-from benchmarks.runs.saved_run import Run, RunError
+from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import ARMS
+from benchmarks.runs.trace import RunError
 from foresee.mapping.car_limits import CarLimits
 from planner.safety.limiting_factor import Limit
 from sim.car import DubinsCar

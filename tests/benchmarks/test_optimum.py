@@ -11,14 +11,13 @@ import pytest
 
 from benchmarks.optimal.first_guesses import STEP, timed, ways
 from benchmarks.optimal.minimum_time import MARGINS, signed_distance
+from benchmarks.optimal.search import time_optimal
 from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
 from benchmarks.optimum import main
-from benchmarks.runs import quickest_drives
-from benchmarks.runs.drive_file import DriveFile
-from benchmarks.runs.optima import KIND, optimum_of, read_optima, task_key
-from benchmarks.runs.quickest_drives import quickest
+from benchmarks.runs.drive_file import DriveFile, read_drives
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import task_of
+from benchmarks.runs.time_optimal import KIND, read_t_opt, task_key
 from foresee.infra.command_line import UsageError
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
@@ -50,14 +49,14 @@ def bound(task: Task) -> float:
 @pytest.fixture(scope="module")
 def around():
     """The quickest drive around the corner."""
-    drive, _ = quickest(corner(), CAR, GOAL_RADIUS)
+    drive, _ = time_optimal(corner(), CAR, GOAL_RADIUS)
     return drive
 
 
 def test_a_straight_corridor_is_driven_at_the_bound():
     world = empty_straight(20.0, 3.0)
     task = Task(world, (2.0, 2.0, 0.0), (18.0, 2.0), np.array([(18.0, 2.0)]), 16.0, 0)
-    drive, tried = quickest(task, CAR, GOAL_RADIUS)
+    drive, tried = time_optimal(task, CAR, GOAL_RADIUS)
     assert tried >= 2
     assert bound(task) <= drive.time <= 1.01 * bound(task)
 
@@ -92,7 +91,7 @@ def test_a_drive_keeps_the_cars_limits(around):
 
 def test_a_slower_car_takes_longer(around):
     slow = CarLimits(v_max=2.0)
-    drive, _ = quickest(corner(), slow, GOAL_RADIUS)
+    drive, _ = time_optimal(corner(), slow, GOAL_RADIUS)
     assert drive.time > around.time
     assert drive.states[:, 3].max() <= 2.0 + 1e-5
 
@@ -172,7 +171,7 @@ def counted(monkeypatch):
             return "w-3: no way"
         return result(index, None if index == 2 else 2.0)
 
-    monkeypatch.setattr(quickest_drives, "attempt", found)
+    monkeypatch.setattr("benchmarks.runs.time_optimal.attempt", found)
     return done
 
 
@@ -183,7 +182,7 @@ def test_a_run_goes_on_where_it_was_and_computes_nothing_twice(tmp_path, counted
     assert main([*run, "--episodes", "3"]) == 0
     assert main([*run, "--episodes", "2"]) == 0
     assert counted == [0, 1, 2]
-    found = read_optima(out)
+    found = read_drives(out, KIND)
     assert [drive["index"] for drive in found["drives"]] == [0, 1, 2]
     assert found["settings"]["episodes"] == 3
     assert list(out.parent.iterdir()) == [out]
@@ -194,18 +193,18 @@ def test_an_episode_without_a_drive_is_left_out_and_said_so(tmp_path, counted, c
     out = tmp_path / "optimum.json"
     assert main(["--jobs", "1", "--out", str(out), "--episodes", "5"]) == 0
     assert "episode 3 left out: w-3: no way" in capsys.readouterr().out
-    assert [drive["index"] for drive in read_optima(out)["drives"]] == [0, 1, 2, 4]
+    assert [drive["index"] for drive in read_drives(out, KIND)["drives"]] == [0, 1, 2, 4]
 
 
 def test_times_are_found_by_task_whatever_the_rounding(tmp_path, counted):
     out = tmp_path / "optimum.json"
     main(["--jobs", "1", "--out", str(out), "--episodes", "3"])
-    times = optimum_of(out, Settings())
+    times = read_t_opt(out, Settings())
     assert times[task_key("w-1", 1, (0.1234501, 0.0, 1.0), (3.0, 4.0))] == 2.0
     assert times[task_key("w-2", 2, (0.12345, 0.0, 1.0), (3.0, 4.0))] is None
     assert len(times) == 3
     with pytest.raises(UsageError, match="is of v_max 4, not 3"):
-        optimum_of(out, Settings(v_max=3.0))
+        read_t_opt(out, Settings(v_max=3.0))
 
 
 @pytest.mark.parametrize(
@@ -228,7 +227,7 @@ def test_a_file_of_something_else_is_named_in_one_line(tmp_path, capsys, text):
     with pytest.raises(
         UsageError, match=r"is no file of|is no results file|does not say what kind"
     ):
-        optimum_of(out)
+        read_t_opt(out)
     assert main(["--out", str(out)]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert out.read_text() == text
@@ -236,7 +235,7 @@ def test_a_file_of_something_else_is_named_in_one_line(tmp_path, capsys, text):
 
 def test_a_missing_file_is_named():
     with pytest.raises(UsageError, match="No such file"):
-        optimum_of(Path("nowhere.json"))
+        read_t_opt(Path("nowhere.json"))
 
 
 def test_what_cannot_be_used_is_said_in_one_line(tmp_path, counted, capsys):
@@ -280,11 +279,11 @@ def test_a_file_that_is_older_than_a_setting_is_continued(tmp_path):
 
 def test_the_shipped_drives_are_of_the_default_tasks_and_not_quicker_than_their_bounds():
     path = Path(__file__).parents[2] / "docs/results/optimum-corridor.json"
-    times = optimum_of(path, Settings())
+    times = read_t_opt(path, Settings())
     assert len(times) == 100
     task = task_of(Settings(), 1)
     assert task_key(task.world.name, task.seed, task.start, task.goal) in times
-    for drive in read_optima(path)["drives"]:
+    for drive in read_drives(path, KIND)["drives"]:
         assert drive["t_bound"] <= drive["t_opt"] < 2.0 * drive["t_bound"]
         assert drive["states"][0] == pytest.approx([*drive["start"], 0.0], abs=1e-3)
         assert math.dist(drive["states"][-1][:2], drive["goal"]) <= GOAL_RADIUS + 1e-3

@@ -4,14 +4,15 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 from drive_results import a_result
 
-from benchmarks.runs import store
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.store import Store
+from benchmarks.runs.trace import Drive, Trace
 from foresee.infra import resumable
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import several_states
@@ -24,10 +25,11 @@ def driven(index, arm):
     result = a_result(
         arm=arm, index=index, world=f"w{index % 5}", seed=index, path_length=20.0 + index % 7
     )
-    return result, {
+    arrays = {
         f"e{index}/{arm}/states": np.array([index, len(arm)]),
         f"w{index}/cells": np.array([index]),
     }
+    return Drive(result, Trace(Path("nowhere"), index, arm, arrays))
 
 
 def keys(episodes):
@@ -43,10 +45,10 @@ def test_thousands_of_drives_are_packed_in_pieces_and_each_is_there_once(tmp_pat
         with Store(tmp_path, Settings(episodes=count, arms=arms), None) as run:
             assert not run.done() & set(piece)
             for key in piece:
-                run.add(*driven(*key))
+                run.add(driven(*key))
             results = run.pack()
     assert keys(results["episodes"]) == everything
-    assert results["episodes"] == [asdict(driven(*key)[0]) for key in everything]
+    assert results["episodes"] == [asdict(driven(*key).result) for key in everything]
     assert results["unused"] == []
     assert results["summary"]["oracle"]["episodes"] == count
     assert not list((tmp_path / "parts").glob("*.npz"))
@@ -61,7 +63,7 @@ def test_drives_that_are_not_asked_for_any_more_are_kept(tmp_path):
     with Store(tmp_path, Settings(episodes=3, arms=("known", "oracle")), None) as run:
         for index in range(3):
             for arm in ("known", "oracle"):
-                run.add(*driven(index, arm))
+                run.add(driven(index, arm))
         run.pack()
     with Store(tmp_path, Settings(episodes=2, arms=("oracle",)), None) as fewer:
         assert keys(fewer.pack()["episodes"]) == [(0, "oracle"), (1, "oracle")]
@@ -82,11 +84,11 @@ def test_a_drive_that_was_written_but_not_noted_is_there_the_next_time(tmp_path,
         raise KeyboardInterrupt
 
     with Store(tmp_path, TWO, None) as run:
-        run.add(*driven(0, "known"))
+        run.add(driven(0, "known"))
         with monkeypatch.context() as patched:
             patched.setattr(resumable, "write_whole", written)
             with pytest.raises(KeyboardInterrupt):
-                run.add(*driven(1, "known"))
+                run.add(driven(1, "known"))
         assert keys(run.pack()["episodes"]) == [(0, "known")]
     with Store(tmp_path, TWO, None) as run:
         assert keys(run.pack()["episodes"]) == [(0, "known"), (1, "known")]
@@ -95,12 +97,12 @@ def test_a_drive_that_was_written_but_not_noted_is_there_the_next_time(tmp_path,
 def test_a_run_that_is_stopped_while_it_packs_loses_nothing(tmp_path, monkeypatch):
     files = [tmp_path / name for name in ("results.json", "traces.npz")]
     with Store(tmp_path, TWO, None) as run:
-        run.add(*driven(0, "known"))
+        run.add(driven(0, "known"))
         run.pack()
-        run.add(*driven(1, "known"))
+        run.add(driven(1, "known"))
         before = [path.read_bytes() for path in files]
         with monkeypatch.context() as patched:
-            patched.setattr(store.os, "replace", interrupted)
+            patched.setattr("os.replace", interrupted)
             with pytest.raises(KeyboardInterrupt):
                 run.pack()
     assert [path.read_bytes() for path in files] == before
@@ -112,10 +114,10 @@ def test_a_run_that_is_stopped_while_it_packs_loses_nothing(tmp_path, monkeypatc
 
 def test_a_folder_is_of_one_run_at_a_time(tmp_path):
     with Store(tmp_path, TWO, None) as run:
-        run.add(*driven(0, "known"))
+        run.add(driven(0, "known"))
         with pytest.raises(UsageError, match="another run is at work"):
             Store(tmp_path, TWO, None)
-        run.add(*driven(1, "known"))
+        run.add(driven(1, "known"))
     with Store(tmp_path, TWO, None) as run:
         assert run.done() == {(0, "known"), (1, "known")}
 
@@ -159,7 +161,7 @@ def run_of(folder, episodes=4, pieces=2):
     for piece in range(pieces):
         with Store(folder, Settings(episodes=episodes, arms=("known",)), None) as run:
             for index in range(piece, episodes, pieces):
-                run.add(*driven(index, "known"))
+                run.add(driven(index, "known"))
             results = run.pack()
     return results
 
@@ -169,7 +171,7 @@ def again(folder, episodes=4):
     with Store(folder, Settings(episodes=episodes, arms=("known",)), None) as run:
         missing = sorted({(i, "known") for i in range(episodes)} - run.done())
         for index, arm in missing:
-            run.add(*driven(index, arm))
+            run.add(driven(index, arm))
         return [index for index, _ in missing], list(run.notes), run.pack()
 
 
@@ -198,7 +200,8 @@ def test_traces_that_are_lost_are_set_aside_and_their_drives_driven_again(tmp_pa
         assert (tmp_path / "traces.npz.damaged").read_bytes() == damaged
 
 
-def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path):
+@pytest.mark.parametrize("kills", [0, 1, 3])
+def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path, monkeypatch, kills):
     before = run_of(tmp_path)
     traces = tmp_path / "traces.npz"
     with zipfile.ZipFile(traces) as packed:
@@ -206,9 +209,23 @@ def test_of_traces_with_a_flipped_byte_what_is_whole_is_kept(tmp_path):
     data = bytearray(traces.read_bytes())
     data[entry.header_offset + 30 + len(entry.filename) + entry.compress_size // 2] ^= 0xFF
     traces.write_bytes(bytes(data))
+    plain, written = resumable.write_whole, []
+
+    def killed(path, data):
+        written.append(path)
+        if len(written) == kills:
+            raise KeyboardInterrupt
+        plain(path, data)
+
+    if kills:
+        with monkeypatch.context() as patched:
+            patched.setattr(resumable, "write_whole", killed)
+            with pytest.raises(KeyboardInterrupt):
+                again(tmp_path)
     missing, notes, results = again(tmp_path)
     assert missing == [2]
     assert any("do not read" in note for note in notes)
+    assert sum("driven again" in note for note in notes) == 1
     assert_whole(tmp_path, results, before)
     assert (tmp_path / "traces.npz.damaged").read_bytes() == bytes(data)
 
@@ -229,7 +246,7 @@ def test_results_that_are_damaged_or_of_another_version_are_set_aside(tmp_path, 
 def test_a_loose_drive_with_a_flipped_byte_is_set_aside_and_driven_again(tmp_path):
     with Store(tmp_path, Settings(episodes=2, arms=("known",)), None) as run:
         for index in range(2):
-            run.add(*driven(index, "known"))
+            run.add(driven(index, "known"))
     part = tmp_path / "parts" / "1-known.npz"
     whole = part.read_bytes()
     for place in range(40, len(whole), 97):
@@ -243,4 +260,6 @@ def test_a_loose_drive_with_a_flipped_byte_is_set_aside_and_driven_again(tmp_pat
     missing, notes, results = again(tmp_path, episodes=2)
     assert missing == [1]
     assert len(notes) == 1
-    assert_whole(tmp_path, results, {"episodes": [asdict(driven(i, "known")[0]) for i in range(2)]})
+    assert_whole(
+        tmp_path, results, {"episodes": [asdict(driven(i, "known").result) for i in range(2)]}
+    )

@@ -15,14 +15,16 @@ from PIL import Image
 from safetensors.torch import save
 
 from benchmarks.runs.drive_file import read_drives
-from benchmarks.runs.saved_run import Run, RunError
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.trace import RunError
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
 from foresee.mapping.context import CELLS
 from predictor.compact import of_logs
 from predictor.data.carmen import read_carmen
 from predictor.data.laser_log import LogError
-from predictor.data.samples import SIDE, Samples, SamplesError, write_samples
+from predictor.data.packed_samples import SamplesError
+from predictor.data.samples import SIDE, Samples, write_samples
 from predictor.weights import WeightsError, facts_of
 from sim.map_server import MapError, load_world
 

@@ -62,6 +62,6 @@ def test_the_context_learns_which_family_it_sees():
 def test_families_of_samples_are_numbered_and_maps_of_ones_own_are_one():
     about = [{"family": "office"}, {"family": "map"}, {"family": "corridor"}, {"family": "map"}]
     starts = np.array([[0, 0, 1], [1, 0, 1], [2, 0, 1], [3, 0, 1], [3, 1, 2]])
-    samples = Samples([np.zeros(2, np.uint8)] * 4, starts, about)
-    assert samples.families == 3
-    assert [samples.family(index) for index in range(5)] == [2, 1, 0, 1, 1]
+    samples = Samples([np.zeros(2, np.uint8)] * 4, starts, about, {})
+    assert len(samples.families) == 3
+    assert samples.family_numbers.tolist() == [2, 1, 0, 1, 1]

@@ -27,7 +27,7 @@ from predictor.data.frontier_samples import (
     pictures_of,
     write_frontiers,
 )
-from predictor.data.samples import SamplesError
+from predictor.data.packed_samples import SamplesError
 from predictor.learned_frontiers import SHIPPED, LearnedFrontiers
 from predictor.networks.frontier_net import FrontierConfig, FrontierNet
 from predictor.recording import exploration

@@ -6,14 +6,8 @@ import pytest
 from foresee.mapping.context import CELLS, context_of
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
-from predictor.data.samples import (
-    SIDE,
-    Samples,
-    SamplesError,
-    encoded,
-    quarters,
-    write_samples,
-)
+from predictor.data.packed_samples import SamplesError
+from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
 from predictor.data.splits import SplitError, check_apart
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))

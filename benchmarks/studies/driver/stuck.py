@@ -65,8 +65,8 @@ def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
     from sim.world import World
 
     index, arm = episode.index, episode.arm
-    world = World(episode.world, run.truth(index))
-    states = run.trace(index, arm).states
+    trace = run.trace(index, arm)
+    world, states = World(episode.world, trace.truth), trace.states
     goal = np.array(episode.goal)
     # The search starts at the last state in which the car still moved.
     moved = np.flatnonzero(states[:, 3] > 0)

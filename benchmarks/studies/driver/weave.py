@@ -48,8 +48,8 @@ def counts(run: Run) -> dict[str, Any]:
         metres, changes = 0.0, [0] * len(THRESHOLDS)
         for index in run.indices:
             trace = run.trace(index, arm)
-            xy, curvature = trace.states[:, :2], trace["controls"][:, 1].astype(float)
-            way = np.vstack([xy[:1], run.archive.array(f"w{index}/waypoints")])
+            xy, curvature = trace.states[:, :2], trace.controls[:, 1].astype(float)
+            way = np.vstack([xy[:1], trace.waypoints])
             for first, end in stretches(_on_straights(xy[:-1], way)):
                 metres += float(np.hypot(*np.diff(xy[first : end + 1], axis=0).T).sum())
                 for i, threshold in enumerate(THRESHOLDS):

@@ -5,7 +5,6 @@ The command is `python -m benchmarks.studies.katyal2018`. In the order of the da
 - `square`: the observed and the true square of a frame, prepared for scoring.
 - `contestants`: the predictors that are compared, and their answers about a square.
 - `stretch_scores`: the scores of contestants on some frames of a drive.
-- `hashed_folder`: the folder in which scores and other measurements are kept.
 - `evaluation`: which drives are scored and by whom; fills the folder.
 - `cost`: the size of each predictor, and the time of a prediction.
 - `transients`: whether networks filter transient obstacles.

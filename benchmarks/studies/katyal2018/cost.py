@@ -14,7 +14,7 @@ from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, given_to
-from benchmarks.studies.katyal2018.evaluation import Evaluation, key_of
+from benchmarks.studies.katyal2018.evaluation import Evaluation, hashed, key_of
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import ScoringError
 from foresee.infra.environment import machine
@@ -57,8 +57,9 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     out: dict[tuple[str, str], Cost] = {}
     pairs = [(x, one) for x in evaluation.expansions for one in evaluation.who(x)]
     for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
+        name = hashed("cost", one.identity, expansion, machine())
         out[key_of(expansion), one.name] = evaluation.store.once(
-            partial(_cost, evaluation, one, expansion), "cost", one.identity, expansion, machine()
+            f"{name}.json", partial(_cost, evaluation, one, expansion)
         )
     return out
 
@@ -74,7 +75,9 @@ def published_costs(evaluation: Evaluation) -> dict[str, Any]:
 
     # "printed" is the key in folders of earlier versions.
     return {
-        arch: evaluation.store.once(partial(_published, arch), "cost", "printed", arch, machine())
+        arch: evaluation.store.once(
+            f"{hashed('cost', 'printed', arch, machine())}.json", partial(_published, arch)
+        )
         for arch in tqdm(PAPER, desc="cost as published", unit="network")
     }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,15 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.studies.katyal2018.contestants import Contestant
-from benchmarks.studies.katyal2018.hashed_folder import HashedFolder
+from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant
 from benchmarks.studies.katyal2018.stretch_scores import Stretch, rates_of, score
 from foresee.infra.environment import commit
-from foresee.infra.resumable import Part
+from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
 from foresee.mapping.polyline import arc_length
 from predictor.data.frames import MANIFEST, Frames, FramesError, checksum, read_manifest
 
+VERSION = 3
+"""Version of the measures, which changes with the definition of any of them."""
 SPLITS = ("test", "more")
 """Splits of a simulated set that are scored."""
 TOGETHER = 100
@@ -32,7 +35,7 @@ the drive returns to a place."""
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class ScoredDrive:
     """A drive that is scored.
 
     Attributes:
@@ -93,7 +96,7 @@ class Evaluation:
         folders = {"simulated": data, "physical": logs}
         self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
         self.drives = [drive for frames in self.sets.values() for drive in _drives(frames, apart)]
-        self.store = HashedFolder(out / "parts")
+        self.store = ResumableFolder(out / "parts")
         self.rates = dict.fromkeys(expansions, UNTOLD)
         if data is not None:
             validation = Frames.load(data, "validation")
@@ -108,7 +111,7 @@ class Evaluation:
         """Return the contestants that can predict squares of an expansion."""
         return [one for one in self.contestants if one.does(expansion)]
 
-    def stretches(self, drive: Drive, expansion: float) -> list[Stretch]:
+    def stretches(self, drive: ScoredDrive, expansion: float) -> list[Stretch]:
         """Return the stretches of a drive at an expansion."""
         rates, who = self.rates[expansion], tuple(self.who(expansion))
         frames = drive.chosen.tolist()
@@ -127,7 +130,7 @@ class Evaluation:
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 
         def name(stretch: Stretch, one: Contestant) -> str:
-            return self.store.scores_name(stretch, sha256[stretch.folder, stretch.drive], one)
+            return _scores_name(stretch, sha256[stretch.folder, stretch.drive], one)
 
         def answers(stretches: list[Stretch]) -> int:
             return sum(len(stretch.frames) * len(stretch.contestants) for stretch in stretches)
@@ -153,20 +156,41 @@ class Evaluation:
                     self.store.write(name(stretch, one), {"commit": commit()}, arrays)
                 bar.update(answers([stretch]))
 
-    def kept(self, drive: Drive, expansion: float, one: Contestant) -> Iterator[Part]:
+    def kept(self, drive: ScoredDrive, expansion: float, one: Contestant) -> Iterator[Part]:
         """Yield facts and scores of a contestant for each stretch of a drive, in order.
 
         Raises:
             FileNotFoundError: if a stretch has not been scored.
         """
         for stretch in self.stretches(drive, expansion):
-            name = self.store.scores_name(stretch, drive.about["sha256"], one)
+            name = _scores_name(stretch, drive.about["sha256"], one)
             part = self.store.read(name)
             if part is None:
                 raise FileNotFoundError(
                     f"{self.store.folder / name} is missing: give the same command again"
                 )
             yield part
+
+
+def hashed(kind: str, *decided_by: Any) -> str:
+    """Return the name of a part without its ending: a hash of all that decides its content.
+
+    The same command therefore computes nothing twice, and predictors, expansions and sites can be
+    added to a folder.
+
+    Args:
+        kind: beginning of the name.
+        decided_by: plain data that decide the content of the part.
+    """
+    text = json.dumps([VERSION, kind, *decided_by])
+    return f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+
+
+def _scores_name(stretch: Stretch, sha256: str, one: Contestant) -> str:
+    """Return the name of the scores of a contestant on a stretch of the drive with a checksum."""
+    own = stretch.rates if one.name in BASELINES else one.expansion
+    key = hashed("scores", sha256, stretch.frames, stretch.expansion, one.identity, own)
+    return f"{key}.npz"
 
 
 def key_of(expansion: float) -> str:
@@ -193,7 +217,7 @@ def _of_kind(folder: Path, kind: str) -> Frames:
     return frames
 
 
-def _drives(frames: Frames, apart: float) -> list[Drive]:
+def _drives(frames: Frames, apart: float) -> list[ScoredDrive]:
     """Return the drives of a set that are scored, with their frames."""
     out = []
     for number, about in enumerate(frames.about):
@@ -203,7 +227,7 @@ def _drives(frames: Frames, apart: float) -> list[Drive]:
         ways = arc_length(states)
         chosen = spaced(ways, apart)
         place = about["map"] if about["split"] == "physical" else "simulated"
-        out.append(Drive(place, frames.folder, number, about, chosen, ways[chosen]))
+        out.append(ScoredDrive(place, frames.folder, number, about, chosen, ways[chosen]))
     return out
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, entrant
-from benchmarks.studies.katyal2018.evaluation import Drive, Evaluation
+from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive, hashed
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import Kept, drive_of
 from benchmarks.studies.katyal2018.transients import with_transients
@@ -70,7 +70,7 @@ class Shot(NamedTuple):
         title: title of the row on the sheet.
     """
 
-    drive: Drive
+    drive: ScoredDrive
     frame: int
     expansion: float
     title: str
@@ -88,7 +88,7 @@ def pictures(evaluation: Evaluation) -> Sheets:
     names = shown(one.name for one in evaluation.contestants)
     asked = [one for one in evaluation.contestants if one.name in names]
     who = [(one.name, one.identity, one.expansion) for one in asked]
-    part_name = evaluation.store.name("pictures", plain, who)
+    part_name = f"{hashed('pictures', plain, who)}.npz"
     part = evaluation.store.read(part_name)
     if part is None:
         arrays: Kept = {}
@@ -188,19 +188,19 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[Shot]]:
     return out
 
 
-def _named(one: tuple[Drive, int], expansion: float) -> Shot:
+def _named(one: tuple[ScoredDrive, int], expansion: float) -> Shot:
     """Return a square whose title names its drive and frame."""
     drive, index = one
     return Shot(drive, index, expansion, f"{drive.about['file'].removesuffix('.npz')}, {index}")
 
 
 def _scored(
-    evaluation: Evaluation, drives: list[Drive], expansion: float
-) -> list[tuple[Drive, int]]:
+    evaluation: Evaluation, drives: list[ScoredDrive], expansion: float
+) -> list[tuple[ScoredDrive, int]]:
     """Return drive and frame of all squares, in ascending order of the leader's SSIM."""
     name = leader_of(evaluation)
     leader = next(one for one in evaluation.who(expansion) if one.name == name)
-    found: list[tuple[float, Drive, int]] = []
+    found: list[tuple[float, ScoredDrive, int]] = []
     for drive in drives:
         parts = evaluation.kept(drive, expansion, leader)
         alike = np.concatenate([kept["ssim"] for _, kept in parts])
@@ -208,7 +208,7 @@ def _scored(
     return [(drive, index) for _, drive, index in sorted(found, key=itemgetter(0))]
 
 
-def _hallway(drives: list[Drive]) -> tuple[Drive, range]:
+def _hallway(drives: list[ScoredDrive]) -> tuple[ScoredDrive, range]:
     """Find the narrowest straight stretch of some drives, the one with the least free space.
 
     The free space is that in the 5 m crop. If no stretch is straight, return the beginning of the

@@ -14,8 +14,8 @@ from benchmarks.studies.katyal2018.cost import Cost
 from benchmarks.studies.katyal2018.evaluation import (
     BLOCK,
     SPLITS,
-    Drive,
     Evaluation,
+    ScoredDrive,
     key_of,
     sets_of,
 )
@@ -150,7 +150,7 @@ def _joined(parts: list[Kept]) -> tuple[Kept, Scores]:
     return {name: np.concatenate([part[name] for part in parts]) for name in OF_A_FRAME}, scores
 
 
-def _numbered(drives: Iterable[Drive]) -> NDArray[np.int64]:
+def _numbered(drives: Iterable[ScoredDrive]) -> NDArray[np.int64]:
     """Return the number of the block of each frame, counted over all drives, (n,)."""
     labels = [(drive.number, int(block)) for drive in drives for block in drive.blocks]
     return np.unique(np.array(labels), axis=0, return_inverse=True)[1].reshape(-1)

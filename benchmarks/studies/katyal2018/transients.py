@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from benchmarks.studies.katyal2018.contestants import Contestant, Entrant, answers_in_grey, entrant
-from benchmarks.studies.katyal2018.evaluation import Drive, Evaluation, key_of
+from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive, hashed, key_of
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import drive_of
 from foresee.mapping.conventions import RESOLUTION
@@ -143,18 +143,19 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
     ]
     for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
         frames = chosen[place]
+        shots = [(drive.about["sha256"], index) for drive, index in frames]
         out[place].setdefault(key_of(expansion), {})[one.name] = evaluation.store.once(
+            f"{hashed('transients', shots, expansion, one.identity)}.json",
             partial(_shares, one, evaluation.rates[expansion], expansion, frames),
-            "transients",
-            [(drive.about["sha256"], index) for drive, index in frames],
-            expansion,
-            one.identity,
         )
     return out
 
 
 def _shares(
-    one: Contestant, rates: tuple[float, float], expansion: float, frames: list[tuple[Drive, int]]
+    one: Contestant,
+    rates: tuple[float, float],
+    expansion: float,
+    frames: list[tuple[ScoredDrive, int]],
 ) -> dict[str, Any]:
     """Measure the shares of one network on some frames of a place."""
     count, put_in = Count(), frames[0][0].place == "simulated"
@@ -165,7 +166,7 @@ def _shares(
     return count.shares(put_in)
 
 
-def _spread(evaluation: Evaluation, place: str) -> list[tuple[Drive, int]]:
+def _spread(evaluation: Evaluation, place: str) -> list[tuple[ScoredDrive, int]]:
     """Return frames of a place, spread evenly over its drives."""
     drives = [drive for drive in evaluation.drives if drive.place == place]
     frames = [(drive, index) for drive in drives for index in drive.chosen.tolist()]

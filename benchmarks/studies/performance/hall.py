@@ -113,7 +113,7 @@ def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
 
 
 @dataclass(frozen=True)
-class Drive:
+class HallDrive:
     """The closed loop of a solver through a hall.
 
     Attributes:
@@ -130,7 +130,7 @@ class Drive:
     hit: bool
 
 
-def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> Drive:
+def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> HallDrive:
     """Drive through a hall with a solver in closed loop.
 
     Args:
@@ -161,4 +161,4 @@ def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> Drive:
     # The penalty for not being stopped at the end is removed: it applies to plans, not to drives.
     moving = 10.0 * mpc.config.violation * float(driven.states[-1, 3])
     cost = mpc.evaluate(driven, path, whole, segment_at(0.0), 0.0) - moving
-    return Drive(cost, times[1:], failures, hit)
+    return HallDrive(cost, times[1:], failures, hit)

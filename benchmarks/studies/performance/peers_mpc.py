@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.performance.hall import (
-    Drive,
+    HallDrive,
     Solve,
     Solver,
     Tick,
@@ -162,13 +162,13 @@ def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
 
 def _drives(
     mpc: MPC, worlds: int, ticks: int, report: Callable[[str], None]
-) -> dict[str, list[Drive]]:
+) -> dict[str, list[HallDrive]]:
     """Make all solvers, and return name → drives in the order of the halls."""
     solvers = {}
     for name, make in makers(mpc).items():
         report(f"making {name}" + (", which takes minutes" if "compiled" in name else ""))
         solvers[name] = make()
-    drives: dict[str, list[Drive]] = {name: [] for name in solvers}
+    drives: dict[str, list[HallDrive]] = {name: [] for name in solvers}
     for seed in range(worlds):
         for name, solver in solvers.items():
             report(f"{name} in hall {seed + 1} of {worlds}")

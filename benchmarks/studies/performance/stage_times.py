@@ -90,12 +90,11 @@ def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[st
     settings = Settings(arms=(arm,), seed=seed, v_max=v_max)
     times: dict[str, list[float]] = {}
     for index in range(-1, drives):
-        _, trace = drive(settings, max(index, 0), arm)
-        prefix = f"e{max(index, 0)}/{arm}/"
+        trace = drive(settings, max(index, 0), arm).trace
         if index < 0:
             continue
-        for column, name in enumerate(trace[prefix + "time_names"].tolist()):
-            taken = trace[prefix + "times"][WARM_UP:, column]
+        for name, taken in trace.stage_times.items():
             # 0 means that the stage did not run: a path is not planned in every tick.
-            times.setdefault(name, []).extend(taken[taken > 0.0].tolist())
+            counted = taken[WARM_UP:][taken[WARM_UP:] > 0.0]
+            times.setdefault(name, []).extend(counted.tolist())
     return times

@@ -137,7 +137,7 @@ def _begin(settings: Settings, parent: int) -> None:
 def _one(settings: Settings, item: Item) -> Driven | None:
     started = time.perf_counter()
     try:
-        result, _ = drive(settings, *item)
+        result = drive(settings, *item).result
     except NoTaskError:
         return None
     wall = time.perf_counter() - started

@@ -105,7 +105,7 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[Series]) -> int:
-    from benchmarks.studies.risk.drives import drive_all
+    from benchmarks.studies.risk.drives import drive_all, saved_drives
     from benchmarks.studies.risk.figures import draw
     from benchmarks.studies.risk.recalibration import recalibrations
     from benchmarks.studies.risk.report import (
@@ -114,7 +114,6 @@ def _study(args: argparse.Namespace, calibration: Calibration, all_series: list[
         pooled_rows,
         speed_rows,
     )
-    from benchmarks.studies.risk.saved_drives import saved_drives
     from benchmarks.studies.risk.tables import tables
     from foresee.infra.environment import commit, machine
     from foresee.infra.results_file import write_results

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 from tqdm import tqdm
 
-from benchmarks.runs.saved_run import Run, observed_at
+from benchmarks.runs.saved_run import Run
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body, covered
 from foresee.mapping.car_limits import CarLimits
@@ -77,14 +77,13 @@ def distances_of(run: Run) -> dict[str, Any]:
 
 def _arcs_of(run: Run, index: int, caller: Caller, side: float) -> list[NDArray[np.float64]]:
     """Return the arcs of a drive that leave the observed space, each as `_swept` returns it."""
-    truth, trace, found = run.truth(index), run.trace(index, "known"), []
-    first_seen = trace["first_seen"]
+    trace, found = run.trace(index, "known"), []
     for tick in range(0, len(trace.states) - 1, EVERY):
         pose = trace.states[tick, :3].astype(np.float64)
-        view = View.of(observed_at(truth, first_seen, tick), pose, side, caller.context_side)
+        view = View.of(trace.observed(tick), pose, side, caller.context_side)
         crop, belief = view.known, caller.ask(view)
         trust = np.where(crop.unknown, belief.confidence * belief.p_free, 1.0)
-        trusts, free = (trust, minimum_filter(trust, WIDTH)), truth.crop(crop.frame).free
+        trusts, free = (trust, minimum_filter(trust, WIDTH)), trace.truth.crop(crop.frame).free
         arcs = (_swept(crop, trusts, free, pose, curvature) for curvature in CURVATURES)
         found += [arc for arc in arcs if len(arc)]
     return found

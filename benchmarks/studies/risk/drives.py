@@ -1,24 +1,25 @@
-"""The drives of the study: all series grow in turn, until all are complete or the time is over."""
+"""The drives of the study: new ones, all series in turn until the time is over, and saved ones."""
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from tqdm import tqdm
 
 from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
-from benchmarks.runs.saved_run import frame_of
-from benchmarks.runs.settings import OLDER, Settings
+from benchmarks.runs.saved_run import Run
+from benchmarks.runs.settings import ARMS, OLDER, Settings
+from benchmarks.runs.trace import Drive
 from benchmarks.studies.risk.contact_test import touches
 from benchmarks.studies.risk.series import Series
+from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE
 
@@ -74,8 +75,7 @@ def drive_all(
 
 
 def _file(series: Series, out: Path) -> DriveFile:
-    told = json.loads(json.dumps(asdict(series.settings)))
-    told |= {"weights": weights_of(series.settings)}
+    told = asdict(series.settings) | {"weights": weights_of(series.settings)}
     return DriveFile(out / f"{series.name}.json", KIND, told, "episodes", OLDER)
 
 
@@ -85,8 +85,53 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     driven = attempt(settings, weights, (index, arm))
     if isinstance(driven, str):
         return {"index": index, "outcome": NO_TASK, "note": driven}
-    result, arrays = driven
-    cells = arrays[f"w{index}/cells"]
-    frame = frame_of(Path("trace"), arrays[f"w{index}/frame"], cells)
-    states = np.asarray(arrays[f"e{index}/{arm}/states"], dtype=np.float64)
-    return asdict(result) | {"touched": touches(states, cells != FREE, frame, Body())}
+    return _tested(driven)
+
+
+def _tested(drive: Drive) -> dict[str, Any]:
+    """Return the result of a drive, and whether the car touched something, `touched`."""
+    truth = drive.trace.truth
+    touched = touches(drive.trace.states, truth.cells != FREE, truth.frame, Body())
+    return asdict(drive.result) | {"touched": touched}
+
+
+def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[dict[str, Any]]]]:
+    """Return a series for each arm of each saved run; and name of the series → its drives.
+
+    Args:
+        folders: folders of runs of `benchmarks.corridor` at a risk of 0.
+
+    Raises:
+        RunError: if a folder holds no run, or a damaged one.
+        UsageError: if a run was not at a risk of 0 or has an unknown arm, or two folders have the
+            same name.
+    """
+    all_series: list[Series] = []
+    drives: dict[str, list[dict[str, Any]]] = {}
+    for folder in folders:
+        run = Run.load(folder)
+        if run.settings["risk"] or run.settings["level"]:
+            raise UsageError(f"--runs: {folder} was not driven at a risk of 0")
+        for arm in run.arms:
+            if arm not in ARMS:
+                raise UsageError(f"--runs: {folder} has an arm {arm!r}, which no longer exists")
+            series = _series(run, arm)
+            if series.name in drives:
+                raise UsageError(f"--runs: each folder must have a name of its own, as {folder}")
+            all_series.append(series)
+            results = [result for result in run.episodes if result.arm == arm]
+            drives[series.name] = [
+                _tested(Drive(result, run.trace(result.index, arm)))
+                for result in tqdm(results, desc=f"{run.label}, {arm}", unit="drive")
+            ]
+    return all_series, drives
+
+
+def _series(run: Run, arm: str) -> Series:
+    settings = {k.name: run.settings[k.name] for k in fields(Settings) if k.name in run.settings}
+    settings |= {"world": tuple(run.settings["world"]), "arms": (arm,)}
+    reliance = ARMS[arm].reliance
+    reliance = run.settings["reliance"] if reliance is None else reliance
+    # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.
+    risk = None if reliance == 1.0 or run.setting("noise") > 0.0 else 0.0
+    return Series("run", run.label, arm, Settings(**settings), risk)

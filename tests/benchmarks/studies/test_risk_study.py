@@ -15,6 +15,7 @@ from benchmarks.runs.settings import Settings
 from benchmarks.studies.risk import __main__ as risk
 from benchmarks.studies.risk import series as study
 from benchmarks.studies.risk.contact_test import touches
+from benchmarks.studies.risk.drives import saved_drives
 from benchmarks.studies.risk.figures import _promise
 from benchmarks.studies.risk.report import (
     _barn,
@@ -23,7 +24,6 @@ from benchmarks.studies.risk.report import (
     exceeds_its_risk,
     pooled_rows,
 )
-from benchmarks.studies.risk.saved_drives import saved_drives
 from benchmarks.studies.risk.series import Series, series_of
 from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
