@@ -7,5 +7,4 @@
 - `quickest_drives`, `optima`: the fastest drives of tasks, found and read; see
   `benchmarks.optimal`.
 - `drive_file`: drives that other commands than the comparison add to a file one by one.
-- `analysis`: the command line of commands that analyse runs.
 """

@@ -1,30 +1,31 @@
 """Find out why drives got stuck: the last moment at which the goal could still be reached.
 
-python -m benchmarks.studies.driver.stuck results/real --out stuck.json
+    python -m benchmarks.studies.driver.stuck results/real --out stuck.json
+
+For each stuck drive of the dubins car in a run of benchmarks.corridor, a search over the true map
+tries to reach the goal from where the car stands, then from ever earlier states of the drive. The
+search is that of sim.task, not the planner's; it keeps about 0.1 m from walls.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.runs.analysis import analyse
-from foresee.infra.command_line import UsageError
+from benchmarks.studies.driver.analysis import RunsSettings, analyse
+from foresee.infra.command_line import UsageError, run_command
 from foresee.infra.markdown import records
+from foresee.infra.options import option
 
 if TYPE_CHECKING:
     from benchmarks.runs.drive_result import DriveResult
     from benchmarks.runs.saved_run import Run
 
-DESCRIPTION = """\
-Find out why drives of the dubins car got stuck. For each stuck drive of a run of
-benchmarks.corridor, a search over the true map tries to reach the goal from where the car stands,
-then from ever earlier states of the drive. The search is that of sim.task, not the planner's; it
-keeps about 0.1 m from walls.
-"""
 STRIDE = 5
 """Number of ticks between two states from which the search is tried."""
 LONGEST = 120.0
@@ -105,9 +106,20 @@ def table(results: dict[str, Any]) -> str:
     return records(rows)
 
 
+@dataclass(frozen=True)
+class StuckSettings(RunsSettings):
+    """Saved runs that are analysed, and the file of the results."""
+
+    out: Path = option(Path("results/stuck.json"), "file of the results", "FILE")
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; return its exit status, 2 for bad input."""
-    return analyse("stuck", causes, table, DESCRIPTION, argv)
+    """Run the command line, and return the exit status."""
+    return run_command("benchmarks.studies.driver.stuck", __doc__, _run, argv)
+
+
+def _run(settings: StuckSettings) -> None:
+    analyse("stuck", settings, settings.out, causes, table)
 
 
 if __name__ == "__main__":

@@ -1,29 +1,31 @@
 """Count how often the car weaves: changes of the sign of its curvature on straight stretches.
 
-python -m benchmarks.studies.driver.weave results/corridor --out weave.json
+    python -m benchmarks.studies.driver.weave results/corridor --out weave.json
+
+The runs of benchmarks.corridor must be on a prescribed route. The route is straight where it turns
+by less than 10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are
+ignored.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.analysis import analyse
-from foresee.infra.command_line import UsageError
+from benchmarks.studies.driver.analysis import RunsSettings, analyse
+from foresee.infra.command_line import UsageError, run_command
 from foresee.infra.markdown import DASH, records
+from foresee.infra.options import option
 from foresee.mapping.polyline import arc_length
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
 
-DESCRIPTION = """\
-Count how often the car changes between turning left and turning right on straight stretches, in
-runs of benchmarks.corridor on a prescribed route. The route is straight where it turns by less than
-10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are ignored.
-"""
 STEP = 0.5
 """Distance between two points of the route at which its direction is computed [m]."""
 AROUND = 6
@@ -107,9 +109,20 @@ def table(results: dict[str, Any]) -> str:
     return records(rows)
 
 
+@dataclass(frozen=True)
+class WeaveSettings(RunsSettings):
+    """Saved runs that are analysed, and the file of the results."""
+
+    out: Path = option(Path("results/weave.json"), "file of the results", "FILE")
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Run the command line; return its exit status, 2 for bad input."""
-    return analyse("weave", counts, table, DESCRIPTION, argv)
+    """Run the command line, and return the exit status."""
+    return run_command("benchmarks.studies.driver.weave", __doc__, _run, argv)
+
+
+def _run(settings: WeaveSettings) -> None:
+    analyse("weave", settings, settings.out, counts, table)
 
 
 if __name__ == "__main__":
