@@ -17,7 +17,7 @@ from typing import Annotated
 
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.settings import CONDITIONS, Settings
-from foresee.infra.command_line import Section, run_command
+from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, jobs_option, option
 
 
@@ -29,11 +29,6 @@ class Place(Options):
     out: Path = option(
         Path("results/calibration"), "folder of calibration.json and of the drives", "DIR"
     )
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.calibrate", __doc__, _run, argv)
 
 
 def _run(
@@ -50,6 +45,8 @@ def _run(
     print(table(results), "", place.out / "calibration.json", sep="\n")
     return 0 if len(results["certified"]) == len(calibration.risks) else 1
 
+
+main = Command("benchmarks.calibrate", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.settings import Settings
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.errors import LineError
 from foresee.infra.options import Options, jobs_option, option
 from foresee.infra.workers import LostError, finished
@@ -58,11 +58,6 @@ class Place(Options):
     out: Path = option(
         Path("results/corridor"), "folder of results.json, traces.npz and the figures", "DIR"
     )
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.corridor", __doc__, _run, argv)
 
 
 def _run(settings: Settings, place: Place) -> int:
@@ -145,6 +140,8 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
             raise UsageError(f"{error}; what was finished is kept") from None
     return False
 
+
+main = Command("benchmarks.corridor", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

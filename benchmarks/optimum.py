@@ -19,7 +19,7 @@ from typing import Annotated, Any
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.optima import KIND, table
 from benchmarks.runs.settings import Settings
-from foresee.infra.command_line import Section, run_command
+from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, jobs_option, option
 
 TASKS = Section(names=("world", "episodes", "seed", "v_max", "braking"))
@@ -32,11 +32,6 @@ class Place(Options):
 
     jobs: int = jobs_option()
     out: Path = option(Path("results/optimum.json"), "file of the drives", "FILE")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.optimum", __doc__, _run, argv)
 
 
 def _run(settings: Annotated[Settings, TASKS], place: Place) -> None:
@@ -65,6 +60,8 @@ def _about(drive: dict[str, Any]) -> str:
     took = "no drive found" if drive["t_opt"] is None else f"{drive['t_opt']:.2f} s"
     return f"{drive['world']} {took}"
 
+
+main = Command("benchmarks.optimum", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -17,7 +17,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, argument, option
 
 
@@ -44,11 +44,6 @@ class PlotSettings(Options):
         "N",
         low=1,
     )
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.plot", __doc__, _run, argv)
 
 
 def _run(settings: PlotSettings) -> None:
@@ -80,6 +75,8 @@ def _run(settings: PlotSettings) -> None:
         paths += save_figures([together], out or runs[0].directory)
     print(*paths, sep="\n")
 
+
+main = Command("benchmarks.plot", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

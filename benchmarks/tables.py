@@ -11,7 +11,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.errors import one_line
 from foresee.infra.options import Options, argument, option
 from foresee.infra.results_file import COMMANDS, read_results
@@ -46,11 +46,6 @@ class TableSettings(Options):
 def tables_of(results: dict[str, Any]) -> str:
     """Return the tables of the contents of one results file as Markdown."""
     return str(resolve_name(TABLES[results["kind"]])(results))
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.tables", __doc__, _run, argv)
 
 
 def _run(settings: TableSettings) -> None:
@@ -90,6 +85,8 @@ def _read(path: Path) -> dict[str, Any]:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{path} is no results file: {one_line(error)}") from None
 
+
+main = Command("benchmarks.tables", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, argument
 
 
@@ -20,11 +20,6 @@ class CheckSettings(Options):
     """What is checked."""
 
     predictor: str = argument("a name, package.module:Class, or a .safetensors file", "P")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.check", __doc__, _run, argv)
 
 
 def _run(settings: CheckSettings) -> int:
@@ -44,6 +39,8 @@ def _run(settings: CheckSettings) -> int:
     print(f"{name}: keeps to the contract, {len(warnings)} warnings")
     return 0
 
+
+main = Command("predictor.check", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from foresee.infra.command_line import Section, UsageError, run_command
+from foresee.infra.command_line import Command, Section, UsageError
 from foresee.infra.options import Options, jobs_option, option
 from predictor.data import LOG_FORMATS, PHYSICAL, SIMULATED
 from predictor.recording.settings import SimulatedConfig
@@ -52,11 +52,6 @@ class PhysicalConfig(Options):
     map_frame: str = option("map", "map frame in /tf", "FRAME")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.dataset", __doc__, _run, argv)
-
-
 def _run(
     place: Place,
     simulated: Annotated[SimulatedConfig, Section("simulated; by default as the paper's set")],
@@ -78,6 +73,8 @@ def _run(
         make_simulated(folder, simulated, place.jobs)
     print(folder)
 
+
+main = Command("predictor.dataset", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -13,7 +13,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option
 from predictor.recording.settings import DrivesConfig
 
@@ -25,17 +25,14 @@ class Place(Options):
     jobs: int = jobs_option()
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.drives", __doc__, _run, argv)
-
-
 def _run(config: DrivesConfig, place: Place) -> None:
     # Imported here, so that --help does not wait for slow imports.
     from predictor.recording.training_drives import make
 
     make(config, place.jobs)
 
+
+main = Command("predictor.drives", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

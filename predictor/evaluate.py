@@ -12,7 +12,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option, option
 from predictor.evaluation.settings import EvaluateConfig
 
@@ -23,11 +23,6 @@ class Place(Options):
 
     jobs: int = jobs_option()
     out: Path = option(Path("results/evaluate"), "folder of scores and pictures", "DIR")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.evaluate", __doc__, _run, argv)
 
 
 def _run(config: EvaluateConfig, place: Place) -> None:
@@ -41,6 +36,8 @@ def _run(config: EvaluateConfig, place: Place) -> None:
     mixed = several_states(results["commits"], "drives")
     print(*filter(None, [table(results), mixed, str(place.out / "results.json")]), sep="\n\n")
 
+
+main = Command("predictor.evaluate", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

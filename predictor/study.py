@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, option
 from predictor.data import SIMULATED
 from predictor.networks import PAPER, PROPOSED
@@ -80,11 +80,6 @@ class StudySettings(Options):
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.study", __doc__, _run, argv)
-
-
 def _run(settings: StudySettings, images: ImageOptions) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from predictor.training.image_training import frames_of
@@ -117,6 +112,8 @@ def _at_a_time() -> int:
 
     return 1 if torch.cuda.is_available() else os.cpu_count() or 1
 
+
+main = Command("predictor.study", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from foresee.infra.command_line import Section, run_command
+from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, given, jobs_option, option
 from predictor.data import SIMULATED
 from predictor.networks import ARCHITECTURES
@@ -136,11 +136,6 @@ class NetworkOptions(ImageOptions):
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.train", __doc__, _run, argv)
-
-
 def _run(
     settings: TrainSettings,
     compact: Annotated[CompactOptions, Section(COMPACT)],
@@ -224,6 +219,8 @@ def _train_compact(settings: TrainSettings, compact: CompactOptions, drives: Dri
         print(table(compact.start, path, validation))
     return path
 
+
+main = Command("predictor.train", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

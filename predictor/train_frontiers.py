@@ -13,7 +13,7 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option, option
 from predictor.recording.settings import FrontiersConfig
 from predictor.training.frontier_config import FrontierTraining
@@ -30,11 +30,6 @@ class Place(Options):
     out: Path = option(
         Path("results/frontiers"), "folder of checkpoint, log, curve and weights", "DIR"
     )
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("predictor.train_frontiers", __doc__, _run, argv)
 
 
 def _run(config: FrontiersConfig, training: FrontierTraining, place: Place) -> None:
@@ -63,6 +58,8 @@ def _run(config: FrontiersConfig, training: FrontierTraining, place: Place) -> N
     print(scores(load_weights(path, FrontierNet)[0], validation))
     print(path)
 
+
+main = Command("predictor.train_frontiers", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

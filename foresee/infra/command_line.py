@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, NoReturn, get_args, get_origin, get_type_hints
+from typing import Any, NoReturn, get_args, get_type_hints
 
 # Imported before numpy, this limits the libraries to one thread in each process.
 import foresee.infra.workers  # noqa: F401
@@ -35,65 +35,70 @@ class Section:
     names: tuple[str, ...] = ()
 
 
-def run_command(
-    name: str,
-    description: str | None,
-    run: Callable[..., int | None],
-    argv: list[str] | None = None,
-) -> int:
-    """Parse the options of a command, run it, and report its errors in one line.
+@dataclass(frozen=True)
+class Command:
+    """A command line: called with its words, it does its work and returns the exit status.
 
-    Args:
+    Attributes:
         name: name of the command, with which each error message begins.
         description: text of the help; paragraphs that are indented keep their lines.
         run: function that does the work and returns the exit status; None counts as 0. Its
             parameters are annotated with the subclasses of `Options` that hold the options.
-        argv: words of the command line; None: those of the process.
-
-    Returns:
-        The status that `run` returned; 2 after an error in the input or in a file, 1 after an error
-        of the disk, such as a full disk, 130 after Ctrl-C.
     """
-    try:
-        status = run(*_parsed(name, description, run, argv)) or 0
-        sys.stdout.flush()
-        return status
-    except LineError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        # The program that read the output, such as `head`, has ended.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except OSError as error:
-        print(f"{name}: {one_line(error)}; what was finished is kept", file=sys.stderr)
-        return 1 if error.errno in DISK else 2
-    except KeyboardInterrupt:
-        print(f"{name}: interrupted; the same command goes on where it stopped", file=sys.stderr)
-        return 130
 
+    name: str
+    description: str | None
+    run: Callable[..., int | None]
 
-def _parsed(
-    name: str, description: str | None, run: Callable[..., Any], argv: list[str] | None
-) -> list[Any]:
-    """Return an instance of the settings class of each parameter of `run`."""
-    parser = _Parser(prog=name, description=description, formatter_class=_Paragraphs)
-    groups: dict[str, argparse._ActionsContainer] = {"": parser}
-    parts: list[tuple[Any, Section]] = []
-    for parameter, hint in get_type_hints(run, include_extras=True).items():
-        if parameter == "return":
-            continue
-        settings, section = get_args(hint) if get_origin(hint) is Annotated else (hint, Section())
-        if section.heading not in groups:
-            groups[section.heading] = parser.add_argument_group(section.heading)
-        settings.add_to(groups[section.heading], *section.names)
-        parts.append((settings, section))
-    args = parser.parse_args(argv)
-    return [settings.of(args, *section.names) for settings, section in parts]
+    def __call__(self, argv: list[str] | None = None) -> int:
+        """Parse the options, run the command, and report its errors in one line.
+
+        Args:
+            argv: words of the command line; None: those of the process.
+
+        Returns:
+            The status that `run` returned; 2 after an error in the input or in a file, 1 after an
+            error of the disk, such as a full disk, 130 after Ctrl-C.
+        """
+        try:
+            status = self.run(*self._parsed(argv)) or 0
+            sys.stdout.flush()
+            return status
+        except LineError as error:
+            self._complain(str(error))
+            return 2
+        except BrokenPipeError:
+            # The program that read the output, such as `head`, has ended.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        except OSError as error:
+            self._complain(f"{one_line(error)}; what was finished is kept")
+            return 1 if error.errno in DISK else 2
+        except KeyboardInterrupt:
+            self._complain("interrupted; the same command goes on where it stopped")
+            return 130
+
+    def _complain(self, line: str) -> None:
+        print(f"{self.name}: {line}", file=sys.stderr)
+
+    def _parsed(self, argv: list[str] | None) -> list[Any]:
+        """Return an instance of the settings class of each parameter of `run`."""
+        hints = get_type_hints(self.run, include_extras=True)
+        hints.pop("return", None)
+        # Settings with a section are annotated as (class, section).
+        parts = [get_args(hint) or (hint, Section()) for hint in hints.values()]
+        parser = _Parser(prog=self.name, description=self.description, formatter_class=_Paragraphs)
+        groups: dict[str, argparse._ActionsContainer] = {"": parser}
+        for settings, section in parts:
+            if section.heading not in groups:
+                groups[section.heading] = parser.add_argument_group(section.heading)
+            settings.add_to(groups[section.heading], *section.names)
+        args = parser.parse_args(argv)
+        return [settings.of(args, *section.names) for settings, section in parts]
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that raises its errors, so that `run_command` prints them in one line."""
+    """A parser that raises its errors, so that `Command` prints them in one line."""
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)

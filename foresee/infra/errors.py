@@ -31,7 +31,7 @@ def one_line(error: BaseException) -> str:
 
 
 class LineError(ValueError):
-    """An error whose message is one line, which `run_command` prints without a traceback."""
+    """An error whose message is one line, which `Command` prints without a traceback."""
 
     def __init__(self, said: str) -> None:
         super().__init__(shown(said))

@@ -18,7 +18,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.studies.driver.analysis import RunsSettings, analyse
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.markdown import records
 from foresee.infra.options import option
 
@@ -113,14 +113,11 @@ class StuckSettings(RunsSettings):
     out: Path = option(Path("results/stuck.json"), "file of the results", "FILE")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.driver.stuck", __doc__, _run, argv)
-
-
 def _run(settings: StuckSettings) -> None:
     analyse("stuck", settings, settings.out, causes, table)
 
+
+main = Command("benchmarks.studies.driver.stuck", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

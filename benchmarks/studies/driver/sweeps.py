@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.studies.driver.analysis import RunsSettings, analyse
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.markdown import interval, records
 from foresee.infra.options import option
 
@@ -57,14 +57,11 @@ class SweepsSettings(RunsSettings):
     out: Path = option(Path("results/sweeps.json"), "file of the results", "FILE")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.driver.sweeps", __doc__, _run, argv)
-
-
 def _run(settings: SweepsSettings) -> None:
     analyse("sweeps", settings, settings.out, distances, table)
 
+
+main = Command("benchmarks.studies.driver.sweeps", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

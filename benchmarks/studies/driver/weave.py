@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.driver.analysis import RunsSettings, analyse
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.markdown import DASH, records
 from foresee.infra.options import option
 from foresee.mapping.polyline import arc_length
@@ -116,14 +116,11 @@ class WeaveSettings(RunsSettings):
     out: Path = option(Path("results/weave.json"), "file of the results", "FILE")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.driver.weave", __doc__, _run, argv)
-
-
 def _run(settings: WeaveSettings) -> None:
     analyse("weave", settings, settings.out, counts, table)
 
+
+main = Command("benchmarks.studies.driver.weave", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -15,7 +15,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, jobs_option, option
 from predictor.data import PHYSICAL, SIMULATED
 from predictor.networks.image_config import EXPANSIONS
@@ -75,11 +75,6 @@ class PredictionSettings(Options):
                 raise UsageError(f"--expansions: {expansion} is none of 1.02, 1.04, … 2.00")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.katyal2018", __doc__, _run, argv)
-
-
 def _run(settings: PredictionSettings) -> None:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
@@ -132,6 +127,8 @@ def _logs(settings: PredictionSettings) -> Path | None:
     make_physical(folder, logs_in(logs), BagConfig(), settings.jobs)
     return folder
 
+
+main = Command("benchmarks.studies.katyal2018", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, option
 
 if TYPE_CHECKING:
@@ -137,11 +137,6 @@ class Place(Options):
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.performance", __doc__, _run, argv)
-
-
 def _ask_for(modules: Iterable[str]) -> None:
     """Check, before anything is measured, that modules and the C compiler are installed.
 
@@ -205,6 +200,8 @@ def _run(settings: StageSettings, place: Place) -> None:
     draw(groups["growth"]).savefig(place.out / "growth.png")
     print(tables(results), "", place.out / "results.json", sep="\n")
 
+
+main = Command("benchmarks.studies.performance", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

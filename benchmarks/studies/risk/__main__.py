@@ -17,7 +17,7 @@ from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option, option
 
 if TYPE_CHECKING:
@@ -61,11 +61,6 @@ class RiskSettings(Options):
     out: Path = option(
         Path("results/risk"), "folder of results.json, the figures and the drives", "DIR"
     )
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.risk", __doc__, _run, argv)
 
 
 def _run(settings: RiskSettings) -> int:
@@ -139,6 +134,8 @@ def _study(settings: RiskSettings, calibration: Calibration, all_series: list[Se
         print(f"more collisions than were accepted: {row['group']}, {row['series']}")
     return 1 if exceeded else 0
 
+
+main = Command("benchmarks.studies.risk", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

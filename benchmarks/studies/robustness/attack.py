@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.runs.drive_file import DriveFile
-from foresee.infra.command_line import run_command
+from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option, option
 
 SEED = 990_000
@@ -42,11 +42,6 @@ class Place(Options):
     out: Path = option(Path("results/attack.json"), "file of the drives", "FILE")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.robustness.attack", __doc__, _run, argv)
-
-
 def _run(settings: AttackSettings, place: Place) -> int:
     # Imported here, so that --help does not wait for slow imports.
     from benchmarks.studies.robustness.hostile_drives import attacked, table
@@ -61,6 +56,8 @@ def _run(settings: AttackSettings, place: Place) -> int:
         print(f"drive {drive['index']}, {drive['kind']}: {drive['outcome']} {drive['error'] or ''}")
     return 1 if failed else 0
 
+
+main = Command("benchmarks.studies.robustness.attack", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

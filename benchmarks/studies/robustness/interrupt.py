@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.runs.drive_file import DriveFile
-from foresee.infra.command_line import UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, option
 
 LATEST = 1.2
@@ -58,11 +58,6 @@ class Place(Options):
     out: Path = option(Path("results/interrupt.json"), "file of the trials", "FILE")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line, and return the exit status."""
-    return run_command("benchmarks.studies.robustness.interrupt", __doc__, _run, argv)
-
-
 def _run(settings: InterruptSettings, place: Place) -> int:
     # Imported here, so that --help does not wait for slow imports.
     import numpy as np
@@ -93,6 +88,8 @@ def _run(settings: InterruptSettings, place: Place) -> int:
         print(f"trial {trial['index']}, {trial['command']}, {trial['kind']}: {trial}")
     return 1 if failed else 0
 
+
+main = Command("benchmarks.studies.robustness.interrupt", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())
