@@ -28,7 +28,7 @@ class Place(Options):
     """Options of where the data set is made."""
 
     out: Path | None = option(
-        None, "folder of the set", "DIR", default_text=f"{SIMULATED}, with --log {PHYSICAL}"
+        None, f"folder of the set (default: {SIMULATED}, with --log {PHYSICAL})", "DIR"
     )
     jobs: int = jobs_option()
 
@@ -40,14 +40,12 @@ class PhysicalConfig(Options):
     log: tuple[Path, ...] = option(
         (), f"logs with corrected poses, or folders of them: {LOG_FORMATS}", "PATH"
     )
-    scans: str | None = option(
-        None, "topic of a bag's LaserScans", "TOPIC", default_text="the only one"
-    )
+    scans: str | None = option(None, "topic of a bag's LaserScans (default: the only one)", "TOPIC")
     poses: str | None = option(
         None,
-        "topic of a bag's poses: /tf, PoseStamped, PoseWithCovarianceStamped or Odometry",
+        "topic of a bag's poses: /tf, PoseStamped, PoseWithCovarianceStamped or Odometry "
+        "(default: /tf where it knows the map, else the only topic of poses)",
         "TOPIC",
-        default_text="/tf where it knows the map, else the only topic of poses",
     )
     map_frame: str = option("map", "map frame in /tf", "FRAME")
 

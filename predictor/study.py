@@ -39,44 +39,41 @@ class StudySettings(Options):
     data: Path = option(SIMULATED, "folder of frames that predictor.dataset has made", "DIR")
     out: Path | None = option(
         None,
-        "folder of results, with a folder for each training: checkpoint, log, curve, weights",
+        "folder of results, with a folder for each training: checkpoint, log, curve, weights "
+        "(default: results/study-PRESET)",
         "DIR",
-        default_text="results/study-PRESET",
     )
     archs: tuple[str, ...] = option(
         PAPER,
-        f"architectures to train, of {', '.join(PAPER)}",
+        f"architectures to train, of {', '.join(PAPER)} (default: all)",
         "A",
         choices=PAPER,
-        default_text="all",
     )
     expansions: tuple[float, ...] = option(
         EXPANSIONS,
         "width of the predicted square divided by the 5 m of the crop, of "
-        f"{', '.join(map(str, EXPANSIONS))}",
+        f"{', '.join(map(str, EXPANSIONS))} (default: all)",
         "X",
         choices=EXPANSIONS,
-        default_text="all",
     )
     jobs: int | None = option(
         None,
-        "number of trainings at a time, with one thread each",
+        "number of trainings at a time, with one thread each (default: one for each core; 1 "
+        "with a GPU)",
         "N",
         low=1,
         high=10_000,
-        default_text="one for each core; 1 with a GPU",
     )
     minutes: float = option(
         math.inf,
-        "stop after this many minutes; the same command continues",
+        "stop after this many minutes; the same command continues (default: no limit)",
         "M",
         low=1e-3,
-        default_text="no limit",
     )
-    batch: int | None = option(None, "frames per optimiser step", "N", default_text="the preset's")
-    rate: float | None = option(None, "learning rate", "R", default_text="the preset's")
+    batch: int | None = option(None, "frames per optimiser step (default: the preset's)", "N")
+    rate: float | None = option(None, "learning rate (default: the preset's)", "R")
     seed: int | None = option(
-        None, "seed of the first weights and of the frames' order", "N", default_text="0"
+        None, "seed of the first weights and of the frames' order (default: 0)", "N"
     )
 
 

@@ -52,39 +52,36 @@ class TrainSettings(Options):
         None,
         "folder of the training data. For compact: drives, which are made first if they are "
         f"missing (default: {DRIVES.out}; with --start: {TUNED[0]}). For the paper's networks: "
-        "frames of predictor.dataset or drives",
+        f"frames of predictor.dataset or drives (default: {SIMULATED})",
         "DIR",
-        default_text=str(SIMULATED),
     )
     out: Path | None = option(
         None,
-        "folder of checkpoint, log, curve and weights",
+        f"folder of checkpoint, log, curve and weights (default: {TRAINED}; with --start: "
+        f"{TUNED[1]}; or results/networks/ARCH-EXPANSION)",
         "DIR",
-        default_text=f"{TRAINED}; with --start: {TUNED[1]}; or results/networks/ARCH-EXPANSION",
     )
     batch: int | None = option(
         None,
-        "samples per optimiser step",
+        f"samples per optimiser step (default: {SCRATCH.batch}; paper: {PAPER.batch}; short: "
+        f"{SHORT.batch})",
         "N",
         low=1,
-        default_text=f"{SCRATCH.batch}; paper: {PAPER.batch}; short: {SHORT.batch}",
     )
     rate: float | None = option(
         None,
-        "highest learning rate",
+        f"highest learning rate (default: {SCRATCH.rate:g}; with --start: {TUNING.rate:g}; paper: "
+        f"{PAPER.rate:g}; short: {SHORT.rate:g})",
         "R",
         low=1e-12,
         high=1,
-        default_text=f"{SCRATCH.rate:g}; with --start: {TUNING.rate:g}; paper: {PAPER.rate:g}; "
-        f"short: {SHORT.rate:g}",
     )
     seed: int | None = option(
         None,
-        "seed of the first weights and of the order of samples",
+        f"seed of the first weights and of the order of samples (default: {SCRATCH.seed})",
         "N",
         low=0,
         high=2**63,
-        default_text=str(SCRATCH.seed),
     )
     jobs: int = jobs_option()
 
@@ -95,31 +92,29 @@ class CompactOptions(Options):
 
     train: int | None = option(
         None,
-        "number of drives to train on, with about 50 samples each",
+        "number of drives to train on, with about 50 samples each (default: "
+        f"{DRIVES.train}; with --start: {TUNING_DRIVES[0]})",
         "N",
         low=1,
-        default_text=f"{DRIVES.train}; with --start: {TUNING_DRIVES[0]}",
     )
     validation: int | None = option(
         None,
-        "number of drives held out for validation",
+        f"number of drives held out for validation (default: {DRIVES.validation}; with --start: "
+        f"{TUNING_DRIVES[1]})",
         "N",
         low=1,
-        default_text=f"{DRIVES.validation}; with --start: {TUNING_DRIVES[1]}",
     )
     steps: int | None = option(
         None,
-        "number of optimiser steps",
+        f"number of optimiser steps (default: {SCRATCH.steps}; with --start: {TUNING.steps})",
         "N",
         low=1,
-        default_text=f"{SCRATCH.steps}; with --start: {TUNING.steps}",
     )
     start: Path | None = option(
         None,
-        "weights to fine-tune, such as predictor/compact.safetensors. The scores before and after "
-        "are printed at the end",
+        "weights to fine-tune, such as predictor/compact.safetensors (default: random weights). "
+        "The scores before and after are printed at the end",
         "FILE",
-        default_text="random weights",
     )
 
 
@@ -130,9 +125,8 @@ class NetworkOptions(ImageOptions):
     expansion: float | None = option(
         None,
         "width of the predicted square divided by the 5 m of the crop; the paper has "
-        f"{', '.join(map(str, EXPANSIONS))}",
+        f"{', '.join(map(str, EXPANSIONS))} (default: {EXPANSIONS[0]})",
         "X",
-        default_text=str(EXPANSIONS[0]),
     )
 
 

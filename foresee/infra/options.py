@@ -24,7 +24,6 @@ def option(
     high: float = math.inf,
     choices: tuple[Any, ...] | None = None,
     parse: Callable[[str], Any] | None = None,
-    default_text: str = "",
 ) -> Any:
     """Declare a field of a subclass of `Options` that is a command-line option.
 
@@ -33,17 +32,16 @@ def option(
 
     Args:
         default: default value; `dataclasses.MISSING` if the option must be given.
-        help: description of the setting, for --help and for readers of the code.
+        help: description of the setting, for --help and for readers of the code. The default value
+            is appended, unless the description says "(default: …)" itself.
         metavar: placeholder of the value in the help.
         low: smallest number allowed.
         high: largest number allowed.
         choices: values allowed.
         parse: function from a word to the value; by default the type of the field.
-        default_text: default in the help; "": the default value.
     """
     metadata = {"help": help, "metavar": metavar, "choices": choices, "parse": parse}
-    limits = {"low": low, "high": high, "default_text": default_text}
-    return field(default=default, metadata=metadata | limits)
+    return field(default=default, metadata=metadata | {"low": low, "high": high})
 
 
 def argument(help: str, metavar: str) -> Any:
@@ -58,9 +56,8 @@ def argument(help: str, metavar: str) -> Any:
 
 def jobs_option() -> Any:
     """Declare --jobs, the number of worker processes; by default one for each core."""
-    text = "one for each core"
-    cores = os.cpu_count() or 1
-    return option(cores, "worker processes", "N", low=1, high=10_000, default_text=text)
+    text = "worker processes (default: one for each core)"
+    return option(os.cpu_count() or 1, text, "N", low=1, high=10_000)
 
 
 def given(**values: Any) -> dict[str, Any]:
@@ -136,11 +133,9 @@ def _add(parser: argparse._ActionsContainer, setting: Field[Any], hint: Any) -> 
     if "positional" in metadata:
         parser.add_argument(setting.name, help=text, **words)
         return
-    shown = metadata["default_text"] or default
-    if isinstance(shown, tuple):
-        shown = ("," if parse else " ").join(map(str, shown))
-    if shown not in (None, "", MISSING):
-        text += f" (default: {shown})"
+    if default not in (None, (), MISSING) and "(default: " not in text:
+        values = default if isinstance(default, tuple) else (default,)
+        text += f" (default: {(',' if parse else ' ').join(map(str, values))})"
     required = default is MISSING
     parser.add_argument(_flag(setting), default=default, required=required, help=text, **words)
 

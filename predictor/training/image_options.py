@@ -19,16 +19,14 @@ class ImageOptions(Options):
     preset: str | None = option(
         None,
         "size and schedule: that of the paper, or short, for 2 CPU cores; the other options change "
-        "single values",
+        "single values (default: paper)",
         choices=tuple(PRESETS),
-        default_text="paper",
     )
     given: str | None = option(
         None,
         "what the network is given: the 5 m crop alone, or all that was observed inside the "
-        "predicted square",
+        "predicted square (default: crop)",
         choices=GIVEN,
-        default_text="crop",
     )
     width: float | None = option(
         None,
@@ -48,9 +46,9 @@ class ImageOptions(Options):
     )
     sigma: float | None = option(
         None,
-        "standard deviation of the initial weights; the paper states 0.2",
+        "standard deviation of the initial weights; the paper states 0.2 (default: "
+        f"{PAPER.training.sigma:g}, as in pix2pix)",
         "S",
-        default_text=f"{PAPER.training.sigma:g}, as in pix2pix",
     )
     bf16: bool = option(False, "compute in bfloat16 where torch's autocast allows it")
 

@@ -21,7 +21,7 @@ class RunsSettings(Options):
 
     runs: tuple[Path, ...] = argument("folder of a run of benchmarks.corridor", "DIR")
     episodes: int | None = option(
-        None, "analyse only the first N episodes of each run", "N", low=1, default_text="all"
+        None, "analyse only the first N episodes of each run (default: all)", "N", low=1
     )
 
 

@@ -31,16 +31,14 @@ class PredictionSettings(Options):
     data: Path | None = option(
         None,
         "folder of the simulated data set of predictor.dataset, whose splits test and more are "
-        "scored",
+        f"scored (default: {SIMULATED}, which may be missing if there are logs)",
         "DIR",
-        default_text=f"{SIMULATED}, which may be missing if there are logs",
     )
     logs: tuple[Path, ...] = option(
         (),
         "folder of a data set of predictor.dataset --log; or logs, or folders of logs, of which a "
-        "data set is made in OUT/physical",
+        f"data set is made in OUT/physical (default: {PHYSICAL}, if it exists)",
         "PATH",
-        default_text=f"{PHYSICAL}, if it exists",
     )
     predictors: tuple[str, ...] = option(
         ("none", "extend", "compact", "compact-logs", "compact-paper"),

@@ -2,11 +2,11 @@
 
     python -m benchmarks.studies.performance --drives 4 --peers
 
-Every stage is timed in simulated drives, on one thread and after a warm-up; these times with
-growing sensor, map, window and horizon; and the throughput of kernels and of parallel drives. The
-machine should be idle otherwise. Interrupted, it continues when the same command is given again.
-Measurements by other code, on another machine, with other packages or with other settings are
-repeated.
+Every stage is timed in simulated drives, on one thread and after a warm-up. Then follow the growth
+of these times with sensor, map, window and horizon, and the throughput of kernels and of parallel
+drives. The machine should be idle otherwise. Interrupted, it continues when the same command is
+given again. Measurements by other code, on another machine, with other packages or with other
+settings are repeated.
 """
 
 from __future__ import annotations

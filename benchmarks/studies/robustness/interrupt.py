@@ -33,7 +33,7 @@ class InterruptSettings(Options):
     )
     seed: int = option(0, "seed of the interruption times", "N", low=0, high=2**31)
     commands: tuple[str, ...] = option(
-        (), "commands to interrupt, such as predictor.drives", "C", default_text="all"
+        (), "commands to interrupt, such as predictor.drives (default: all)", "C"
     )
 
 
