@@ -11,9 +11,6 @@ from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from foresee.infra.command_line import UsageError
 
-ENDLESS = 10**6
-"""Upper bounds at or above this are not named in error messages."""
-
 
 def option(
     default: Any,
@@ -86,8 +83,9 @@ class Options:
             low, high = metadata.get("low"), metadata.get("high", math.inf)
             for number in values if low is not None else ():
                 if not low <= number <= high:
-                    wanted = f"at least {low}" if high >= ENDLESS else f"between {low} and {high}"
-                    raise UsageError(f"{_flag(setting)}: {number} is not {wanted}")
+                    wanted = f"lie between {low} and {high}"
+                    wanted = f"be at least {low}" if high == math.inf else wanted
+                    raise UsageError(f"{_flag(setting)} is {number}, it must {wanted}")
 
     @classmethod
     def add_to(cls, parser: argparse._ActionsContainer, *names: str) -> None:
