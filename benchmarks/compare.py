@@ -56,11 +56,11 @@ def drive(
     task = task_in(world, seed) if isinstance(world, str) else task_in_world(world, seed)
     results, arrays = [], dict[str, NDArray[Any]]()
     for arm in chosen.arms:
-        result, found = drive_episode(chosen, 0, arm, task)
+        result, trace = drive_episode(chosen, 0, arm, task)
         results.append(result)
-        arrays |= found
-    told, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
-    return Run(Path(name), told, summary, results, Archive(Path(name), arrays))
+        arrays |= trace
+    saved, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
+    return Run(Path(name), saved, summary, results, Archive(Path(name), arrays))
 
 
 def plot(run: Run) -> Figure:

@@ -51,8 +51,8 @@ def causes(run: Run) -> dict[str, Any]:
         )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
-    found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
-    return {"drives": drives, "stuck": found}
+    entries = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
+    return {"drives": drives, "stuck": entries}
 
 
 def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
@@ -87,19 +87,19 @@ def table(results: dict[str, Any]) -> str:
     rows = []
     for run in results["runs"]:
         for arm, drives in run["drives"].items():
-            stuck = [one for one in run["stuck"] if one["arm"] == arm]
-            timed = [one for one in stuck if one["seconds"] is not None]
-            late = [one["speed"] for one in timed if 0 < one["seconds"] <= LATE]
+            stuck = [drive for drive in run["stuck"] if drive["arm"] == arm]
+            timed = [drive for drive in stuck if drive["seconds"] is not None]
+            late = [drive["speed"] for drive in timed if 0 < drive["seconds"] <= LATE]
             rows.append(
                 {
                     "run": run["label"],
                     "arm": f"`{arm}`",
                     "drives": drives,
                     "stuck": len(stuck),
-                    "reachable from the final state": sum(one["seconds"] == 0.0 for one in timed),
+                    "reachable from the final state": sum(drive["seconds"] == 0 for drive in timed),
                     f"missed within {LATE:g} s": len(late),
                     "speed then [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
-                    "in a dead end": sum(one["seconds"] > LATE for one in timed),
+                    "in a dead end": sum(drive["seconds"] > LATE for drive in timed),
                     "no path found": len(stuck) - len(timed),
                 }
             )

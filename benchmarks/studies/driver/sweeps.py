@@ -43,9 +43,9 @@ def table(results: dict[str, Any]) -> str:
     return records(
         [
             {"run": run["label"], "score": name}
-            | {f"{100 * one['share']:g} % wrong": interval(one, ".2f") for one in found}
+            | {f"{100 * mean['share']:g} % wrong": interval(mean, ".2f") for mean in means}
             for run in results["runs"]
-            for name, found in run["scores"].items()
+            for name, means in run["scores"].items()
         ]
     )
 
