@@ -55,9 +55,9 @@ def drive(
     task = task_in(world, seed) if isinstance(world, str) else task_in_world(world, seed)
     drives = [drive_episode(chosen, 0, arm, task) for arm in chosen.arms]
     results = [drive.result for drive in drives]
-    told, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
+    saved, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)
     arrays = {name: values for drive in drives for name, values in drive.trace.arrays.items()}
-    return Run(Path(name), told, summary, results, arrays)
+    return Run(Path(name), saved, summary, results, arrays)
 
 
 def plot(run: Run) -> Figure:

@@ -1,9 +1,10 @@
-"""Compare drives with and without a predicted map, through buildings that are unknown to the car.
+"""Drive a car through buildings that are unknown to it, with and without a predicted map.
 
-This is the main command. `benchmarks.runs` drives and summarises, `benchmarks.figures.run_figures`
-draws the figures.
+    python -m benchmarks.corridor --world office --episodes 24 --arms known,predicted,oracle
 
-python -m benchmarks.corridor --help
+The times and collisions of the arms are compared. Interrupted, it continues when the same command
+is given again. Exit status: 0 if all drives were made, whatever their outcomes; 1 if drives are
+missing, because processes died or the disk is full.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.runs.settings import Settings
-from foresee.infra.command_line import OneLineParser, UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.errors import LineError
-from foresee.infra.options import Options, option
+from foresee.infra.options import Options, jobs_option, option
 from foresee.infra.workers import LostError, finished
 
 if TYPE_CHECKING:
@@ -28,13 +29,12 @@ if TYPE_CHECKING:
 class Place(Options):
     """Options of where a run is computed and saved; none of them changes a result."""
 
-    jobs: int
+    jobs: int = jobs_option()
     dask: str | None = option(
         None,
         "address of a Dask scheduler, such as tcp://10.0.0.1:8786, whose workers drive instead of "
         "processes on this machine",
         "ADDRESS",
-        parse=str,
     )
     baselines: Path | None = option(
         None,
@@ -42,50 +42,25 @@ class Place(Options):
         "the same (those of known, optimistic and full; of oracle if ε and expansion are the same) "
         "are copied from there",
         "DIR",
-        parse=Path,
     )
     calibration: Path | None = option(
         None,
         "calibration.json of benchmarks.calibrate, which gives the level λ for --risk; for the "
         "same predictor, planner, car and buildings",
         "FILE",
-        parse=Path,
     )
     optimum: Path | None = option(
         None,
         "results file of benchmarks.optimum for the same tasks and top speed: adds its least times "
         "T_opt to the results",
         "FILE",
-        parse=Path,
     )
     out: Path = option(
         Path("results/corridor"), "folder of results.json, traces.npz and the figures", "DIR"
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line.
-
-    Returns:
-        The exit status: 0 if all drives were made, whatever their outcomes; 1 if drives are
-        missing, because processes died or the disk is full; 2 for bad arguments or input; 130 if
-        interrupted.
-    """
-    return run_command("benchmarks.corridor", lambda: _run(argv))
-
-
-def _run(argv: list[str] | None) -> int:
-    parser = OneLineParser(
-        prog="benchmarks.corridor",
-        description="Drive a car through buildings that are unknown to it, with and without a "
-        "predicted map, and compare times and collisions. Interrupted, it continues when the same "
-        "command is given again.",
-    )
-    Settings.add_to(parser)
-    parser.add_jobs()
-    Place.add_to(parser)
-    args = parser.parse_args(argv)
-    settings, place = Settings.of(args), Place.of(args)
+def _run(settings: Settings, place: Place) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
@@ -165,6 +140,8 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
             raise UsageError(f"{error}; what was finished is kept") from None
     return False
 
+
+main = Command("benchmarks.corridor", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

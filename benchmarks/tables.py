@@ -6,17 +6,15 @@ python -m benchmarks.tables docs/results/*.json
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from foresee.infra.command_line import OneLineParser, UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.errors import one_line
+from foresee.infra.options import Options, argument, option
 from foresee.infra.results_file import COMMANDS, read_results
-
-if TYPE_CHECKING:
-    import argparse
-
 
 TABLES = {
     "comparison": "benchmarks.runs.summary:comparison",
@@ -37,40 +35,28 @@ TABLES = {
 """Kind of results → function that makes its tables; imported when it is needed."""
 
 
+@dataclass(frozen=True)
+class TableSettings(Options):
+    """Which tables are printed."""
+
+    files: tuple[Path, ...] = argument(f"results of {', '.join(COMMANDS.values())}", "FILE")
+    overview: bool = option(False, "print only one table, with a line for each comparison")
+
+
 def tables_of(results: dict[str, Any]) -> str:
     """Return the tables of the contents of one results file as Markdown."""
     return str(resolve_name(TABLES[results["kind"]])(results))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; return its exit status, 2 for bad input."""
-    parser = OneLineParser(
-        prog="benchmarks.tables",
-        description="Print the tables of results.json files as Markdown.",
-    )
-    parser.add_argument(
-        "files",
-        nargs="+",
-        type=Path,
-        metavar="FILE",
-        help=f"results of {', '.join(COMMANDS.values())}",
-    )
-    parser.add_argument(
-        "--overview",
-        action="store_true",
-        help="print only one table, with a line for each comparison",
-    )
-    return run_command("benchmarks.tables", lambda: _run(parser.parse_args(argv)))
-
-
-def _run(args: argparse.Namespace) -> None:
+def _run(settings: TableSettings) -> None:
+    # Imported here, so that --help does not wait for slow imports.
     from benchmarks.runs.overview import overview, reliances, scores
 
-    files = [(path.stem, _read(path)) for path in args.files]
+    files = [(path.stem, _read(path)) for path in settings.files]
     relied = {name: of for name, of in files if "predicted" in of.get("summary", {})}
     runs = {name: of for name, of in relied.items() if "known" in of["summary"]}
     scored = {name: of for name, of in files if of["kind"] == "evaluation"}
-    if args.overview:
+    if settings.overview:
         if not runs:
             raise UsageError("--overview: no file has drives of known and predicted")
         print(overview(runs))
@@ -94,9 +80,13 @@ def _read(path: Path) -> dict[str, Any]:
         if results["kind"] == "comparison":
             results = summarised(results)
         return results | {"tables": tables_of(results)}
+    except ImportError:
+        raise UsageError(f"{path}: the study that makes its tables is not installed") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{path} is no results file: {one_line(error)}") from None
 
+
+main = Command("benchmarks.tables", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -35,7 +35,7 @@ STUDIES = {
 
 
 def commands() -> dict[str, tuple[str, str]]:
-    """Return `COMMANDS`, in a checkout with the studies, which are not installed."""
+    """Return `COMMANDS`; in a checkout also those of the studies, which are not installed."""
     if importlib.util.find_spec("benchmarks.studies") is None:
         return COMMANDS
     studies = {name: (f"benchmarks.studies.{home}", what) for name, (home, what) in STUDIES.items()}
@@ -52,6 +52,9 @@ def main(argv: list[str] | None = None) -> int:
     if words and words[0] in known:
         status: int = importlib.import_module(known[words[0]][0]).main(words[1:])
         return status
+    if words and words[0] in STUDIES:
+        print(f"foresee {words[0]}: a study, which only a checkout of foresee has", file=sys.stderr)
+        return 2
     listed = [f"  {name:<16} {what}" for name, (_, what) in known.items()]
     print("usage: foresee COMMAND [options]", "", *listed, "", sep="\n")
     print("foresee COMMAND --help explains each. `python -m` with the module's name does the same.")

@@ -1,39 +1,38 @@
 """Make training samples for the compact network on simulated drives through buildings.
 
-The car drives with the project's own planner, without prediction. Each drive is then replayed with
-LIDARs of other windows and other noise, which takes a tenth of the time of driving.
-
     python -m predictor.drives                        the truth is the whole building
     python -m predictor.drives --simulated-logs 1     the truth is the map of a simulated log
+
+The car drives with the project's own planner, without prediction. Each drive is then replayed with
+LIDARs of other windows and other noise, which takes a tenth of the time of driving. Interrupted, it
+continues when the same command is given again.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
+from dataclasses import dataclass
 
-from foresee.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import Command
+from foresee.infra.options import Options, jobs_option
 from predictor.recording.settings import DrivesConfig
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    parser = OneLineParser(
-        prog="predictor.drives",
-        description="Make samples to train predictors on: drives of the project's own planner "
-        "through generated buildings. Interrupted, it continues when the same command is given "
-        "again.",
-    )
-    DrivesConfig.add_to(parser)
-    parser.add_jobs()
-    return run_command("predictor.drives", lambda: _run(parser.parse_args(argv)))
+@dataclass(frozen=True)
+class Place(Options):
+    """Options of where the drives are made; none of them changes a result."""
+
+    jobs: int = jobs_option()
 
 
-def _run(args: argparse.Namespace) -> None:
+def _run(config: DrivesConfig, place: Place) -> None:
+    # Imported here, so that --help does not wait for slow imports.
     from predictor.recording.training_drives import make
 
-    make(DrivesConfig.of(args), args.jobs)
+    make(config, place.jobs)
 
+
+main = Command("predictor.drives", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -4,16 +4,17 @@
     python -m predictor.train_frontiers --train 60 --validation 12 --steps 100 --out results/trial
 
 The samples are made first, by explorations of generated buildings in
-`predictor.recording.exploration`. The same command resumes a training that was interrupted.
+`predictor.recording.exploration`. Interrupted, it continues when the same command is given again.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
-from foresee.infra.command_line import OneLineParser, run_command
+from foresee.infra.command_line import Command
+from foresee.infra.options import Options, jobs_option, option
 from predictor.recording.settings import FrontiersConfig
 from predictor.training.settings import FrontierTraining
 
@@ -21,34 +22,21 @@ SAMPLES = ("train", "validation", "families")
 """Settings of the samples that decide the weights as well."""
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    parser = OneLineParser(
-        prog="predictor.train_frontiers",
-        description="Train the network that tells which frontiers lead on to the goal, on "
-        "explorations of generated buildings, which are made first. Interrupted, it continues "
-        "when the same command is given again.",
+@dataclass(frozen=True)
+class Place(Options):
+    """Options of where the training runs and is saved; none of them changes a result."""
+
+    jobs: int = jobs_option()
+    out: Path = option(
+        Path("results/frontiers"), "folder of checkpoint, log, curve and weights", "DIR"
     )
-    FrontiersConfig.add_to(parser)
-    FrontierTraining.add_to(parser)
-    parser.add_jobs()
-    parser.add_out("results/frontiers", "folder of checkpoint, log, curve and weights", "DIR")
-    return run_command("predictor.train_frontiers", lambda: _run(parser.parse_args(argv)))
 
 
-def _run(args: argparse.Namespace) -> None:
-    from foresee.infra.resumable import ResumableFolder
-
-    config, training = FrontiersConfig.of(args), FrontierTraining.of(args)
-    told = asdict(training) | {name: getattr(config, name) for name in SAMPLES}
-    # Before the explorations, so that an unusable folder is reported before they are made.
-    with ResumableFolder(args.out, told, exclusive=True):
-        _train(config, training, args)
-
-
-def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.Namespace) -> None:
+def _run(config: FrontiersConfig, training: FrontierTraining, place: Place) -> None:
+    # Imported here, so that --help does not wait for slow imports.
     import torch
 
+    from foresee.infra.resumable import ResumableFolder
     from predictor.data.frontier_samples import FrontierSamples
     from predictor.data.splits import check_apart
     from predictor.networks.frontier_net import FrontierNet
@@ -56,17 +44,20 @@ def _train(config: FrontiersConfig, training: FrontierTraining, args: argparse.N
     from predictor.training.frontier_training import FrontierTrainer, scores
     from predictor.weights import load_weights
 
-    make(config, args.jobs)
-    torch.set_num_threads(args.jobs)
-    train, validation = (
-        FrontierSamples.load(config.data / split, count)
-        for split, count in (("train", config.train), ("validation", config.validation))
-    )
-    check_apart({"train": train.worlds, "validation": validation.worlds})
-    path = FrontierTrainer(training, train, validation, args.out).run()
+    settings = asdict(training) | {name: getattr(config, name) for name in SAMPLES}
+    # Before the explorations, so that an unusable folder is reported before they are made.
+    with ResumableFolder(place.out, settings, exclusive=True):
+        make(config, place.jobs)
+        torch.set_num_threads(place.jobs)
+        train = FrontierSamples.load(config.data / "train", config.train)
+        validation = FrontierSamples.load(config.data / "validation", config.validation)
+        check_apart({"train": train.worlds, "validation": validation.worlds})
+        path = FrontierTrainer(training, train, validation, place.out).run()
     print(scores(load_weights(path, FrontierNet)[0], validation))
     print(path)
 
+
+main = Command("predictor.train_frontiers", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -29,7 +29,11 @@ BOXES = (
     "benchmarks",
 )
 """The boxes of the drawing, the inner ones first."""
-LATE = {"foresee.__main__", "benchmarks.runs.analysis", *(name for name, _ in commands().values())}
+LATE = {
+    "foresee.__main__",
+    "benchmarks.studies.driver.analysis",
+    *(name for name, _ in commands().values()),
+}
 """Modules with imports of our own inside functions: their --help must not wait for what only their
 work needs."""
 

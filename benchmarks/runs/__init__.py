@@ -7,5 +7,4 @@
 - `statistics`, `summary`, `overview`: intervals, the table of a run, and that of several runs.
 - `time_optimal`: the time-optimal drives of tasks, see `benchmarks.optimal`, and their file.
 - `drive_file`: drives that other commands than the comparison add to a file one by one.
-- `analysis`: the command line of commands that analyse runs.
 """

@@ -3,7 +3,7 @@
 From the command line to the results:
 
 - `errors`: error messages of one line, used by most of the others.
-- `command_line`: parsers of arguments, and commands that report each error in one line.
+- `command_line`: commands, which parse their options and report each error in one line.
 - `options`: classes of settings whose fields are options of a command.
 - `plain_json`, `plain_yaml`: read files that nobody has checked.
 - `workers`: parallel work, in processes or on a cluster.

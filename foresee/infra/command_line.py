@@ -1,4 +1,4 @@
-"""Command lines that report each error in one line."""
+"""Commands: parse their options, run them, and report each error in one line."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ import errno
 import os
 import sys
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NoReturn
+from dataclasses import dataclass
+from typing import Any, NoReturn, get_args, get_type_hints
 
 # Imported before numpy, this limits the libraries to one thread in each process.
 import foresee.infra.workers  # noqa: F401
 from foresee.infra.errors import LineError, one_line
 
-ENDLESS = 10**6
-"""Upper bounds at or above this are not named in error messages."""
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Error numbers that the disk causes, not the user's input."""
 
@@ -24,92 +22,94 @@ class UsageError(LineError):
     """An argument that cannot be used; the message is one line."""
 
 
-class OneLineParser(argparse.ArgumentParser):
-    """A parser that raises its errors, so that `run_command` prints them in one line."""
+@dataclass(frozen=True)
+class Section:
+    """How a command shows a settings class, for `Annotated[Settings, Section(…)]`.
 
-    def error(self, message: str) -> NoReturn:
-        """Refuse the arguments.
+    Attributes:
+        heading: heading of its options in the help; "": they are among the general ones.
+        names: fields that are options of the command; (): all.
+    """
 
-        Raises:
-            UsageError: always.
-        """
-        raise UsageError(message)
+    heading: str = ""
+    names: tuple[str, ...] = ()
 
-    def add_jobs(self) -> None:
-        """Add --jobs, the number of worker processes; by default one for each core."""
-        self.add_argument(
-            "--jobs",
-            type=between(1, 10_000),
-            default=os.cpu_count() or 1,
-            metavar="N",
-            help="worker processes (default: one for each core)",
-        )
 
-    def add_out(self, default: str, what: str, metavar: str = "FILE") -> None:
-        """Add --out, the file or folder of the results.
+@dataclass(frozen=True)
+class Command:
+    """A command line: called with its words, it does its work and returns the exit status.
+
+    Attributes:
+        name: name of the command, with which each error message begins.
+        description: text of the help; paragraphs that are indented keep their lines.
+        run: function that does the work and returns the exit status; None counts as 0. Its
+            parameters are annotated with the subclasses of `Options` that hold the options.
+    """
+
+    name: str
+    description: str | None
+    run: Callable[..., int | None]
+
+    def __call__(self, argv: list[str] | None = None) -> int:
+        """Parse the options, run the command, and report its errors in one line.
 
         Args:
-            default: default path.
-            what: description for the help.
-            metavar: placeholder of the path in the help, "FILE" or "DIR".
+            argv: words of the command line; None: those of the process.
+
+        Returns:
+            The status that `run` returned; 2 after an error in the input or in a file, 1 after an
+            error of the disk, such as a full disk, 130 after Ctrl-C.
         """
-        self.add_argument(
-            "--out",
-            type=Path,
-            default=Path(default),
-            metavar=metavar,
-            help=f"{what} (default: %(default)s)",
-        )
-
-
-def between(low: float, high: float) -> Callable[[str], Any]:
-    """Return a converter for `add_argument(type=…)` that refuses numbers outside of a range.
-
-    Args:
-        low: smallest value; its type, int or float, is that of the argument.
-        high: largest value.
-    """
-    kind = type(low)
-
-    def convert(text: str) -> Any:
         try:
-            value = kind(text)
-        except ValueError:
-            what = "whole number" if kind is int else "number"
-            raise argparse.ArgumentTypeError(f"{text!r} is no {what}") from None
-        if not low <= value <= high:
-            wanted = f"at least {low}" if high >= ENDLESS else f"between {low} and {high}"
-            raise argparse.ArgumentTypeError(f"{text} is not {wanted}")
-        return value
+            status = self.run(*self._parsed(argv)) or 0
+            sys.stdout.flush()
+            return status
+        except LineError as error:
+            self._complain(str(error))
+            return 2
+        except BrokenPipeError:
+            # The program that read the output, such as `head`, has ended.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        except OSError as error:
+            self._complain(f"{one_line(error)}; what was finished is kept")
+            return 1 if error.errno in DISK else 2
+        except KeyboardInterrupt:
+            self._complain("interrupted; the same command goes on where it stopped")
+            return 130
 
-    return convert
+    def _complain(self, line: str) -> None:
+        print(f"{self.name}: {line}", file=sys.stderr)
+
+    def _parsed(self, argv: list[str] | None) -> list[Any]:
+        """Return an instance of the settings class of each parameter of `run`."""
+        hints = get_type_hints(self.run, include_extras=True)
+        hints.pop("return", None)
+        # Settings with a section are annotated as (class, section).
+        parts = [get_args(hint) or (hint, Section()) for hint in hints.values()]
+        parser = _Parser(prog=self.name, description=self.description, formatter_class=_Paragraphs)
+        groups: dict[str, argparse._ActionsContainer] = {"": parser}
+        for settings, section in parts:
+            if section.heading not in groups:
+                groups[section.heading] = parser.add_argument_group(section.heading)
+            settings.add_to(groups[section.heading], *section.names)
+        args = parser.parse_args(argv)
+        return [settings.of(args, *section.names) for settings, section in parts]
 
 
-def run_command(name: str, work: Callable[[], int | None]) -> int:
-    """Run the work of a command, report its errors in one line, and return its exit status.
+class _Parser(argparse.ArgumentParser):
+    """A parser that raises its errors, so that `Command` prints them in one line."""
 
-    Args:
-        name: name of the command, with which each error message begins.
-        work: function that does the work and returns the exit status; None counts as 0.
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message)
 
-    Returns:
-        The status that `work` returned; 2 after an error in the input or in a file, 1 after an
-        error of the disk, such as a full disk, 130 after Ctrl-C.
-    """
-    try:
-        status = work() or 0
-        sys.stdout.flush()
-        return status
-    except LineError as error:
-        print(f"{name}: {error}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:
-        # The program that read the output, such as `head`, has ended.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except OSError as error:
-        print(f"{name}: {one_line(error)}; what was finished is kept", file=sys.stderr)
-        return 1 if error.errno in DISK else 2
-    except KeyboardInterrupt:
-        print(f"{name}: interrupted; the same command goes on where it stopped", file=sys.stderr)
-        return 130
+
+class _Paragraphs(argparse.HelpFormatter):
+    """A formatter that keeps the paragraphs of a description, and the lines of indented ones."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        fill = super()._fill_text
+        paragraphs = (part.strip("\n") for part in text.split("\n\n"))
+        return "\n\n".join(
+            part if part.startswith(" ") else fill(part, width, indent) for part in paragraphs
+        )

@@ -11,27 +11,27 @@ LONGEST = 1000
 
 def shown(text: str) -> str:
     """Return a text as one line, with control characters escaped and the middle cut if too long."""
-    words = " ".join(text.split())
-    if not words.isprintable():
-        words = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in words)
-    if len(words) > LONGEST:
-        words = f"{words[: LONGEST // 2]} … {words[-LONGEST // 2 :]}"
-    return words
+    line = " ".join(text.split())
+    if not line.isprintable():
+        line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+    if len(line) > LONGEST:
+        line = f"{line[: LONGEST // 2]} … {line[-LONGEST // 2 :]}"
+    return line
 
 
 def one_line(error: BaseException) -> str:
     """Return the class name and the message of an error as one line."""
     kind = type(error).__name__
     try:
-        said = shown(str(getattr(error, "strerror", None) or error))
+        message = shown(str(getattr(error, "strerror", None) or error))
     except Exception:
         # Converting the error of a plug-in to text may itself raise.
-        said = ""
-    return f"{kind}: {said}" if said else kind
+        message = ""
+    return f"{kind}: {message}" if message else kind
 
 
 class LineError(ValueError):
-    """An error whose message is one line, which `run_command` prints without a traceback."""
+    """An error whose message is one line, which `Command` prints without a traceback."""
 
-    def __init__(self, said: str) -> None:
-        super().__init__(shown(said))
+    def __init__(self, message: str) -> None:
+        super().__init__(shown(message))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
+import os
 from collections.abc import Callable
-from dataclasses import Field, dataclass, field, fields
-from typing import Any, Self
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from foresee.infra.command_line import UsageError
 
@@ -16,47 +18,74 @@ def option(
     metavar: str | None = None,
     *,
     low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] | None = None,
+    high: float = math.inf,
+    choices: tuple[Any, ...] | None = None,
     parse: Callable[[str], Any] | None = None,
 ) -> Any:
     """Declare a field of a subclass of `Options` that is a command-line option.
 
+    The type of the field is that of the value: a bool makes a flag, a tuple an option of one or
+    more words.
+
     Args:
-        default: default value; a bool makes a flag, a tuple an option of one or more words.
-        help: description of the setting, for --help and for readers of the code.
+        default: default value; `dataclasses.MISSING` if the option must be given.
+        help: description of the setting, for --help and for readers of the code. The default value
+            is appended, unless the description says "(default: …)" itself.
         metavar: placeholder of the value in the help.
         low: smallest number allowed.
         high: largest number allowed.
-        choices: words allowed.
-        parse: function from a word to the value; by default the type of `default`.
+        choices: values allowed.
+        parse: function from a word to the value; by default the type of the field.
     """
-    told = {"help": help, "metavar": metavar, "choices": choices, "parse": parse}
-    return field(default=default, metadata=told | {"low": low, "high": high})
+    metadata = {"help": help, "metavar": metavar, "choices": choices, "parse": parse}
+    return field(default=default, metadata=metadata | {"low": low, "high": high})
+
+
+def argument(help: str, metavar: str) -> Any:
+    """Declare a field that is a positional argument; of a tuple, one or more words.
+
+    Args:
+        help: description for --help and for readers of the code.
+        metavar: name of the argument in the help.
+    """
+    return field(metadata={"help": help, "metavar": metavar, "positional": True})
+
+
+def jobs_option() -> Any:
+    """Declare --jobs, the number of worker processes; by default one for each core."""
+    text = "worker processes (default: one for each core)"
+    return option(os.cpu_count() or 1, text, "N", low=1, high=10_000)
+
+
+def given(**values: Any) -> dict[str, Any]:
+    """Return the values of options that were given: all that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Options:
     """Base class of settings that are read from a command line.
 
-    Fields that are declared with `option` are options of the command; others are not.
+    Fields that are declared with `option` or `argument` are options of the command; others are not.
 
     Raises:
-        UsageError: if a number lies outside of its limits, or a word is not among the choices.
+        UsageError: if a number lies outside of its limits, or a value is not among the choices.
     """
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            low, high = one.metadata.get("low"), one.metadata.get("high")
-            value, choices = getattr(self, one.name), one.metadata.get("choices")
-            several = value if isinstance(value, tuple) else (value,)
-            for number in several if low is not None else ():
+        for setting in fields(self):
+            value, metadata = getattr(self, setting.name), setting.metadata
+            values = value if isinstance(value, tuple) else () if value is None else (value,)
+            choices = metadata.get("choices")
+            if choices and not set(values) <= set(choices):
+                allowed = ", ".join(map(str, choices))
+                raise UsageError(f"{_flag(setting)} is {value}, it must be of {allowed}")
+            low, high = metadata.get("low"), metadata.get("high", math.inf)
+            for number in values if low is not None else ():
                 if not low <= number <= high:
-                    raise UsageError(
-                        f"{_flag(one)} is {number}, it must lie between {low} and {high}"
-                    )
-            if choices and not set(several) <= set(choices):
-                raise UsageError(f"{_flag(one)} is {value}, it must be of {', '.join(choices)}")
+                    wanted = f"lie between {low} and {high}"
+                    wanted = f"be at least {low}" if high == math.inf else wanted
+                    raise UsageError(f"{_flag(setting)} is {number}, it must {wanted}")
 
     @classmethod
     def add_to(cls, parser: argparse._ActionsContainer, *names: str) -> None:
@@ -66,9 +95,10 @@ class Options:
             parser: parser or group to which the options are added.
             names: names of the fields to add; all if none is given.
         """
-        for one in fields(cls):
-            if "help" in one.metadata and (not names or one.name in names):
-                _add(parser, one)
+        types = get_type_hints(cls)
+        for setting in fields(cls):
+            if "help" in setting.metadata and (not names or setting.name in names):
+                _add(parser, setting, types[setting.name])
 
     @classmethod
     def of(cls, args: argparse.Namespace, *names: str) -> Self:
@@ -79,30 +109,36 @@ class Options:
             names: names of the fields to take from them; all if none is given.
         """
         wanted = [f.name for f in fields(cls) if not names or f.name in names]
-        given = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
+        parsed = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in parsed.items()})
+
+    def changed(self) -> list[str]:
+        """Return the options, such as "--v-max", whose values are not their defaults."""
+        return [_flag(f) for f in fields(self) if getattr(self, f.name) != f.default]
 
 
-def _add(parser: argparse._ActionsContainer, one: Field[Any]) -> None:
-    told, default = one.metadata, one.default
+def _add(parser: argparse._ActionsContainer, setting: Field[Any], hint: Any) -> None:
+    """Add the option of a field with a type such as int, `Path | None` or `tuple[str, ...]`."""
+    metadata, default, text = setting.metadata, setting.default, setting.metadata["help"]
     if isinstance(default, bool):
-        parser.add_argument(_flag(one), action="store_true", help=told["help"])
+        parser.add_argument(_flag(setting), action="store_true", help=text)
         return
-    many = isinstance(default, tuple) and told["parse"] is None
-    words, kind = default, type(default)
-    if isinstance(default, tuple):
-        words = (" " if many else ",").join(map(str, default))
-        kind = type(default[0]) if default else str
-    parser.add_argument(
-        _flag(one),
-        default=default,
-        type=told["parse"] or kind,
-        nargs="+" if many else None,
-        metavar=told["metavar"],
-        choices=told["choices"],
-        help=told["help"] if default in (None, ()) else f"{told['help']} (default: {words})",
+    parse = metadata.get("parse")
+    words: dict[str, Any] = {"metavar": metadata["metavar"], "choices": metadata.get("choices")}
+    words["type"] = parse or next(iter(get_args(hint)), hint)
+    if get_origin(hint) is tuple and not parse:
+        words["nargs"] = "+"
+    if "positional" in metadata:
+        parser.add_argument(setting.name, help=text, **words)
+        return
+    if default not in (None, (), MISSING) and "(default: " not in text:
+        values = default if isinstance(default, tuple) else (default,)
+        text += f" (default: {(',' if parse else ' ').join(map(str, values))})"
+    required = default is MISSING
+    parser.add_argument(_flag(setting), default=default, required=required, help=text, **words)
+
+
+def _flag(setting: Field[Any]) -> str:
+    return (
+        setting.name if "positional" in setting.metadata else f"--{setting.name.replace('_', '-')}"
     )
-
-
-def _flag(one: Field[Any]) -> str:
-    return "--" + one.name.replace("_", "-")

@@ -27,7 +27,7 @@ class DrivesConfig(Options):
         every: ticks from one sample to the next.
     """
 
-    out: Path = option(Path("data/drives"), "folder of the samples", "DIR", parse=Path)
+    out: Path = option(Path("data/drives"), "folder of the samples", "DIR")
     train: int = option(
         2000, "number of drives to train on, with about 50 samples each", "N", low=1, high=1_000_000
     )
@@ -70,7 +70,7 @@ class DrivesConfig(Options):
 class FrontiersConfig(Options):
     """Settings of the samples of frontiers, with the options of `predictor.train_frontiers`."""
 
-    data: Path = option(Path("data/frontiers"), "folder of the samples", "DIR", parse=Path)
+    data: Path = option(Path("data/frontiers"), "folder of the samples", "DIR")
     train: int = option(
         900,
         "number of buildings to train on, with about 150 samples each",

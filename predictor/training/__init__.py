@@ -20,7 +20,7 @@ For the network of frontiers:
 
 For the paper's networks:
 
-- `image_arguments`: settings of their training on the command line.
+- `image_options`: their options on the command line.
 - `image_learner`: their initial weights, and one step, with or without an adversary.
 - `image_validation`: their input and target images, validation, and the calibration of their greys.
 - `image_training`: the training of one network.

@@ -247,7 +247,7 @@ def test_what_cannot_be_used_is_said_in_one_line(tmp_path, counted, capsys):
     for arguments, words in (
         (["--world", "nowhere"], "'nowhere' is no family"),
         (["--world", "trap", "office", "trap"], "trap is given twice"),
-        (["--jobs", "0"], "--jobs: 0 is not between 1 and 10000"),
+        (["--jobs", "0"], "--jobs is 0, it must lie between 1 and 10000"),
         (["--episodes", "0"], "--episodes is 0"),
         (["--v-max", "nan"], "--v-max is nan"),
         (["--v-max", "3", "--out", str(out)], "holds a run with v_max 4.0"),

@@ -302,8 +302,8 @@ def test_one_command_trains_and_writes_weights(tmp_path, capsys):
         (["--arch", "gan", "--width", "9"], "--width is 9"),
         (["--arch", "mlp", "--epochs", "0"], "--epochs is 0"),
         (["--arch", "mlp", "--sigma", "-1"], "--sigma is -1"),
-        (["--arch", "mlp", "--seed", "-1"], "--seed: -1 is not at least 0"),
-        (["--arch", "mlp", "--batch", "0"], "--batch: 0 is not at least 1"),
+        (["--arch", "mlp", "--seed", "-1"], "--seed is -1"),
+        (["--arch", "mlp", "--batch", "0"], "--batch is 0, it must be at least 1"),
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(wrong, message, capsys):

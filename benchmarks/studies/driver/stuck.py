@@ -1,30 +1,31 @@
 """Find out why drives got stuck: the last moment at which the goal could still be reached.
 
-python -m benchmarks.studies.driver.stuck results/real --out stuck.json
+    python -m benchmarks.studies.driver.stuck results/real --out stuck.json
+
+For each stuck drive of the dubins car in a run of benchmarks.corridor, a search over the true map
+tries to reach the goal from where the car stands, then from ever earlier states of the drive. The
+search is that of sim.task, not the planner's; it keeps about 0.1 m from walls.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.runs.analysis import analyse
-from foresee.infra.command_line import UsageError
+from benchmarks.studies.driver.analysis import RunsSettings, analyse
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.markdown import records
+from foresee.infra.options import option
 
 if TYPE_CHECKING:
     from benchmarks.runs.drive_result import DriveResult
     from benchmarks.runs.saved_run import Run
 
-DESCRIPTION = """\
-Find out why drives of the dubins car got stuck. For each stuck drive of a run of
-benchmarks.corridor, a search over the true map tries to reach the goal from where the car stands,
-then from ever earlier states of the drive. The search is that of sim.task, not the planner's; it
-keeps about 0.1 m from walls.
-"""
 STRIDE = 5
 """Number of ticks between two states from which the search is tried."""
 LONGEST = 120.0
@@ -50,8 +51,8 @@ def causes(run: Run) -> dict[str, Any]:
         )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
-    found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
-    return {"drives": drives, "stuck": found}
+    entries = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
+    return {"drives": drives, "stuck": entries}
 
 
 def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
@@ -86,29 +87,37 @@ def table(results: dict[str, Any]) -> str:
     rows = []
     for run in results["runs"]:
         for arm, drives in run["drives"].items():
-            stuck = [one for one in run["stuck"] if one["arm"] == arm]
-            timed = [one for one in stuck if one["seconds"] is not None]
-            late = [one["speed"] for one in timed if 0 < one["seconds"] <= LATE]
+            stuck = [drive for drive in run["stuck"] if drive["arm"] == arm]
+            timed = [drive for drive in stuck if drive["seconds"] is not None]
+            late = [drive["speed"] for drive in timed if 0 < drive["seconds"] <= LATE]
             rows.append(
                 {
                     "run": run["label"],
                     "arm": f"`{arm}`",
                     "drives": drives,
                     "stuck": len(stuck),
-                    "reachable from the final state": sum(one["seconds"] == 0.0 for one in timed),
+                    "reachable from the final state": sum(drive["seconds"] == 0 for drive in timed),
                     f"missed within {LATE:g} s": len(late),
                     "speed then [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
-                    "in a dead end": sum(one["seconds"] > LATE for one in timed),
+                    "in a dead end": sum(drive["seconds"] > LATE for drive in timed),
                     "no path found": len(stuck) - len(timed),
                 }
             )
     return records(rows)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; return its exit status, 2 for bad input."""
-    return analyse("stuck", causes, table, DESCRIPTION, argv)
+@dataclass(frozen=True)
+class StuckSettings(RunsSettings):
+    """Saved runs that are analysed, and the file of the results."""
 
+    out: Path = option(Path("results/stuck.json"), "file of the results", "FILE")
+
+
+def _run(settings: StuckSettings) -> None:
+    analyse("stuck", settings, settings.out, causes, table)
+
+
+main = Command("benchmarks.studies.driver.stuck", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

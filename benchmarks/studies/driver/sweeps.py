@@ -1,27 +1,28 @@
 """Compare scores of a prediction that could limit how far a car drives into unobserved space.
 
-python -m benchmarks.studies.driver.sweeps results/corridor --out sweeps.json
+    python -m benchmarks.studies.driver.sweeps results/corridor --out sweeps.json
+
+The drives are those of the arm known in runs of benchmarks.corridor. At every eighth tick the car's
+body is swept along arcs that leave the observed space. Each score falls along an arc; the car may
+follow the arc as long as the score is above a threshold. An arc is wrong if the car would hit
+something on that part of it. For each accepted share of wrong arcs, the table gives the mean
+distance beyond the observed space at the best threshold.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.runs.analysis import analyse
+from benchmarks.studies.driver.analysis import RunsSettings, analyse
+from foresee.infra.command_line import Command
 from foresee.infra.markdown import interval, records
+from foresee.infra.options import option
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
-
-DESCRIPTION = """\
-Compare scores that could limit how far a car drives into unobserved space, on drives of the arm
-known in runs of benchmarks.corridor. At every eighth tick the car's body is swept along arcs that
-leave the observed space. Each score falls along an arc; the car may follow the arc as long as the
-score is above a threshold. An arc is wrong if the car would hit something on that part of it. For
-each accepted share of wrong arcs, the table gives the mean distance beyond the observed space at
-the best threshold.
-"""
 
 
 def distances(run: Run) -> dict[str, Any]:
@@ -42,17 +43,25 @@ def table(results: dict[str, Any]) -> str:
     return records(
         [
             {"run": run["label"], "score": name}
-            | {f"{100 * one['share']:g} % wrong": interval(one, ".2f") for one in found}
+            | {f"{100 * mean['share']:g} % wrong": interval(mean, ".2f") for mean in means}
             for run in results["runs"]
-            for name, found in run["scores"].items()
+            for name, means in run["scores"].items()
         ]
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; return its exit status, 2 for bad input."""
-    return analyse("sweeps", distances, table, DESCRIPTION, argv)
+@dataclass(frozen=True)
+class SweepsSettings(RunsSettings):
+    """Saved runs that are analysed, and the file of the results."""
 
+    out: Path = option(Path("results/sweeps.json"), "file of the results", "FILE")
+
+
+def _run(settings: SweepsSettings) -> None:
+    analyse("sweeps", settings, settings.out, distances, table)
+
+
+main = Command("benchmarks.studies.driver.sweeps", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,29 +1,31 @@
 """Count how often the car weaves: changes of the sign of its curvature on straight stretches.
 
-python -m benchmarks.studies.driver.weave results/corridor --out weave.json
+    python -m benchmarks.studies.driver.weave results/corridor --out weave.json
+
+The runs of benchmarks.corridor must be on a prescribed route. The route is straight where it turns
+by less than 10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are
+ignored.
 """
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.analysis import analyse
-from foresee.infra.command_line import UsageError
+from benchmarks.studies.driver.analysis import RunsSettings, analyse
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.markdown import DASH, records
+from foresee.infra.options import option
 from foresee.mapping.polyline import arc_length
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
 
-DESCRIPTION = """\
-Count how often the car changes between turning left and turning right on straight stretches, in
-runs of benchmarks.corridor on a prescribed route. The route is straight where it turns by less than
-10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are ignored.
-"""
 STEP = 0.5
 """Distance between two points of the route at which its direction is computed [m]."""
 AROUND = 6
@@ -49,8 +51,8 @@ def counts(run: Run) -> dict[str, Any]:
         for index in run.indices:
             trace = run.trace(index, arm)
             xy, curvature = trace.states[:, :2], trace.controls[:, 1].astype(float)
-            way = np.vstack([xy[:1], trace.waypoints])
-            for first, end in stretches(_on_straights(xy[:-1], way)):
+            route = np.vstack([xy[:1], trace.waypoints])
+            for first, end in stretches(_on_straights(xy[:-1], route)):
                 metres += float(np.hypot(*np.diff(xy[first : end + 1], axis=0).T).sum())
                 for i, threshold in enumerate(THRESHOLDS):
                     changes[i] += sign_changes(curvature[first:end], threshold)
@@ -71,16 +73,16 @@ def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
-def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
+def _on_straights(points: NDArray[Any], route: NDArray[Any]) -> NDArray[np.bool_]:
     """Return which points (N, 2) are nearest to a straight part of a route, (N,).
 
     Args:
         points: points to test [m].
-        way: points of the route, (n, 2) [m].
+        route: points of the route, (n, 2) [m].
     """
-    along = arc_length(way)
+    along = arc_length(route)
     at = np.arange(0.0, along[-1], STEP)
-    path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
+    path = np.column_stack([np.interp(at, along, route[:, i]) for i in (0, 1)])
     heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))
     straight = np.array(
         [np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN for i in range(len(at))]
@@ -107,10 +109,18 @@ def table(results: dict[str, Any]) -> str:
     return records(rows)
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; return its exit status, 2 for bad input."""
-    return analyse("weave", counts, table, DESCRIPTION, argv)
+@dataclass(frozen=True)
+class WeaveSettings(RunsSettings):
+    """Saved runs that are analysed, and the file of the results."""
 
+    out: Path = option(Path("results/weave.json"), "file of the results", "FILE")
+
+
+def _run(settings: WeaveSettings) -> None:
+    analyse("weave", settings, settings.out, counts, table)
+
+
+main = Command("benchmarks.studies.driver.weave", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

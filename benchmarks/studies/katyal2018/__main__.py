@@ -1,76 +1,80 @@
-"""Compare predictors on the data of the prediction study.
+"""Compare predictors on the data sets of the prediction study, simulated and from real logs.
 
-python -m benchmarks.studies.katyal2018 --help
+    python -m benchmarks.studies.katyal2018 --predictors extend compact results/study-short
+
+They are compared by the similarity of their images to the truth (SSIM) and by scores of their
+probabilities on unobserved cells, at each expansion of the 5 m crop. The values of the paper are
+shown beside them. Two baselines are always included: `copy`, the unchanged input, and `grey`, an
+image that is all grey. Interrupted, it continues when the same command is given again. Predictors
+and expansions can be added to a folder at any time.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from foresee.infra.command_line import OneLineParser, between, run_command
+from foresee.infra.command_line import Command, UsageError
+from foresee.infra.options import Options, jobs_option, option
 from predictor.data import PHYSICAL, SIMULATED
 from predictor.networks.image_config import EXPANSIONS
 
-PREDICTORS = ("none", "extend", "compact", "compact-logs", "compact-paper")
-"""Default predictors."""
-DESCRIPTION = """\
-Compare predictors on the data sets of the prediction study, simulated and from real logs: by the
-similarity of their images to the truth (SSIM) and by scores of their probabilities on unobserved
-cells, at each expansion of the 5 m crop. The values of the paper are shown beside them. Two
-baselines are always included: `copy`, the unchanged input, and `grey`, an image that is all grey.
-Interrupted, it continues when the same command is given again. Predictors and expansions can be
-added to a folder at any time.
-"""
 
+@dataclass(frozen=True)
+class PredictionSettings(Options):
+    """What is compared, on which data, and where the results are written."""
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 2 for bad arguments or input, 130 if interrupted."""
-    parser = OneLineParser(
-        prog="benchmarks.studies.katyal2018",
-        description=DESCRIPTION,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    out: Path = option(
+        Path("results/prediction"), "folder of results.json, tables.md and the figures", "DIR"
     )
-    told = {
-        "out": "folder of results.json, tables.md and the figures (default: %(default)s)",
-        "data": "folder of the simulated data set of predictor.dataset, whose splits test and more "
-        f"are scored (default: {SIMULATED}, which may be missing if there are logs)",
-        "logs": "folder of a data set of predictor.dataset --log; or logs, or folders of logs, of "
-        f"which a data set is made in OUT/physical (default: {PHYSICAL}, if it exists)",
-        "predictors": "none, extend, compact, compact-logs, compact-paper, module:Class, "
-        "FILE.safetensors; a folder of predictor.study, whose networks are compared at the "
-        "expansion that they were trained for; or fused:FOLDER/ARCH, which combines them. NAME=P "
-        "renames a predictor. Figures show the first eight that predict something "
-        f"(default: {' '.join(PREDICTORS)})",
-        "expansions": "side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00 "
-        f"(default: {' '.join(map(str, EXPANSIONS))})",
-        "apart": "least distance along the drive from one scored frame to the next [m]; 0: all "
-        "frames are scored (default: %(default)s)",
-    }
-    out, apart = Path("results/prediction"), between(0.0, 1000)
-    expansions: dict[str, Any] = {"nargs": "+", "type": _expansion, "default": EXPANSIONS}
-    add = parser.add_argument
-    add("--out", type=Path, default=out, metavar="DIR", help=told["out"])
-    add("--data", type=Path, metavar="DIR", help=told["data"])
-    add("--logs", type=Path, nargs="+", metavar="PATH", help=told["logs"])
-    add("--predictors", nargs="+", default=PREDICTORS, metavar="P", help=told["predictors"])
-    add("--expansions", metavar="X", help=told["expansions"], **expansions)
-    add("--apart", type=apart, default=0.5, metavar="M", help=told["apart"])
-    parser.add_jobs()
-    return run_command("benchmarks.studies.katyal2018", lambda: _run(parser.parse_args(argv)))
+    data: Path | None = option(
+        None,
+        "folder of the simulated data set of predictor.dataset, whose splits test and more are "
+        f"scored (default: {SIMULATED}, which may be missing if there are logs)",
+        "DIR",
+    )
+    logs: tuple[Path, ...] = option(
+        (),
+        "folder of a data set of predictor.dataset --log; or logs, or folders of logs, of which a "
+        f"data set is made in OUT/physical (default: {PHYSICAL}, if it exists)",
+        "PATH",
+    )
+    predictors: tuple[str, ...] = option(
+        ("none", "extend", "compact", "compact-logs", "compact-paper"),
+        "none, extend, compact, compact-logs, compact-paper, module:Class, FILE.safetensors; a "
+        "folder of predictor.study, whose networks are compared at the expansion that they were "
+        "trained for; or fused:FOLDER/ARCH, which combines them. NAME=P renames a predictor. "
+        "Figures show the first eight that predict something",
+        "P",
+    )
+    expansions: tuple[float, ...] = option(
+        EXPANSIONS,
+        "side of the predicted square divided by 5 m, of 1.02, 1.04, … 2.00",
+        "X",
+        low=1.02,
+        high=2.0,
+    )
+    apart: float = option(
+        0.5,
+        "least distance along the drive from one scored frame to the next [m]; 0: all frames are "
+        "scored",
+        "M",
+        low=0,
+        high=1000,
+    )
+    jobs: int = jobs_option()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for expansion in self.expansions:
+            # Squares are an even number of cells wide.
+            if abs(50 * expansion - round(50 * expansion)) > 1e-6:
+                raise UsageError(f"--expansions: {expansion} is none of 1.02, 1.04, … 2.00")
 
 
-def _expansion(text: str) -> float:
-    """Return an expansion whose square is an even number of cells wide."""
-    expansion: float = between(1.02, 2.0)(text)
-    if abs(50 * expansion - round(50 * expansion)) > 1e-6:
-        raise argparse.ArgumentTypeError(f"{text} is none of 1.02, 1.04, … 2.00")
-    return round(expansion, 2)
-
-
-def _run(args: argparse.Namespace) -> None:
+def _run(settings: PredictionSettings) -> None:
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
 
     from benchmarks.studies.katyal2018.contestants import contestants
@@ -85,42 +89,44 @@ def _run(args: argparse.Namespace) -> None:
     from predictor.data.frames import MANIFEST
 
     torch.set_num_threads(1)
-    args.out.mkdir(parents=True, exist_ok=True)
-    expansions = tuple(sorted(set(args.expansions)))
-    who = contestants(args.predictors, expansions)
-    logs, data = _logs(args), args.data
+    settings.out.mkdir(parents=True, exist_ok=True)
+    expansions = tuple(sorted({round(expansion, 2) for expansion in settings.expansions}))
+    who = contestants(settings.predictors, expansions)
+    logs, data = _logs(settings), settings.data
     if data is None and (logs is None or (SIMULATED / MANIFEST).is_file()):
         data = SIMULATED
-    evaluation = Evaluation(args.out, data, logs, expansions, args.apart, who)
+    evaluation = Evaluation(settings.out, data, logs, expansions, settings.apart, who)
     # Costs are measured first: they need an idle machine, and reveal invalid predictors early.
     costs, published = costs_of(evaluation), published_costs(evaluation)
-    evaluation.run(args.jobs)
+    evaluation.run(settings.jobs)
     results = report(evaluation, costs, published)
-    write_whole(args.out / "tables.md", tables_of(results).encode())
+    write_whole(settings.out / "tables.md", tables_of(results).encode())
     sheets = pictures(evaluation)
-    paths = [args.out / "results.json", args.out / "tables.md"]
-    paths += draw(args.out, results, sheets, evaluation.sets, leader_of(evaluation))
-    paths.append(write_hallway(sheets["hallway"], args.out))
+    paths = [settings.out / "results.json", settings.out / "tables.md"]
+    paths += draw(settings.out, results, sheets, evaluation.sets, leader_of(evaluation))
+    paths.append(write_hallway(sheets["hallway"], settings.out))
     mixed = several_states(results["commits"], "scores")
     print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
 
 
-def _logs(args: argparse.Namespace) -> Path | None:
+def _logs(settings: PredictionSettings) -> Path | None:
     """Return the folder of the physical data set, made here if logs are given; None without one."""
     from predictor.data.bags import BagConfig
     from predictor.data.frames import MANIFEST
     from predictor.data.log_files import logs_in
     from predictor.recording.data_sets import make_physical
 
-    logs: list[Path] = args.logs or [PHYSICAL]
+    logs = list(settings.logs) or [PHYSICAL]
     if len(logs) == 1 and (logs[0] / MANIFEST).is_file():
         return logs[0]
-    if args.logs is None:
+    if not settings.logs:
         return None
-    folder: Path = args.out / "physical"
-    make_physical(folder, logs_in(logs), BagConfig(), args.jobs)
+    folder = settings.out / "physical"
+    make_physical(folder, logs_in(logs), BagConfig(), settings.jobs)
     return folder
 
+
+main = Command("benchmarks.studies.katyal2018", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,6 +1,12 @@
 """Time the stages of the control cycle, their growth with sizes, and the throughput of drives.
 
-python -m benchmarks.studies.performance --help
+    python -m benchmarks.studies.performance --drives 4 --peers
+
+Every stage is timed in simulated drives, on one thread and after a warm-up. Then follow the growth
+of these times with sensor, map, window and horizon, and the throughput of kernels and of parallel
+drives. The machine should be idle otherwise. Interrupted, it continues when the same command is
+given again. Measurements by other code, on another machine, with other packages or with other
+settings are repeated.
 """
 
 from __future__ import annotations
@@ -9,18 +15,17 @@ import os
 import sys
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee.infra.command_line import OneLineParser, UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, option
 
 if TYPE_CHECKING:
-    from argparse import Namespace
     from collections.abc import Callable, Iterable
 
     from benchmarks.studies.performance.measurements import Measurement
 
-COMMAND = "benchmarks.studies.performance"
 ARMS = ("predicted", "known", "oracle")
 PEERS = {
     "octomap": "octomap-python",
@@ -40,53 +45,6 @@ LIMITS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that limit the threads of libraries, also in processes started here."""
 HALLS, HALL_TICKS = 20, 100
 """Number of drives of each solver of the MPC's problem, and their length [ticks]."""
-
-
-def measurements(args: StageSettings, report: Callable[[str], None]) -> list[Measurement]:
-    """Return all measurements in their order; their names are group/name.
-
-    Args:
-        args: settings of the run.
-        report: function that shows what is being measured.
-    """
-    from benchmarks.studies.performance import growth, rates, throughput
-    from benchmarks.studies.performance.measurements import Measurement, installed
-    from benchmarks.studies.performance.stage_times import closed_loop, spread
-
-    def arm(name: str) -> dict[str, dict[str, float]]:
-        times = closed_loop(name, args.drives, args.seed)
-        return {
-            stage: {**spread(taken), "threads": THREADS} for stage, taken in times.items() if taken
-        }
-
-    found: list[Measurement] = []
-
-    def add(name: str, measure: Callable[[], Any], **settings: Any) -> None:
-        found.append(Measurement(name, settings, measure))
-
-    seed = args.seed
-    for name in ARMS:
-        add(f"arms/{name}", partial(arm, name), drives=args.drives, seed=seed)
-    for name in ("rays", "mapping", "distance", "risk"):
-        add(f"measures/{name}", partial(getattr(rates, name), seed), seed=seed)
-    for jobs in (1, 2):
-        measure = partial(throughput.throughput, args.episodes, seed, jobs, report)
-        add(f"measures/throughput {jobs}", measure, episodes=args.episodes, seed=seed)
-    measure = partial(throughput.memory, args.memory, seed, report)
-    add("measures/memory", measure, drives=args.memory, seed=seed)
-    for axis in growth.AXES:
-        add(f"growth/{axis}", partial(growth.grown, axis, seed, report), seed=seed)
-    if args.peers:
-        from benchmarks.studies.performance import peers, peers_mpc
-
-        packages = installed(PEERS.values())
-        for name in peers.STAGES:
-            add(f"peers/{name}", partial(peers.beside, name, seed), seed=seed, packages=packages)
-        settings = {"halls": HALLS, "ticks": HALL_TICKS, "packages": packages}
-        for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
-            compare = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
-            add(f"peers/{name}", compare, **settings)
-    return found
 
 
 @dataclass(frozen=True)
@@ -120,20 +78,63 @@ class StageSettings(Options):
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 2 for bad arguments, 130 if interrupted."""
-    parser = OneLineParser(
-        prog="benchmarks.studies.performance",
-        description="Time every stage of the control cycle in simulated drives, on one thread and "
-        "after a warm-up; the growth of these times with sensor, map, window and horizon; and the "
-        "throughput of kernels and of parallel drives. The machine should be idle otherwise. "
-        "Interrupted, it continues when the same command is given again. Measurements by other "
-        "code, on another machine, with other packages or with other settings are repeated.",
+def measurements(settings: StageSettings, report: Callable[[str], None]) -> list[Measurement]:
+    """Return all measurements in their order; their names are group/name.
+
+    Args:
+        settings: settings of the run.
+        report: function that shows what is being measured.
+    """
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
+    from benchmarks.studies.performance import growth, rates, throughput
+    from benchmarks.studies.performance.measurements import Measurement, installed
+    from benchmarks.studies.performance.stage_times import closed_loop, spread
+
+    def arm(name: str) -> dict[str, dict[str, float]]:
+        times = closed_loop(name, settings.drives, settings.seed)
+        return {
+            stage: {**spread(taken), "threads": THREADS} for stage, taken in times.items() if taken
+        }
+
+    parts: list[Measurement] = []
+
+    def add(name: str, measure: Callable[[], Any], **decisive: Any) -> None:
+        parts.append(Measurement(name, decisive, measure))
+
+    seed = settings.seed
+    for name in ARMS:
+        add(f"arms/{name}", partial(arm, name), drives=settings.drives, seed=seed)
+    for name in ("rays", "mapping", "distance", "risk"):
+        add(f"measures/{name}", partial(getattr(rates, name), seed), seed=seed)
+    for jobs in (1, 2):
+        measure = partial(throughput.throughput, settings.episodes, seed, jobs, report)
+        add(f"measures/throughput {jobs}", measure, episodes=settings.episodes, seed=seed)
+    measure = partial(throughput.memory, settings.memory, seed, report)
+    add("measures/memory", measure, drives=settings.memory, seed=seed)
+    for axis in growth.AXES:
+        add(f"growth/{axis}", partial(growth.grown, axis, seed, report), seed=seed)
+    if settings.peers:
+        from benchmarks.studies.performance import peers, peers_mpc
+
+        packages = installed(PEERS.values())
+        for name in peers.STAGES:
+            add(f"peers/{name}", partial(peers.beside, name, seed), seed=seed, packages=packages)
+        drives = {"halls": HALLS, "ticks": HALL_TICKS, "packages": packages}
+        for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
+            compare = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
+            add(f"peers/{name}", compare, **drives)
+    return parts
+
+
+@dataclass(frozen=True)
+class Place(Options):
+    """Where the results are written."""
+
+    out: Path = option(
+        Path("results/stages"),
+        "folder of results.json, growth.png, and finished measurements",
+        "DIR",
     )
-    StageSettings.add_to(parser)
-    what = "folder of results.json, growth.png, and finished measurements"
-    parser.add_out("results/stages", what, "DIR")
-    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
 
 
 def _ask_for(modules: Iterable[str]) -> None:
@@ -152,12 +153,12 @@ def _ask_for(modules: Iterable[str]) -> None:
         raise UsageError(f"--peers needs {COMPILER}, to compile the problems of other solvers")
 
 
-def _run(args: Namespace) -> None:
-    settings = StageSettings.of(args)
+def _run(settings: StageSettings, place: Place) -> None:
     if settings.peers:
         _ask_for(PEERS)
     # Set before numpy is imported, and regardless of the user's environment.
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
     from tqdm import tqdm
 
@@ -168,19 +169,19 @@ def _run(args: Namespace) -> None:
     from foresee.infra.results_file import write_results
 
     torch.set_num_threads(THREADS)
-    kept = KeptMeasurements(args.out / "parts")
-    found: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
+    kept = KeptMeasurements(place.out / "parts")
+    groups: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
     with tqdm(unit="part", smoothing=0.0) as bar:
         todo = measurements(settings, lambda what: bar.set_postfix_str(what))
         bar.reset(len(todo))
-        for one in todo:
-            group, name = one.name.split("/", 1)
-            bar.set_description_str(" ".join(one.name.split()))
-            measured = kept.find(one)
+        for measurement in todo:
+            group, name = measurement.name.split("/", 1)
+            bar.set_description_str(" ".join(measurement.name.split()))
+            measured = kept.find(measurement)
             if measured is None:
-                measured = kept.measure(one)
+                measured = kept.measure(measurement)
             # A measurement of the group "measures" is a dictionary of several measures.
-            found[group] |= measured if group == "measures" else {name: measured}
+            groups[group] |= measured if group == "measures" else {name: measured}
             bar.set_postfix_str("")
             bar.update()
     here = machine()
@@ -191,14 +192,16 @@ def _run(args: Namespace) -> None:
         "threads": THREADS,
         "drives": settings.drives,
         "seed": settings.seed,
-        "stages": found["arms"]["predicted"],
-        "peak_memory_mib": found["measures"]["worker, peak memory"]["value"],
-        **found,
+        "stages": groups["arms"]["predicted"],
+        "peak_memory_mib": groups["measures"]["worker, peak memory"]["value"],
+        **groups,
     }
-    write_results(args.out / "results.json", "stages", results)
-    draw(found["growth"]).savefig(args.out / "growth.png")
-    print(tables(results), "", args.out / "results.json", sep="\n")
+    write_results(place.out / "results.json", "stages", results)
+    draw(groups["growth"]).savefig(place.out / "growth.png")
+    print(tables(results), "", place.out / "results.json", sep="\n")
 
+
+main = Command("benchmarks.studies.performance", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

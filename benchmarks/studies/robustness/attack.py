@@ -1,6 +1,11 @@
 """Drive with hostile predictors in all families of buildings; no car may collide.
 
-python -m benchmarks.studies.robustness.attack --drives 400
+    python -m benchmarks.studies.robustness.attack --drives 400
+
+The predictors predict falsely, write into their arguments, answer late, raise and break the
+contract, at reliances from 0 to 0.99. Collisions of the car and crashes of the program are counted:
+there may be none. Interrupted, it continues when the same command is given again. Exit status: 1
+after a collision or crash.
 """
 
 from __future__ import annotations
@@ -8,16 +13,12 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from benchmarks.runs.drive_file import DriveFile
-from foresee.infra.command_line import OneLineParser, run_command
-from foresee.infra.options import Options, option
+from foresee.infra.command_line import Command
+from foresee.infra.options import Options, jobs_option, option
 
-if TYPE_CHECKING:
-    import argparse
-
-COMMAND = "benchmarks.studies.robustness.attack"
 SEED = 990_000
 """Seed of the first building; no network was trained in a building of such seeds."""
 
@@ -33,34 +34,30 @@ class AttackSettings(Options):
     )
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 1 after a collision or crash, 2 for bad input, 130 if interrupted."""
-    parser = OneLineParser(
-        prog=COMMAND,
-        description="Drive with predictors that predict falsely, write into their arguments, "
-        "answer late, raise and break the contract, at reliances from 0 to 0.99, and count "
-        "collisions of the car and crashes of the program: there may be none. Interrupted, it "
-        "continues when the same command is given again.",
-    )
-    AttackSettings.add_to(parser)
-    parser.add_jobs()
-    parser.add_out("results/attack.json", "file of the drives")
-    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
+@dataclass(frozen=True)
+class Place(Options):
+    """Options of where the drives are computed and saved; none of them changes a result."""
+
+    jobs: int = jobs_option()
+    out: Path = option(Path("results/attack.json"), "file of the drives", "FILE")
 
 
-def _run(args: argparse.Namespace) -> int:
+def _run(settings: AttackSettings, place: Place) -> int:
+    # Imported here, so that --help does not wait for slow imports.
     from benchmarks.studies.robustness.hostile_drives import attacked, table
 
-    store = DriveFile(args.out, "attack", asdict(AttackSettings.of(args)), grows="drives")
-    work = partial(attacked, args.seed, args.seconds)
-    store.fill(work, range(args.drives), args.jobs, lambda drive: str(drive["kind"]))
-    drives = store.first(args.drives)
-    print(table({"drives": drives}), "", args.out, sep="\n")
-    bad = [d for d in drives if d["outcome"] in ("collided", "crashed")]
-    for d in bad:
-        print(f"drive {d['index']}, {d['kind']}: {d['outcome']} {d['error'] or ''}")
-    return 1 if bad else 0
+    store = DriveFile(place.out, "attack", asdict(settings), grows="drives")
+    work = partial(attacked, settings.seed, settings.seconds)
+    store.fill(work, range(settings.drives), place.jobs, lambda drive: str(drive["kind"]))
+    drives = store.first(settings.drives)
+    print(table({"drives": drives}), "", place.out, sep="\n")
+    failed = [drive for drive in drives if drive["outcome"] in ("collided", "crashed")]
+    for drive in failed:
+        print(f"drive {drive['index']}, {drive['kind']}: {drive['outcome']} {drive['error'] or ''}")
+    return 1 if failed else 0
 
+
+main = Command("benchmarks.studies.robustness.attack", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

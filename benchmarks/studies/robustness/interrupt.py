@@ -1,6 +1,11 @@
 """Interrupt the long commands at random moments, and compare the resumed results.
 
-python -m benchmarks.studies.robustness.interrupt --trials 480 --disk /mnt/small
+    python -m benchmarks.studies.robustness.interrupt --trials 480 --disk /mnt/small
+
+Small runs of the commands corridor, drives, dataset, train, evaluate and study are interrupted by
+SIGKILL, SIGTERM, Ctrl-C and a full disk. Each run is continued with the same command, and its
+results are compared with those of an uninterrupted run. Interrupted, this command continues when it
+is given again. Exit status: 1 if a trial failed.
 """
 
 from __future__ import annotations
@@ -10,16 +15,11 @@ import sys
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchmarks.runs.drive_file import DriveFile
-from foresee.infra.command_line import OneLineParser, UsageError, run_command
+from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, option
 
-if TYPE_CHECKING:
-    import argparse
-
-COMMAND = "benchmarks.studies.robustness.interrupt"
 LATEST = 1.2
 """Latest moment of an interruption, as a multiple of the time of an uninterrupted run."""
 
@@ -46,7 +46,6 @@ class Place(Options):
         "empty folder on a file system of its own of about 100 MB, which is filled up (mount -t "
         "tmpfs -o size=100m tmpfs DIR); without it, there are no trials with a full disk",
         "DIR",
-        parse=Path,
     )
     jobs: int = option(
         1, "number of parallel trials; each uses 2 processes", "N", low=1, high=10_000
@@ -56,53 +55,41 @@ class Place(Options):
         "folder of input data, uninterrupted runs, and files of failed trials",
         "DIR",
     )
+    out: Path = option(Path("results/interrupt.json"), "file of the trials", "FILE")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line; 1 if a trial failed, 2 for bad input, 130 if interrupted."""
-    parser = OneLineParser(
-        prog=COMMAND,
-        description="Interrupt small runs of the long commands (corridor, drives, dataset, train, "
-        "evaluate, study) at random moments by SIGKILL, SIGTERM, Ctrl-C and a full disk. Continue "
-        "each run with the same command, and compare its results with those of an uninterrupted "
-        "run. Interrupted, this command continues when it is given again.",
-    )
-    InterruptSettings.add_to(parser)
-    Place.add_to(parser)
-    parser.add_out("results/interrupt.json", "file of the trials")
-    return run_command(COMMAND, lambda: _run(parser.parse_args(argv)))
-
-
-def _run(args: argparse.Namespace) -> int:
+def _run(settings: InterruptSettings, place: Place) -> int:
+    # Imported here, so that --help does not wait for slow imports.
     import numpy as np
 
     from benchmarks.studies.robustness import interruptions
     from foresee.infra.environment import commit
 
-    place = Place.of(args)
     if place.disk is not None and not os.path.ismount(place.disk):
         raise UsageError(f"--disk: no file system of its own is mounted at {place.disk}")
     kinds = [kind for kind in interruptions.KINDS if kind != "disk full" or place.disk is not None]
-    commands = args.commands or list(interruptions.CASES)
+    commands = settings.commands or list(interruptions.CASES)
     unknown = [name for name in commands if name not in interruptions.CASES]
     if unknown:
         raise UsageError(f"--commands: {unknown[0]} is none of {', '.join(interruptions.CASES)}")
-    settings = asdict(InterruptSettings.of(args)) | {"kinds": kinds, "commit": commit()}
-    store = DriveFile(args.out, "interrupt", settings, grows="trials")
+    decisive = asdict(settings) | {"kinds": kinds, "commit": commit()}
+    store = DriveFile(place.out, "interrupt", decisive, grows="trials")
     folder = place.work.absolute()
     seconds = interruptions.references(folder, commands)
     turns = [(command, kind) for kind in kinds for command in commands]
-    shares = np.random.default_rng(args.seed).uniform(0.0, LATEST, args.trials).tolist()
-    items = [(i, *turns[i % len(turns)], shares[i]) for i in range(args.trials)]
+    shares = np.random.default_rng(settings.seed).uniform(0.0, LATEST, settings.trials).tolist()
+    items = [(i, *turns[i % len(turns)], shares[i]) for i in range(settings.trials)]
     work = partial(interruptions.interrupted, folder, place.disk and place.disk.absolute(), seconds)
     store.fill(work, items, place.jobs, lambda t: f"{t['command']}, {t['kind']}", unit="trial")
-    trials = store.first(args.trials)
-    print(interruptions.table({"drives": trials}), "", args.out, sep="\n")
-    bad = [trial for trial in trials if not interruptions.good(trial)]
-    for trial in bad:
+    trials = store.first(settings.trials)
+    print(interruptions.table({"drives": trials}), "", place.out, sep="\n")
+    failed = [trial for trial in trials if not interruptions.good(trial)]
+    for trial in failed:
         print(f"trial {trial['index']}, {trial['command']}, {trial['kind']}: {trial}")
-    return 1 if bad else 0
+    return 1 if failed else 0
 
+
+main = Command("benchmarks.studies.robustness.interrupt", __doc__, _run)
 
 if __name__ == "__main__":
     sys.exit(main())
