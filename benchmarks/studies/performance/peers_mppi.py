@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.studies.performance.hall import BEHIND, SIDE, Solve, Solver, Tick
+from benchmarks.studies.performance.hall import BEHIND, MAP_CELLS, Solve, Solver, Tick
 from foresee.mapping.conventions import RESOLUTION
 from planner.mpc.mpc import MPC
 
@@ -82,7 +82,7 @@ def mppi(mpc: MPC, config: MPPIConfig | None = None) -> Solver:
         places = (centres - now["origin"]) / RESOLUTION - 0.5
         value = grid_sample(
             now["field"],
-            (2.0 / (SIDE - 1) * places - 1.0).reshape(1, config.samples, -1, 2),
+            (2.0 / (MAP_CELLS - 1) * places - 1.0).reshape(1, config.samples, -1, 2),
             mode="bilinear",
             padding_mode="border",
             align_corners=True,
