@@ -76,8 +76,7 @@ def _run(args: argparse.Namespace) -> None:
     from benchmarks.studies.katyal2018.contestants import contestants
     from benchmarks.studies.katyal2018.cost import costs_of, published_costs
     from benchmarks.studies.katyal2018.evaluation import Evaluation
-    from benchmarks.studies.katyal2018.figures import draw, write_hallway
-    from benchmarks.studies.katyal2018.pictures import leader_of, pictures
+    from benchmarks.studies.katyal2018.figures import draw
     from benchmarks.studies.katyal2018.report import report
     from benchmarks.studies.katyal2018.tables import summary, tables_of
     from foresee.infra.atomic_file import write_whole
@@ -97,10 +96,7 @@ def _run(args: argparse.Namespace) -> None:
     evaluation.run(args.jobs)
     results = report(evaluation, costs, published)
     write_whole(args.out / "tables.md", tables_of(results).encode())
-    sheets = pictures(evaluation)
-    paths = [args.out / "results.json", args.out / "tables.md"]
-    paths += draw(args.out, results, sheets, evaluation.sets, leader_of(evaluation))
-    paths.append(write_hallway(sheets["hallway"], args.out))
+    paths = [args.out / "results.json", args.out / "tables.md", *draw(evaluation, results)]
     mixed = several_states(results["commits"], "scores")
     print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
 
