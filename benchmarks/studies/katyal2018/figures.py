@@ -37,9 +37,7 @@ from predictor.evaluation import figures as scores
 TITLES = {
     "simulated": "A median square of {leader} on the simulated test drives",
     "physical": "A median square of {leader} on the real drives",
-    "random": "Random squares",
     "worst": "The worst squares of {leader}, one a drive",
-    "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
 """Name of each sheet → title; median and worst are by SSIM."""
 SIMILAR = {
@@ -48,15 +46,6 @@ SIMILAR = {
     "ssim_unseen": "SSIM, unobserved, outside the crop",
 }
 """Measures that are drawn over the expansion → labels."""
-MEASURES = {
-    "iou_free": "IoU of free",
-    "iou_occupied": "IoU of occupied",
-    "brier": "Brier",
-    "ece": "calibration error",
-}
-"""Measures that are drawn over the distance beyond the frontier → labels."""
-NEAR, FAR = 1.3, 2.0
-"""Expansions whose reliability diagrams are drawn; if they were not measured, the nearest ones."""
 STYLES: dict[str, dict[str, Any]] = {
     "train": {"color": "#D00000", "linestyle": "-"},
     "test": {"color": "black", "linestyle": (0, (1, 1.2))},
@@ -88,11 +77,7 @@ def draw(evaluation: Evaluation, results: dict[str, Any]) -> list[Path]:
         }
         for place, entry in places.items()
     }
-    figures = [
-        ("ssim.png", partial(ssim, places, results["paper"])),
-        ("distance.png", partial(by_distance, places)),
-        ("reliability.png", partial(calibration, places)),
-    ]
+    figures = [("ssim.png", partial(ssim, places, results["paper"]))]
     for name, title in TITLES.items():
         if name in sheets:
             draw_sheet = partial(titled_sheet, sheets[name], title.format(leader=leader))
@@ -120,33 +105,6 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
             row[0].plot([*map(float, published)], values, label=f"the paper's {name}", **style)
     scores.legend(figure, axes)
     return figure
-
-
-def by_distance(places: dict[str, Any]) -> Figure:
-    """Draw measures over the distance beyond the frontier, in the widest square."""
-    columns = {}
-    for place, entry in places.items():
-        expansion, rows = list(entry.items())[-1]
-        columns[f"{place}, {expansion}×"] = {name: row["rings"] for name, row in rows.items()}
-    return scores.over_distance(columns, MEASURES)
-
-
-def calibration(places: dict[str, Any]) -> Figure:
-    """Draw reliability diagrams of free and of occupied."""
-    every = next(iter(places.values()))
-    expansions = {min(every, key=lambda x: abs(float(x) - wanted)) for wanted in (NEAR, FAR)}
-    return scores.reliability(
-        {
-            place: {
-                f"was {name}, {x}×": {
-                    one: list(row["reliability"][name].values()) for one, row in entry[x].items()
-                }
-                for x in sorted(expansions)
-                for name in ("free", "occupied")
-            }
-            for place, entry in places.items()
-        }
-    )
 
 
 def titled_sheet(rows: list[Row], title: str) -> Figure:

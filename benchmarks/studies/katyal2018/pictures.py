@@ -15,7 +15,6 @@ from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, ent
 from benchmarks.studies.katyal2018.evaluation import Drive, Evaluation
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import drive_of
-from benchmarks.studies.katyal2018.transients import with_transients
 from predictor.data.squares import TERNARY, codes_of
 from predictor.networks import PROPOSED
 from predictor.scoring.images import ssim
@@ -52,8 +51,7 @@ class Row:
 
 Sheets = dict[str, list[Row]]
 """Name of a sheet → its squares: "simulated" and "physical" show a median square at several
-expansions as in the paper's figure, "random" and "worst" several squares, "transients" some of the
-random ones with added obstacles."""
+expansions as in the paper's figure, "worst" the worst square of each of some drives."""
 
 
 class Example(NamedTuple):
@@ -78,8 +76,7 @@ def pictures(evaluation: Evaluation) -> Sheets:
     asked = [contestant for contestant in evaluation.contestants if contestant.name in names]
     return {
         name: [
-            _row(evaluation, asked, example, name == "transients")
-            for example in tqdm(examples, desc=name, unit="square")
+            _row(evaluation, asked, example) for example in tqdm(examples, desc=name, unit="square")
         ]
         for name, examples in _chosen(evaluation).items()
     }
@@ -102,12 +99,10 @@ def leader_of(evaluation: Evaluation) -> str:
     return next((name for name in LEADERS if name in names), names[-1])
 
 
-def _row(evaluation: Evaluation, asked: list[Contestant], example: Example, transient: bool) -> Row:
-    """Predict a square by all contestants asked, if `transient` with transients in the input."""
+def _row(evaluation: Evaluation, asked: list[Contestant], example: Example) -> Row:
+    """Predict a square by all contestants asked."""
     drive, index, expansion, title = example
     square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
-    if transient:
-        square, _ = with_transients(square, seed=index)
     images = {GIVEN: TERNARY[codes_of(square.crop.cells)]}
     for contestant in asked:
         if contestant.does(expansion):
@@ -132,27 +127,14 @@ def _chosen(evaluation: Evaluation) -> dict[str, list[Example]]:
             scored = _scored(evaluation, drives, narrow[len(narrow) // 2])
             drive, index = scored[len(scored) // 2]
             out[name] = [Example(drive, index, x, f"{x:.2f}×") for x in narrow]
-    every = [(drive, index) for drive in test or real for index in drive.chosen.tolist()]
-    rng = np.random.default_rng(0)
-    drawn = sorted(rng.choice(len(every), min(SHOWN, len(every)), replace=False))
-    near = min(expansions, key=lambda x: abs(x - 1.3))
-    out["random"] = [_named(*every[i], near) for i in drawn]
-    if test:
-        # Real drives contain their own transients.
-        out["transients"] = out["random"][:3]
     simulated = [drive for drive in evaluation.drives if drive.place == "simulated"]
     # One square for each drive, so that different failures are shown.
-    worst: dict[int, Example] = {}
-    for drive, index in _scored(evaluation, simulated or real, max(expansions)):
-        worst.setdefault(drive.number, _named(drive, index, max(expansions)))
+    widest, worst = max(expansions), dict[int, Example]()
+    for drive, index in _scored(evaluation, simulated or real, widest):
+        title = f"{drive.about['file'].removesuffix('.npz')}, {index}"
+        worst.setdefault(drive.number, Example(drive, index, widest, title))
     out["worst"] = list(worst.values())[:SHOWN]
     return out
-
-
-def _named(drive: Drive, index: int, expansion: float) -> Example:
-    """Return a square whose title names its drive and frame."""
-    title = f"{drive.about['file'].removesuffix('.npz')}, {index}"
-    return Example(drive, index, expansion, title)
 
 
 def _scored(
