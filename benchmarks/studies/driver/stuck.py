@@ -50,8 +50,8 @@ def causes(run: Run) -> dict[str, Any]:
         )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
-    found = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
-    return {"drives": drives, "stuck": found}
+    entries = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
+    return {"drives": drives, "stuck": entries}
 
 
 def cause(run: Run, episode: DriveResult) -> dict[str, Any]:
@@ -86,19 +86,21 @@ def table(results: dict[str, Any]) -> str:
     rows = []
     for run in results["runs"]:
         for arm, drives in run["drives"].items():
-            stuck = [one for one in run["stuck"] if one["arm"] == arm]
-            timed = [one for one in stuck if one["seconds"] is not None]
-            late = [one["speed"] for one in timed if 0 < one["seconds"] <= LATE]
+            stuck = [entry for entry in run["stuck"] if entry["arm"] == arm]
+            timed = [entry for entry in stuck if entry["seconds"] is not None]
+            late = [entry["speed"] for entry in timed if 0 < entry["seconds"] <= LATE]
             rows.append(
                 {
                     "run": run["label"],
                     "arm": f"`{arm}`",
                     "drives": drives,
                     "stuck": len(stuck),
-                    "reachable from the final state": sum(one["seconds"] == 0.0 for one in timed),
+                    "reachable from the final state": sum(
+                        entry["seconds"] == 0.0 for entry in timed
+                    ),
                     f"missed within {LATE:g} s": len(late),
                     "speed then [m/s]": f"{min(late):.1f}–{max(late):.1f}" if late else "",
-                    "in a dead end": sum(one["seconds"] > LATE for one in timed),
+                    "in a dead end": sum(entry["seconds"] > LATE for entry in timed),
                     "no path found": len(stuck) - len(timed),
                 }
             )

@@ -42,9 +42,9 @@ def table(results: dict[str, Any]) -> str:
     return records(
         [
             {"run": run["label"], "score": name}
-            | {f"{100 * one['share']:g} % wrong": interval(one, ".2f") for one in found}
+            | {f"{100 * each['share']:g} % wrong": interval(each, ".2f") for each in shares}
             for run in results["runs"]
-            for name, found in run["scores"].items()
+            for name, shares in run["scores"].items()
         ]
     )
 

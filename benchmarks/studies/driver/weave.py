@@ -49,8 +49,8 @@ def counts(run: Run) -> dict[str, Any]:
         for index in run.indices:
             trace = run.trace(index, arm)
             xy, curvature = trace.states[:, :2], trace["controls"][:, 1].astype(float)
-            way = np.vstack([xy[:1], run.archive.array(f"w{index}/waypoints")])
-            for first, end in stretches(_on_straights(xy[:-1], way)):
+            route = np.vstack([xy[:1], run.archive.array(f"w{index}/waypoints")])
+            for first, end in stretches(_on_straights(xy[:-1], route)):
                 metres += float(np.hypot(*np.diff(xy[first : end + 1], axis=0).T).sum())
                 for i, threshold in enumerate(THRESHOLDS):
                     changes[i] += sign_changes(curvature[first:end], threshold)
@@ -71,16 +71,16 @@ def stretches(marked: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(first), int(end)) for first, end in edges.reshape(-1, 2)]
 
 
-def _on_straights(points: NDArray[Any], way: NDArray[Any]) -> NDArray[np.bool_]:
+def _on_straights(points: NDArray[Any], route: NDArray[Any]) -> NDArray[np.bool_]:
     """Return which points (N, 2) are nearest to a straight part of a route, (N,).
 
     Args:
         points: points to test [m].
-        way: points of the route, (n, 2) [m].
+        route: points of the route, (n, 2) [m].
     """
-    along = arc_length(way)
+    along = arc_length(route)
     at = np.arange(0.0, along[-1], STEP)
-    path = np.column_stack([np.interp(at, along, way[:, i]) for i in (0, 1)])
+    path = np.column_stack([np.interp(at, along, route[:, i]) for i in (0, 1)])
     heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))
     straight = np.array(
         [np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN for i in range(len(at))]

@@ -94,8 +94,8 @@ def leader_of(evaluation: Evaluation) -> str:
         The first of `LEADERS`, or the last contestant, among those that predict every expansion.
     """
     # A network of the paper is one contestant for each expansion, all of the same name.
-    able = [{one.name for one in evaluation.who(x)} for x in evaluation.expansions]
-    names = [one.name for one in evaluation.contestants if all(one.name in has for has in able)]
+    able = [{each.name for each in evaluation.who(x)} for x in evaluation.expansions]
+    names = [each.name for each in evaluation.contestants if all(each.name in of for of in able)]
     return next((name for name in LEADERS if name in names), names[-1])
 
 
@@ -142,7 +142,7 @@ def _scored(
 ) -> list[tuple[Drive, int]]:
     """Return drive and frame of all squares, in ascending order of the leader's SSIM."""
     name = leader_of(evaluation)
-    leader = next(one for one in evaluation.who(expansion) if one.name == name)
+    leader = next(each for each in evaluation.who(expansion) if each.name == name)
     squares: list[tuple[float, Drive, int]] = []
     for drive in drives:
         parts = evaluation.kept(drive, expansion, leader)

@@ -57,7 +57,7 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
         ScoringError: if a contestant breaks the contract of predictors.
     """
     frames = drive_of(stretch.folder, stretch.drive)
-    answers = {one: entrant(one, stretch.rates) for one in stretch.contestants}
+    answers = {asked: entrant(asked, stretch.rates) for asked in stretch.contestants}
     sums = {contestant: Scores() for contestant in answers}
     rows: dict[Contestant, list[tuple[float, ...]]] = {contestant: [] for contestant in answers}
     for index in stretch.frames:

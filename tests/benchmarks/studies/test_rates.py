@@ -24,7 +24,7 @@ def test_poses_on_ways_are_ticks_apart_and_pass_no_wall():
         assert world.clearance[world.grid.frame.cell(*pose[:2])] >= places.CLEAR
     far = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     same_way = np.diff(poses[:, 2]) == 0.0
-    assert far[same_way] == pytest.approx(places.STEP)
+    assert far[same_way] == pytest.approx(places.PER_TICK)
     assert 0.8 < same_way.mean() < 1.0
 
 
