@@ -17,7 +17,7 @@ PER_TICK = 0.25
 TICKS = 20
 """Largest number of poses on one straight line of `on_ways`."""
 CLEAR = 0.3
-"""Smallest clearance of a pose of `on_ways` [m]; above `PER_TICK`, so that lines do not cross walls."""
+"""Smallest clearance of a pose of `on_ways` [m], above `PER_TICK`: lines do not cross walls."""
 
 
 def along(task: Task, count: int) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ PEERS_COLUMNS = {
     "hits": ("hits", ".0f"),
     "failures": ("failures", ".0f"),
 }
-"""Measure → head and number format of its column."""
+"""Measure → head and number format of its column; `mean_ms` is in older results only."""
 
 
 def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:

@@ -1,4 +1,4 @@
-"""Scores of a prediction along arcs that leave the observed space, for `driver.sweeps`."""
+"""Scores of a prediction along arcs that leave the observed space, for `sweeps`."""
 
 from __future__ import annotations
 
