@@ -106,11 +106,11 @@ def compare(
         report: function that shows what is being done.
 
     Returns:
-        Solver → its times as in `beside_ours`; and `cost`, the sum of the costs of its drives;
-        `excess`, the mean over halls of the cost above that of a drive without posts;
-        `dearer_percent`, the mean over halls of the cost above that of our MPC [%], and
-        `dearer_low`, `dearer_high`, its 95 % interval over halls; `hits`, the number of drives that
-        hit a post; `failures`, the number of ticks in which the solver reported a failure.
+        Solver → its times as in `beside_ours`; and `excess`, the mean over halls of the cost above
+        that of a drive without posts; `dearer_percent`, the mean over halls of the cost above that
+        of our MPC [%], and `dearer_low`, `dearer_high`, its 95 % interval over halls; `hits`, the
+        number of drives that hit a post; `failures`, the number of ticks in which the solver
+        reported a failure.
     """
     mpc = MPC(config=config)
     # casadi writes compiled code into the working directory, and needs it there.
@@ -134,7 +134,6 @@ def compare(
         interval = grouped_mean(np.arange(worlds), dearer, np.ones(worlds))
         assert interval is not None
         compared[name] |= {
-            "cost": float(costs.sum()),
             "excess": float((costs - unhindered).mean()),
             "dearer_percent": interval["value"],
             "dearer_low": interval["low"],

@@ -99,26 +99,7 @@ def interrupted(
     with _exclusive(disk) if kind == "disk full" and disk else nullcontext(own) as folder:
         words = _words(command, work, own, folder / "out")
         moment = share * seconds[command]
-        with (own / "first.txt").open("w") as file:
-            # The child must react to Ctrl-C, even if this command was started in the background.
-            heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-            process = subprocess.Popen(
-                words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
-            )
-            try:
-                process.wait(moment)
-                in_time = False
-            except subprocess.TimeoutExpired:
-                in_time = True
-                if kind == "disk full":
-                    with _full(folder):
-                        process.wait()
-                elif kind == "SIGINT":
-                    # A terminal sends Ctrl-C to the whole group.
-                    os.killpg(process.pid, signal.SIGINT)
-                else:
-                    process.send_signal(getattr(signal, kind))
-            status = process.wait()
+        process, in_time = _interrupted(words, own / "first.txt", kind, moment, folder)
         left = _left_behind(process.pid)
         said = (own / "first.txt").read_text(errors="replace")
         with (own / "second.txt").open("w") as file:
@@ -130,7 +111,7 @@ def interrupted(
         "kind": kind,
         "seconds": round(moment, 2),
         "interrupted": in_time,
-        "status": status,
+        "status": process.returncode,
         "traceback": "Traceback" in said,
         "processes left": left,
         "status again": again,
@@ -139,6 +120,36 @@ def interrupted(
     if good(entry):
         shutil.rmtree(own)
     return entry
+
+
+def _interrupted(
+    words: list[str], output: Path, kind: str, moment: float, folder: Path
+) -> tuple[subprocess.Popen[bytes], bool]:
+    """Run a command to its end, and interrupt it at a moment [s].
+
+    Returns:
+        The process, and whether it was still running at that moment.
+    """
+    # The child must react to Ctrl-C, even if this command was started in the background.
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with output.open("w") as file:
+        process = subprocess.Popen(
+            words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
+        )
+        try:
+            process.wait(moment)
+        except subprocess.TimeoutExpired:
+            if kind == "disk full":
+                with _full(folder):
+                    process.wait()
+            elif kind == "SIGINT":
+                # A terminal sends Ctrl-C to the whole group.
+                os.killpg(process.pid, signal.SIGINT)
+            else:
+                process.send_signal(getattr(signal, kind))
+            process.wait()
+            return process, True
+    return process, False
 
 
 def table(results: dict[str, Any]) -> str:
