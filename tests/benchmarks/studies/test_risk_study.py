@@ -258,7 +258,7 @@ def test_saved_runs_are_tested_too(few_series, short_map, tmp_path, capsys):
 
 
 def test_every_rate_of_collisions_is_inside_its_panel():
-    folder = Path(__file__).parents[1] / "docs/results"
+    folder = Path(__file__).parents[3] / "docs/results"
     figure = _promise(json.loads((folder / "risk.json").read_text()))
     assert figure is not None
     for axes in figure.axes:
