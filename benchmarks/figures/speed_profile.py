@@ -167,8 +167,8 @@ def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
             linewidth=0,
         )
         word = "" if outcome == "reached" else f"{outcome.replace('_', ' ')} · "
-        told, end = f" {word}{drive.result.verdict}", (distance[-1], row)
-        note(ax, told, end, (4, 0), va="center", annotation_clip=False).set_in_layout(not room)
+        text, end = f" {word}{drive.result.verdict}", (distance[-1], row)
+        note(ax, text, end, (4, 0), va="center", annotation_clip=False).set_in_layout(not room)
     ax.set_ylim(len(drives) - 0.5, -0.5)
     ax.set_yticks(range(len(drives)), [drive.label for drive in drives], fontsize=9)
     for tick, drive in zip(ax.get_yticklabels(), drives, strict=True):

@@ -52,10 +52,10 @@ def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, 
     """
     for radius, sigma in TAUT:
         try:
-            way = shortest_way(task.world, task.start[:2], task.goal, radius)
+            path = shortest_way(task.world, task.start[:2], task.goal, radius)
         except NoWayError:
             continue
-        even = _evenly(way, goal_radius)
+        even = _evenly(path, goal_radius)
         yield f"taut {radius:g} m", _smooth(even, sigma)
         away = wrap(math.atan2(*(even[4] - even[0])[::-1]) - task.start[2])
         if radius == TAUT[0][0] and abs(away) > AWAY:
@@ -68,22 +68,27 @@ def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, 
 
 
 def timed(
-    name: str, way: NDArray[np.float64], yaw: float, car: CarLimits, tick: float, share: float = 1.0
+    name: str,
+    path: NDArray[np.float64],
+    yaw: float,
+    car: CarLimits,
+    tick: float,
+    share: float = 1.0,
 ) -> Guess:
     """Return a drive along a path, as fast as the car's limits allow.
 
     Args:
         name: name of the guess.
-        way: points of the path, (n, 2), `STEP` apart [m].
+        path: points of the path, (n, 2), `STEP` apart [m].
         yaw: heading at the start [rad]; the headings along the path are the equivalent angles
             nearest to it.
         car: limits of the car.
         tick: longest duration of a tick [s].
         share: share of the top speed and of the lateral acceleration that is used.
     """
-    spacing = np.hypot(*np.diff(way, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(spacing)])
-    slope = np.gradient(way, along, axis=0)
+    along = arc_length(path)
+    spacing = np.hypot(*np.diff(path, axis=0).T)
+    slope = np.gradient(path, along, axis=0)
     headings = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
     headings += 2.0 * math.pi * round((yaw - headings[0]) / (2.0 * math.pi))
     curvature = gaussian_filter1d(np.gradient(headings, along), 2.0)
@@ -98,7 +103,7 @@ def timed(
     times = np.concatenate([[0.0], np.cumsum(2.0 * spacing / (speed[1:] + speed[:-1]))])
     ticks = max(2, math.ceil(times[-1] / tick))
     at = np.linspace(0.0, times[-1], ticks + 1)
-    columns = (way[:, 0], way[:, 1], headings, speed)
+    columns = (path[:, 0], path[:, 1], headings, speed)
     states = np.stack([np.interp(at, times, column) for column in columns], axis=1)
     dt = float(times[-1]) / ticks
     held = np.interp(0.5 * (at[1:] + at[:-1]), times, curvature)
@@ -106,23 +111,23 @@ def timed(
 
 
 def _turned(
-    way: NDArray[np.float64], start: tuple[float, float, float], side: float
+    path: NDArray[np.float64], start: tuple[float, float, float], side: float
 ) -> NDArray[np.float64]:
     """Return a path that starts with an arc, up to where it points at the path's point at `JOIN`.
 
     Args:
-        way: points of the path, (n, 2) [m].
+        path: points of the path, (n, 2) [m].
         start: x, y, yaw [m, m, rad].
         side: 1 for a turn to the left, -1 to the right.
     """
-    join = min(len(way) - 1, round(JOIN / STEP))
+    join = min(len(path) - 1, round(JOIN / STEP))
     points = []
     for along in np.arange(0.0, 2.0 * math.pi * TURN, STEP):
         x, y, yaw = along_arc(*start, side / TURN, along)
         points.append((x, y))
-        if abs(wrap(math.atan2(way[join, 1] - y, way[join, 0] - x) - yaw)) < STEP / TURN:
+        if abs(wrap(math.atan2(path[join, 1] - y, path[join, 0] - x) - yaw)) < STEP / TURN:
             break
-    return _evenly(np.vstack([points, way[join:]]), 0.0)
+    return _evenly(np.vstack([points, path[join:]]), 0.0)
 
 
 def _arcs(
@@ -136,29 +141,28 @@ def _arcs(
     near = np.flatnonzero(np.hypot(*(poses[:, :2] - task.goal).T) <= 1.2 * goal_radius)
     if len(near) == 0:
         return None
-    node, way = int(near[0]), []
+    node, path = int(near[0]), []
     while parents[node] >= 0:
         x, y, yaw = poses[parents[node]]
         turn, chord = wrap(poses[node, 2] - yaw), math.dist(poses[node, :2], (x, y))
         length = chord if abs(turn) < 1e-6 else 0.5 * chord * turn / math.sin(0.5 * turn)
         parts = [along_arc(x, y, yaw, turn / length, length * i / 4)[:2] for i in range(1, 5)]
-        way += parts[::-1]
+        path += parts[::-1]
         node = int(parents[node])
-    return _evenly(np.array([task.start[:2], *way[::-1]]), 0.0)
+    return _evenly(np.array([task.start[:2], *path[::-1]]), 0.0)
 
 
-def _evenly(way: NDArray[np.float64], left: float) -> NDArray[np.float64]:
+def _evenly(path: NDArray[np.float64], left: float) -> NDArray[np.float64]:
     """Return points `STEP` apart along a path, up to the distance `left` before its end [m]."""
-    along = arc_length(way)
+    along = arc_length(path)
     end = max(along[-1] - left, 4 * STEP)
     at = np.linspace(0.0, end, max(4, round(end / STEP)) + 1)
-    return np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
+    return np.stack([np.interp(at, along, path[:, axis]) for axis in (0, 1)], axis=1)
 
 
-def _smooth(way: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+def _smooth(path: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """Smooth a path by a Gaussian of standard deviation `sigma` [m]; its ends do not move."""
-    reach = min(len(way) - 1, math.ceil(4.0 * sigma / STEP))
-    before = 2.0 * way[0] - way[reach:0:-1]
-    after = 2.0 * way[-1] - way[-2 : -2 - reach : -1]
-    smoothed = gaussian_filter1d(np.vstack([before, way, after]), sigma / STEP, axis=0)
-    return np.asarray(smoothed[reach : reach + len(way)])
+    reach = min(len(path) - 1, math.ceil(4.0 * sigma / STEP))
+    longer = np.pad(path, ((reach, reach), (0, 0)), "reflect", reflect_type="odd")
+    smoothed = gaussian_filter1d(longer, sigma / STEP, axis=0)
+    return np.asarray(smoothed[reach : reach + len(path)])

@@ -26,7 +26,7 @@ from sim.task import Task
 CIRCLES = 3
 """Number of circles that cover the body. Only the two at its ends are constrained, since they sweep
 over what the others cover."""
-SPACING = 0.14
+PLACES_APART = 0.14
 """Approximate distance of the places along a tick where the circles are constrained [m]."""
 MARGINS = (0.006, 0.012, 0.025)
 """Margins to add to the circles' radius [m], tried in this order as long as the solution collides
@@ -62,8 +62,8 @@ class Guess:
 
     def resampled(self, ticks: int) -> Guess:
         """Return the same drive with another number of ticks."""
-        mine, ends = np.linspace(0.0, 1.0, len(self.states)), np.linspace(0.0, 1.0, ticks + 1)
-        states = np.stack([np.interp(ends, mine, column) for column in self.states.T], axis=1)
+        starts, ends = np.linspace(0.0, 1.0, len(self.states)), np.linspace(0.0, 1.0, ticks + 1)
+        states = np.stack([np.interp(ends, starts, column) for column in self.states.T], axis=1)
         held = ((ends[1:] + ends[:-1]) / 2 * len(self.controls)).astype(int)
         return Guess(self.name, self.time / ticks, states, self.controls[held])
 
@@ -142,7 +142,7 @@ class MinimumTime:
         self, guess: Guess, margin: float, iterations: int, barrier: float
     ) -> TimeOptimalDrive:
         car, ticks = self.car, len(guess.controls)
-        places = max(1, math.ceil(car.v_max * guess.dt / SPACING))
+        places = max(1, math.ceil(car.v_max * guess.dt / PLACES_APART))
         x, u, dt = ca.MX.sym("x", 4, ticks + 1), ca.MX.sym("u", 2, ticks), ca.MX.sym("dt")
         stage = self._stage(places).map(ticks)
         after, lateral, clear = stage(x[:, :-1], u, ca.repmat(dt, 1, ticks))
@@ -181,14 +181,14 @@ class MinimumTime:
             "g": ca.vertcat(*[ca.vec(values) for values, _, _ in rows]),
         }
         solver = ca.nlpsol("solver", "ipopt", problem, options)
-        found = solver(
+        solution = solver(
             x0=np.concatenate([[guess.dt], guess.states.ravel(), guess.controls.ravel()]),
             lbx=np.concatenate([[0.02 * guess.dt], low.ravel(), softest]),
             ubx=np.concatenate([[5.0 * guess.dt], high.ravel(), hardest]),
             lbg=np.concatenate([np.full(values.numel(), lowest) for values, lowest, _ in rows]),
             ubg=np.concatenate([np.full(values.numel(), highest) for values, _, highest in rows]),
         )
-        values = np.array(found["x"]).ravel()
+        values = np.array(solution["x"]).ravel()
         controls = values[-2 * ticks :].reshape(ticks, 2)
         drive = Guess(guess.name, float(values[0]), guess.states, controls)
         return self.roll(drive, solver.stats()["return_status"])

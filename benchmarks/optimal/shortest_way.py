@@ -56,9 +56,9 @@ def time_bound(length: float, car: CarLimits, goal_radius: float) -> float:
     return car.v_max / car.acceleration + (distance - rising) / car.v_max
 
 
-def way_length(way: NDArray[np.float64]) -> float:
+def way_length(path: NDArray[np.float64]) -> float:
     """Return the length of a polyline (n, 2) [m]."""
-    return float(np.hypot(*np.diff(way, axis=0).T).sum())
+    return float(np.hypot(*np.diff(path, axis=0).T).sum())
 
 
 def shortest_way(
@@ -91,19 +91,19 @@ def shortest_way(
     for name, point in zip(("start", "goal"), ends, strict=True):
         if not sees(room, point, point):
             raise NoWayError(f"{world.name}: a disc of {radius:g} m does not fit at the {name}")
-    way = _any_angle(~_blocked(solid, radius / frame.resolution), room, ends[0], ends[1])
-    if len(way) == 0:
-        raise NoWayError(f"{world.name}: no way for a disc of {radius:g} m")
+    path = _any_angle(~_blocked(solid, radius / frame.resolution), room, ends[0], ends[1])
+    if len(path) == 0:
+        raise NoWayError(f"{world.name}: no path for a disc of {radius:g} m")
     corners = _corners(world)
     length = math.inf
     for _ in range(ROUNDS):
-        if length - way_length(way) < 1e-3:
+        if length - way_length(path) < 1e-3:
             break
-        length = way_length(way)
-        near = corners[_distances(corners, way) < radius + NEAR]
-        points = np.vstack([ends, way[1:-1], _around(near, room)])
-        way = points[_taut(points, length + 1e-9, room)]
-    return way
+        length = way_length(path)
+        near = corners[_distances(corners, path) < radius + NEAR]
+        points = np.vstack([ends, path[1:-1], _around(near, room)])
+        path = points[_taut(points, length + 1e-9, room)]
+    return path
 
 
 def _blocked(solid: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
@@ -139,10 +139,10 @@ def _around(corners: NDArray[np.float64], room: Room) -> NDArray[np.float64]:
     return points[np.array(fits, dtype=bool)]
 
 
-def _distances(points: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distances(points: NDArray[np.float64], path: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distances of points (n, 2) from a polyline (m, 2) [m]."""
     best = np.full(len(points), np.inf)
-    for a, b in pairwise(way):
+    for a, b in pairwise(path):
         ab = b - a
         along = np.clip((points - a) @ ab / max(float(ab @ ab), 1e-12), 0.0, 1.0)
         best = np.minimum(best, np.hypot(*(points - a - along[:, None] * ab).T))
@@ -252,12 +252,12 @@ def _any_angle(free, room, start, goal):  # type: ignore[no-untyped-def]
     while node != root:
         node = parent[node]
         count += 1
-    way, node = np.empty((count, 2)), end
+    path, node = np.empty((count, 2)), end
     for k in range(count - 1, -1, -1):
         _place(node, cols, resolution, origin, start, goal, a)
-        way[k, 0], way[k, 1] = a[0], a[1]
+        path[k, 0], path[k, 1] = a[0], a[1]
         node = parent[node]
-    return way
+    return path
 
 
 @njit(cache=True, nogil=True, inline="always")

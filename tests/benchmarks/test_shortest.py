@@ -80,7 +80,7 @@ def test_the_way_is_the_same_length_backwards():
 
 def test_a_gap_narrower_than_the_disc_is_no_way():
     apart = room((3.0, 0.0, 4.0, 2.9), (3.0, 3.1, 4.0, 6.0))
-    with pytest.raises(NoWayError, match="no way for a disc"):
+    with pytest.raises(NoWayError, match="no path for a disc"):
         shortest_way(apart, (1.0, 3.0), (6.0, 3.0), RADIUS)
     assert len(shortest_way(apart, (1.0, 3.0), (6.0, 3.0), 0.07)) == 2
 

@@ -148,6 +148,27 @@ def test_a_scan_turns_with_the_robot_and_its_mount():
     assert scan.angle_min + 30 * scan.angle_increment == pytest.approx(math.radians(135))
 
 
+def test_the_ranges_of_a_scan_are_exact_anywhere_on_a_map():
+    rng = np.random.default_rng(1)
+    cells = np.where(rng.random((300, 400)) < 0.01, OCCUPIED, FREE).astype(np.int8)
+    frame = GridFrame(0.05, (-3.0, 7.0), cells.shape)
+    world, lidar, compared = World("test", Grid(frame, cells)), Lidar(), 0
+    for row, col in rng.permutation(np.argwhere(cells == FREE))[:5]:
+        pose = (frame.origin[0] + 0.05 * (col + rng.random()), 7.0 + 0.05 * (row + rng.random()))
+        scan = lidar.scan(world, (*pose, 0.7))
+        x, y, bearing = scan.sensor_pose(*pose, 0.7)
+        u, v = (x - frame.origin[0]) / 0.05, (y - frame.origin[1]) / 0.05
+        if cells[frame.cell(x, y)] != FREE:
+            continue
+        for beam in range(0, len(scan.ranges), 20):
+            angle = bearing + scan.angle_min + beam * scan.angle_increment
+            want = slab(cells, u, v, angle, scan.range_max / 0.05)
+            if want is not None:
+                compared += 1
+                assert scan.ranges[beam] == pytest.approx(0.05 * want, abs=1e-9, nan_ok=True)
+    assert compared > 100
+
+
 def test_a_full_circle_has_no_beam_twice():
     assert AROUND.angle_increment * AROUND.beams == pytest.approx(2 * math.pi)
 

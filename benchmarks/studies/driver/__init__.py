@@ -1,1 +1,4 @@
-"""How the planner drives: `stuck` drives, weaving (`weave`), and how far it relies (`sweeps`)."""
+"""How the planner drives: `stuck` drives, weaving (`weave`), and how far it could rely (`sweeps`).
+
+`arcs` computes the results of `sweeps`.
+"""

@@ -33,7 +33,7 @@ def distances(run: Run) -> dict[str, Any]:
         UsageError: if it has no drives of the arm `known`, or its LIDAR was noisy.
     """
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.studies.risk.arcs import distances_of
+    from benchmarks.studies.driver.arcs import distances_of
 
     return distances_of(run)
 

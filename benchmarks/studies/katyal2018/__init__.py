@@ -11,5 +11,5 @@ The command is `python -m benchmarks.studies.katyal2018`. In the order of the da
 - `report`: the results of all these.
 - `tables`: the results as Markdown.
 - `pictures`: example squares, chosen by fixed rules.
-- `figures`: the results and the examples as figures, and the video.
+- `figures`: the results and the examples as figures.
 """

@@ -80,8 +80,7 @@ def _run(settings: PredictionSettings) -> None:
     from benchmarks.studies.katyal2018.contestants import contestants
     from benchmarks.studies.katyal2018.cost import costs_of, published_costs
     from benchmarks.studies.katyal2018.evaluation import Evaluation
-    from benchmarks.studies.katyal2018.figures import draw, write_hallway
-    from benchmarks.studies.katyal2018.pictures import leader_of, pictures
+    from benchmarks.studies.katyal2018.figures import draw
     from benchmarks.studies.katyal2018.report import report
     from benchmarks.studies.katyal2018.tables import summary, tables_of
     from foresee.infra.atomic_file import write_whole
@@ -101,10 +100,7 @@ def _run(settings: PredictionSettings) -> None:
     evaluation.run(settings.jobs)
     results = report(evaluation, costs, published)
     write_whole(settings.out / "tables.md", tables_of(results).encode())
-    sheets = pictures(evaluation)
-    paths = [settings.out / "results.json", settings.out / "tables.md"]
-    paths += draw(settings.out, results, sheets, evaluation.sets, leader_of(evaluation))
-    paths.append(write_hallway(sheets["hallway"], settings.out))
+    paths = [settings.out / "results.json", settings.out / "tables.md", *draw(evaluation, results)]
     mixed = several_states(results["commits"], "scores")
     print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")
 

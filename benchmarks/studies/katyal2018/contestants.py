@@ -63,23 +63,23 @@ def contestants(wanted: Sequence[str], expansions: Sequence[float]) -> list[Cont
         PredictorError: if one cannot be made or predicts none of these expansions, or two have the
             same name at the same expansion.
     """
-    found = [Contestant(name, name, None, name) for name in BASELINES]
+    entries = [Contestant(name, name, None, name) for name in BASELINES]
     for entry in wanted:
         label, _, spec = entry.rpartition("=")
         if Path(spec).is_dir():
-            found += _of_study(Path(spec), label, expansions)
+            entries += _of_study(Path(spec), label, expansions)
         elif spec not in BASELINES:
-            found.append(_of_spec(spec, label, expansions))
+            entries.append(_of_spec(spec, label, expansions))
     taken: dict[tuple[str, float], str] = {}
-    for one in found:
-        for expansion in filter(one.does, expansions):
-            other = taken.setdefault((one.name, expansion), one.spec)
-            if other != one.spec:
+    for contestant in entries:
+        for expansion in filter(contestant.does, expansions):
+            other = taken.setdefault((contestant.name, expansion), contestant.spec)
+            if other != contestant.spec:
                 raise PredictorError(
-                    f"{other} and {one.spec} are both called {one.name}: give one "
+                    f"{other} and {contestant.spec} are both called {contestant.name}: give one "
                     "another name, NAME=PREDICTOR"
                 )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(entries))
 
 
 def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
@@ -96,11 +96,11 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
         "turned": False,
         "frames": SimulatedConfig().train,
     }
-    theirs = facts.get("config", {}) | facts.get("network", {}) | {"frames": facts.get("frames")}
+    actual = facts.get("config", {}) | facts.get("network", {}) | {"frames": facts.get("frames")}
     other = {
-        name: theirs.get(name)
+        name: actual.get(name)
         for name, value in published.items()
-        if name != "seed" and theirs.get(name) != value
+        if name != "seed" and actual.get(name) != value
     }
     return other or None
 
@@ -114,27 +114,28 @@ def _of_study(folder: Path, label: str, expansions: Sequence[float]) -> list[Con
             "python -m predictor.study makes them"
         )
     prefix = f"{label}/" if label else ""
-    every = [_contestant(str(path), prefix + path.stem) for path in files]
-    found = [one for one in every if any(map(one.does, expansions))]
-    if not found:
+    networks = [_contestant(str(path), prefix + path.stem) for path in files]
+    able = [network for network in networks if any(map(network.does, expansions))]
+    if not able:
         raise PredictorError(
             f"{folder} holds no network for any of these expansions: "
-            + ", ".join(f"{one:g}" for one in expansions)
+            + ", ".join(f"{expansion:g}" for expansion in expansions)
         )
-    return found
+    return able
 
 
 def _of_spec(spec: str, label: str, expansions: Sequence[float]) -> Contestant:
     """Return a predictor that is named by itself."""
     short = f"fused_{Path(spec).name}" if spec.startswith(FUSED) else spec
-    one = _contestant(spec, label or (Path(spec).stem if spec.endswith(SUFFIX) else short))
-    if one.name in BASELINES:
-        raise PredictorError(f"{spec} cannot be called {one.name}: a baseline has this name")
-    if not any(map(one.does, expansions)):
+    contestant = _contestant(spec, label or (Path(spec).stem if spec.endswith(SUFFIX) else short))
+    if contestant.name in BASELINES:
+        raise PredictorError(f"{spec} cannot be called {contestant.name}: a baseline has this name")
+    if not any(map(contestant.does, expansions)):
         raise PredictorError(
-            f"{spec} holds weights for an expansion of {one.expansion:g}: add it to --expansions"
+            f"{spec} holds weights for an expansion of {contestant.expansion:g}: add it to "
+            "--expansions"
         )
-    return one
+    return contestant
 
 
 def _contestant(spec: str, name: str) -> Contestant:

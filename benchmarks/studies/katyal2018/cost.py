@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
+from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, given_to
 from benchmarks.studies.katyal2018.evaluation import Evaluation, hashed, key_of
@@ -52,14 +53,12 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     Raises:
         ScoringError: if a predictor breaks the contract.
     """
-    from tqdm import tqdm
-
     out: dict[tuple[str, str], Cost] = {}
-    pairs = [(x, one) for x in evaluation.expansions for one in evaluation.who(x)]
-    for expansion, one in tqdm(pairs, desc="cost", unit="predictor"):
-        name = hashed("cost", one.identity, expansion, machine())
-        out[key_of(expansion), one.name] = evaluation.store.once(
-            f"{name}.json", partial(_cost, evaluation, one, expansion)
+    pairs = [(x, contestant) for x in evaluation.expansions for contestant in evaluation.who(x)]
+    for expansion, contestant in tqdm(pairs, desc="cost", unit="predictor"):
+        name = hashed("cost", contestant.identity, expansion, machine())
+        out[key_of(expansion), contestant.name] = evaluation.store.once(
+            f"{name}.json", partial(_cost, evaluation, contestant, expansion)
         )
     return out
 
@@ -71,8 +70,6 @@ def published_costs(evaluation: Evaluation) -> dict[str, Any]:
     from image to image is measured, not the steps from map to image and from greys to
     probabilities.
     """
-    from tqdm import tqdm
-
     # "printed" is the key in folders of earlier versions.
     return {
         arch: evaluation.store.once(

@@ -26,7 +26,7 @@ SPLITS = ("test", "more")
 """Splits of a simulated set that are scored."""
 TOGETHER = 100
 """Number of frames of a stretch, which is the unit of work."""
-UNTOLD = (0.5, 0.5)
+UNMEASURED = (0.5, 0.5)
 """Probabilities that the baselines return if there are no validation drives to measure them on."""
 BLOCK = 10.0
 """Length of a block of a real drive [m]; the frames of a block are resampled together. It is the
@@ -44,7 +44,7 @@ class ScoredDrive:
         number: number of the drive in its data set.
         about: facts of the drive from the manifest.
         chosen: numbers of the scored frames, (k,).
-        ways: distance driven up to each scored frame, (k,) [m].
+        driven: distance driven up to each scored frame, (k,) [m].
     """
 
     place: str
@@ -52,14 +52,14 @@ class ScoredDrive:
     number: int
     about: dict[str, Any]
     chosen: NDArray[np.intp]
-    ways: NDArray[np.float64]
+    driven: NDArray[np.float64]
 
     @property
     def blocks(self) -> NDArray[np.int64]:
         """Number of the block of each scored frame, (k,); a simulated drive is one block."""
         if self.place == "simulated":
             return np.full(len(self.chosen), self.number)
-        return (self.ways / BLOCK).astype(np.int64)
+        return (self.driven / BLOCK).astype(np.int64)
 
 
 class Evaluation:
@@ -97,7 +97,7 @@ class Evaluation:
         self.sets = {kind: _of_kind(folder, kind) for kind, folder in folders.items() if folder}
         self.drives = [drive for frames in self.sets.values() for drive in _drives(frames, apart)]
         self.store = ResumableFolder(out / "parts")
-        self.rates = dict.fromkeys(expansions, UNTOLD)
+        self.rates = dict.fromkeys(expansions, UNMEASURED)
         if data is not None:
             validation = Frames.load(data, "validation")
             self.rates = {x: rates_of(validation, x) for x in expansions}
@@ -109,7 +109,7 @@ class Evaluation:
 
     def who(self, expansion: float) -> list[Contestant]:
         """Return the contestants that can predict squares of an expansion."""
-        return [one for one in self.contestants if one.does(expansion)]
+        return [contestant for contestant in self.contestants if contestant.does(expansion)]
 
     def stretches(self, drive: ScoredDrive, expansion: float) -> list[Stretch]:
         """Return the stretches of a drive at an expansion."""
@@ -211,9 +211,9 @@ def sets_of(evaluation: Evaluation) -> dict[str, Any]:
 
 def _of_kind(folder: Path, kind: str) -> Frames:
     frames = Frames.load(folder)
-    theirs = read_manifest(folder).get("kind")
-    if theirs != kind:
-        raise FramesError(f"{folder} holds a {theirs} set, not a {kind} one")
+    actual = read_manifest(folder).get("kind")
+    if actual != kind:
+        raise FramesError(f"{folder} holds a {actual} set, not a {kind} one")
     return frames
 
 
@@ -223,28 +223,27 @@ def _drives(frames: Frames, apart: float) -> list[ScoredDrive]:
     for number, about in enumerate(frames.about):
         if about["split"] not in (*SPLITS, "physical"):
             continue
-        states = frames.states[frames.trajectory == number]
-        ways = arc_length(states)
-        chosen = spaced(ways, apart)
+        driven = arc_length(frames.states[frames.trajectory == number])
+        chosen = spaced(driven, apart)
         place = about["map"] if about["split"] == "physical" else "simulated"
-        out.append(ScoredDrive(place, frames.folder, number, about, chosen, ways[chosen]))
+        out.append(ScoredDrive(place, frames.folder, number, about, chosen, driven[chosen]))
     return out
 
 
-def spaced(ways: NDArray[np.float64], apart: float) -> NDArray[np.intp]:
+def spaced(driven: NDArray[np.float64], apart: float) -> NDArray[np.intp]:
     """Choose frames of a drive: the first, and each that is far enough from the last chosen one.
 
     Args:
-        ways: distance driven up to each frame, (n,) [m].
+        driven: distance driven up to each frame, (n,) [m].
         apart: least distance between two chosen frames [m]; 0: all are chosen.
 
     Returns:
         Numbers of the chosen frames.
     """
     chosen, last = [], -np.inf
-    for index, way in enumerate(ways):
+    for index, distance in enumerate(driven):
         # With a tolerance for rounding errors of the summed steps.
-        if way - last >= apart - 1e-4:
+        if distance - last >= apart - 1e-4:
             chosen.append(index)
-            last = way
+            last = distance
     return np.array(chosen, dtype=np.intp)

@@ -1,24 +1,30 @@
-"""The figures of an evaluation, and its video."""
+"""The figures of an evaluation."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from benchmarks.figures import palette
-from benchmarks.figures.video import kind_for, write_video
-from benchmarks.studies.katyal2018.pictures import GIVEN, NOTHING, TRUE, Row, Sheets, shown
+from benchmarks.studies.katyal2018.evaluation import Evaluation
+from benchmarks.studies.katyal2018.pictures import (
+    GIVEN,
+    NOTHING,
+    TRUE,
+    Row,
+    leader_of,
+    pictures,
+    shown,
+)
 from benchmarks.studies.katyal2018.tables import kind_of, names_of, places_of
 from foresee.infra.drawing import INK, bare, new_figure, save_figures
 from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
@@ -31,9 +37,7 @@ from predictor.evaluation import figures as scores
 TITLES = {
     "simulated": "A median square of {leader} on the simulated test drives",
     "physical": "A median square of {leader} on the real drives",
-    "random": "Random squares",
     "worst": "The worst squares of {leader}, one a drive",
-    "transients": "Random squares of the test drives, with transient obstacles in the input",
 }
 """Name of each sheet → title; median and worst are by SSIM."""
 SIMILAR = {
@@ -42,17 +46,6 @@ SIMILAR = {
     "ssim_unseen": "SSIM, unobserved, outside the crop",
 }
 """Measures that are drawn over the expansion → labels."""
-MEASURES = {
-    "iou_free": "IoU of free",
-    "iou_occupied": "IoU of occupied",
-    "brier": "Brier",
-    "ece": "calibration error",
-}
-"""Measures that are drawn over the distance beyond the frontier → labels."""
-RATE = 10.0
-"""Frame rate of the video [1/s]. It shows every other frame of a drive at 10 Hz: twice as fast."""
-NEAR, FAR = 1.3, 2.0
-"""Expansions whose reliability diagrams are drawn; if they were not measured, the nearest ones."""
 STYLES: dict[str, dict[str, Any]] = {
     "train": {"color": "#D00000", "linestyle": "-"},
     "test": {"color": "black", "linestyle": (0, (1, 1.2))},
@@ -67,18 +60,14 @@ ACROSS = 3
 """Number of maps side by side."""
 
 
-def draw(
-    out: Path, results: dict[str, Any], sheets: Sheets, sets: Mapping[str, Frames], leader: str
-) -> list[Path]:
-    """Draw all figures except the video, and return their paths.
+def draw(evaluation: Evaluation, results: dict[str, Any]) -> list[Path]:
+    """Draw all figures into the folder of an evaluation, and return their paths.
 
     Args:
-        out: folder of the figures.
+        evaluation: evaluation whose frames are all scored.
         results: results of `report`.
-        sheets: sheets of `pictures`.
-        sets: kind → frames, whose maps are drawn.
-        leader: predictor whose typical and worst squares are shown.
     """
+    sheets, leader = pictures(evaluation), leader_of(evaluation)
     places = places_of(results)
     drawn = {*NOTHING, *shown(names_of(next(iter(places.values()))))}
     places = {
@@ -88,17 +77,15 @@ def draw(
         }
         for place, entry in places.items()
     }
-    figures = [
-        ("ssim.png", partial(ssim, places, results["paper"])),
-        ("distance.png", partial(by_distance, places)),
-        ("reliability.png", partial(calibration, places)),
-    ]
+    figures = [("ssim.png", partial(ssim, places, results["paper"]))]
     for name, title in TITLES.items():
         if name in sheets:
             draw_sheet = partial(titled_sheet, sheets[name], title.format(leader=leader))
             figures.append((f"{name}.png", draw_sheet))
-    figures += [(f"maps-{kind}.png", partial(maps, frames)) for kind, frames in sets.items()]
-    return save_figures(figures, out)
+    figures += [
+        (f"maps-{kind}.png", partial(maps, frames)) for kind, frames in evaluation.sets.items()
+    ]
+    return save_figures(figures, evaluation.out)
 
 
 def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
@@ -120,98 +107,30 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
     return figure
 
 
-def by_distance(places: dict[str, Any]) -> Figure:
-    """Draw measures over the distance beyond the frontier, in the widest square."""
-    columns = {}
-    for place, entry in places.items():
-        expansion, rows = list(entry.items())[-1]
-        columns[f"{place}, {expansion}×"] = {name: row["rings"] for name, row in rows.items()}
-    return scores.over_distance(columns, MEASURES)
-
-
-def calibration(places: dict[str, Any]) -> Figure:
-    """Draw reliability diagrams of free and of occupied."""
-    every = next(iter(places.values()))
-    expansions = {min(every, key=lambda x: abs(float(x) - wanted)) for wanted in (NEAR, FAR)}
-    return scores.reliability(
-        {
-            place: {
-                f"was {name}, {x}×": {
-                    one: list(row["reliability"][name].values()) for one, row in entry[x].items()
-                }
-                for x in sorted(expansions)
-                for name in ("free", "occupied")
-            }
-            for place, entry in places.items()
-        }
-    )
-
-
 def titled_sheet(rows: list[Row], title: str) -> Figure:
-    """Draw a sheet with one square in each row: input, predictions, truth."""
-    figure, axes = squares(rows)
-    for axis, row in zip(axes[:, 0], rows, strict=True):
-        axis.set_ylabel(row.title, fontsize=7, color=INK)
-    figure.suptitle(title, fontsize=9, color=INK)
-    return figure
+    """Draw a sheet with one square in each row: input, predictions, truth.
 
-
-def squares(rows: list[Row]) -> tuple[Figure, NDArray[Any]]:
-    """Draw squares with the outline of the 5 m crop, the car in the input, and SSIM below."""
+    Each has the outline of the 5 m crop, the input the car, and predictions their SSIM below.
+    """
     names = dict.fromkeys(name for row in rows for name in row.images)
     columns = [*(name for name in names if name != TRUE), TRUE]
     figure, axes = scores.sheet([row.images for row in rows], columns)
-    for row, beside in zip(rows, axes, strict=True):
-        edge = (len(row.images[GIVEN]) - CROP_CELLS) / 2
-        for axis in beside:
-            if axis.images:
-                axis.add_patch(
-                    Rectangle((edge, edge), CROP_CELLS, CROP_CELLS, linewidth=0.7, **OUTLINE)
-                )
-        annotate(beside, columns, row)
-    return figure, axes
-
-
-def annotate(axes: NDArray[Any], columns: list[str], row: Row) -> None:
-    """Draw the car in the input as an arrow along its heading, and write SSIM below predictions."""
-    for axis, column in zip(axes, columns, strict=True):
-        if column in row.ssim:
-            scores.caption(axis, f"{row.ssim[column]:.3f}")
-    n = len(row.images[GIVEN])
-    along = 0.08 * n * np.array([math.cos(row.yaw), math.sin(row.yaw)])
-    style = {"color": "#D55E00", "width": 0.012 * n, "head_width": 0.06 * n}
-    axes[0].arrow(*(n / 2 - along / 2), *along, length_includes_head=True, **style)
-
-
-def write_hallway(rows: list[Row], out: Path) -> Path:
-    """Write the paper's video, hallway.mp4, or .gif without ffmpeg, and return its path.
-
-    It shows predictions frame by frame along the straightest stretch of a test drive.
-
-    Args:
-        rows: frames, in order.
-        out: folder.
-    """
-    path = out / f"hallway.{kind_for('auto')}"
-    figure, axes = squares(rows[:1])
-    canvas = FigureCanvasAgg(figure)
-    # The layout is computed once, so that nothing moves from frame to frame.
-    canvas.draw()
-    figure.set_layout_engine("none")
-    columns = [axis.get_title() for axis in axes[0]]
-
-    def frame(number: int) -> NDArray[np.uint8]:
-        row = rows[number]
-        # Remove the car of the previous frame.
-        axes[0, 0].patches[-1].remove()
-        for axis, column in zip(axes[0], columns, strict=True):
-            axis.images[0].set_data(row.images[column])
-        annotate(axes[0], columns, row)
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
-
-    write_video(frame, len(rows), RATE, path)
-    return path
+    for row, across in zip(rows, axes, strict=True):
+        n = len(row.images[GIVEN])
+        edge = (n - CROP_CELLS) / 2
+        for axis, column in zip(across, columns, strict=True):
+            if column in row.images:
+                crop = Rectangle((edge, edge), CROP_CELLS, CROP_CELLS, linewidth=0.7, **OUTLINE)
+                axis.add_patch(crop)
+            if column in row.ssim:
+                scores.caption(axis, f"{row.ssim[column]:.3f}")
+        # The car is an arrow along its heading.
+        along = 0.08 * n * np.array([math.cos(row.yaw), math.sin(row.yaw)])
+        style = {"color": "#D55E00", "width": 0.012 * n, "head_width": 0.06 * n}
+        across[0].arrow(*(n / 2 - along / 2), *along, length_includes_head=True, **style)
+        across[0].set_ylabel(row.title, fontsize=7, color=INK)
+    figure.suptitle(title, fontsize=9, color=INK)
+    return figure
 
 
 def maps(frames: Frames) -> Figure:

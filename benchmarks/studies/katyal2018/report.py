@@ -48,7 +48,7 @@ SSIM = {
 """SSIM that Katyal et al. 2018 print in Tables I and II: place → expansion → network."""
 COMPARED = ("grey", "copy", "none", "unet_ff")
 """Predictors with which all others are compared, if they are among the contestants."""
-ALIKE = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
+SIMILARITIES = ("ssim", "ssim_kept", "ssim_unseen", "ssim_coarse", "ssim_coarse_unseen")
 """Measures of images, one value for each frame."""
 SUMMED = ("brier", "nll")
 """Measures of unobserved cells, kept as sums over each frame."""
@@ -117,22 +117,22 @@ def _rows(
     blocks = _numbered(drives)
     rows: dict[str, Any] = {}
     frames: dict[str, Kept] = {}
-    for one in evaluation.who(expansion):
+    for contestant in evaluation.who(expansion):
         parts: dict[str, list[Kept]] = {}
         for drive in drives:
-            for facts, arrays in evaluation.kept(drive, expansion, one):
+            for facts, arrays in evaluation.kept(drive, expansion, contestant):
                 commits.add(str(facts["commit"]))
                 parts.setdefault(drive.about["split"], []).append(arrays)
         kept, scores = _joined([part for split in parts.values() for part in split])
-        frames[one.name] = kept
-        rows[one.name] = _measures(kept, scores) | {
+        frames[contestant.name] = kept
+        rows[contestant.name] = _measures(kept, scores) | {
             "drives": len(drives),
             "rings": [{"from": EDGES[i], **_cells(scores, slice(i, i + 1))} for i in range(RINGS)],
             "reliability": {name: _curve(scores, name) for name in ("free", "occupied")},
-            "cost": costs[key_of(expansion), one.name],
+            "cost": costs[key_of(expansion), contestant.name],
         }
         if len(parts) > 1:
-            rows[one.name] |= {split: _measures(*_joined(parts[split])) for split in SPLITS}
+            rows[contestant.name] |= {split: _measures(*_joined(parts[split])) for split in SPLITS}
     for name, row in rows.items():
         row["above"] = {
             other: _difference(frames[name], frames[other], blocks)
@@ -159,7 +159,7 @@ def _numbered(drives: Iterable[ScoredDrive]) -> NDArray[np.int64]:
 def _measures(kept: Kept, scores: Scores) -> dict[str, Any]:
     """Compute means over frames, and scores of cells."""
     out: dict[str, Any] = {"frames": len(kept["ssim"])}
-    for name in ALIKE:
+    for name in SIMILARITIES:
         values = kept[name][np.isfinite(kept[name])]
         out[name] = float(values.mean()) if len(values) else np.nan
     return out | _cells(scores, slice(None)) | {"nan_cells": int(kept["nan_cells"].sum())}
@@ -180,12 +180,14 @@ def _curve(scores: Scores, name: str) -> dict[str, list[float]]:
     return {key: values.tolist() for key, values in curve}
 
 
-def _difference(mine: Kept, theirs: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
-    """Compute the mean differences of two contestants, with 95 % intervals over blocks."""
-    one = np.ones(len(blocks))
-    out = {name: grouped_mean(blocks, mine[name] - theirs[name], one) for name in ALIKE}
-    cells = mine["cells"]
-    return out | {name: grouped_mean(blocks, mine[name] - theirs[name], cells) for name in SUMMED}
+def _difference(frames: Kept, others: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
+    """Compute the mean differences to another contestant, with 95 % intervals over blocks."""
+    weights = dict.fromkeys(SIMILARITIES, np.ones(len(blocks)))
+    weights |= dict.fromkeys(SUMMED, frames["cells"])
+    return {
+        name: grouped_mean(blocks, frames[name] - others[name], weight)
+        for name, weight in weights.items()
+    }
 
 
 def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
@@ -195,14 +197,14 @@ def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
     """
     names = ("fingerprint", "network", "config", "frames", "steps", "seconds", "commit")
     out: dict[str, Any] = {}
-    for one in contestants:
-        facts: dict[str, Any] = {"spec": one.spec, "identity": one.identity}
-        if one.name not in BASELINES:
-            training = getattr(load_predictor(one.spec), "facts", {})
+    for contestant in contestants:
+        facts: dict[str, Any] = {"spec": contestant.spec, "identity": contestant.identity}
+        if contestant.name not in BASELINES:
+            training = getattr(load_predictor(contestant.spec), "facts", {})
             facts |= {name: training[name] for name in names if name in training}
-        if one.expansion is None:
-            out[one.name] = facts
+        if contestant.expansion is None:
+            out[contestant.name] = facts
         else:
             facts["reduced"] = reduced(training)
-            out.setdefault(one.name, {})[key_of(one.expansion)] = facts
+            out.setdefault(contestant.name, {})[key_of(contestant.expansion)] = facts
     return out

@@ -50,32 +50,6 @@ class Stretch:
     contestants: tuple[Contestant, ...]
 
 
-class Tally:
-    """The sums of the scores of one predictor over the squares added so far."""
-
-    def __init__(self) -> None:
-        self.scores, self.frames = Scores(), list[tuple[float, ...]]()
-
-    def add(self, square: ScoredSquare, answer: Answer) -> None:
-        """Add the scores of an answer."""
-        alike = similarity(answer.image, answer.kept, square.image, square.unseen)
-        before = self._sums()
-        truth, ring = square.truth, square.ring
-        self.scores.add(answer.p_free, answer.p_occupied, truth == 0, truth == 1, ring)
-        brier, nll = self._sums() - before
-        cells = int((ring >= 0).sum())
-        self.frames.append((*vars(alike).values(), brier, nll, cells, answer.nan_cells))
-
-    def kept(self) -> Kept:
-        """Return all scores as arrays."""
-        columns = np.array(self.frames, dtype=np.float64).reshape(-1, len(OF_A_FRAME)).T
-        return dict(zip(OF_A_FRAME, columns, strict=True)) | self.scores.arrays("scores")
-
-    def _sums(self) -> NDArray[np.float64]:
-        both = 0.5 * (self.scores.brier_free.sum() + self.scores.brier_occupied.sum())
-        return np.array([both, self.scores.nll.sum()])
-
-
 def score(stretch: Stretch) -> dict[Contestant, Kept]:
     """Score all predictors of a stretch.
 
@@ -83,18 +57,37 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
         ScoringError: if a contestant breaks the contract of predictors.
     """
     frames = drive_of(stretch.folder, stretch.drive)
-    ready = {one: entrant(one, stretch.rates) for one in stretch.contestants}
-    tallies = {one: Tally() for one in stretch.contestants}
+    answers = {asked: entrant(asked, stretch.rates) for asked in stretch.contestants}
+    sums = {contestant: Scores() for contestant in answers}
+    rows: dict[Contestant, list[tuple[float, ...]]] = {contestant: [] for contestant in answers}
     for index in stretch.frames:
         square = ScoredSquare.of(frames, index, stretch.expansion)
-        for one, answer_about in ready.items():
+        for contestant, answer_about in answers.items():
             try:
                 answer = answer_about(square)
             except BadPredictionError as error:
                 where = f"frame {index} of {frames.about[0]['file']} at {stretch.expansion:g}"
-                raise ScoringError(f"{one.name}, {where}: {error}") from error
-            tallies[one].add(square, answer)
-    return {one: tally.kept() for one, tally in tallies.items()}
+                raise ScoringError(f"{contestant.name}, {where}: {error}") from error
+            rows[contestant].append(_add(sums[contestant], square, answer))
+    return {
+        contestant: dict(zip(OF_A_FRAME, np.array(rows[contestant], np.float64).T, strict=True))
+        | sums[contestant].arrays("scores")
+        for contestant in answers
+    }
+
+
+def _add(sums: Scores, square: ScoredSquare, answer: Answer) -> tuple[float, ...]:
+    """Add an answer about a square to the sums, and return the values of `OF_A_FRAME`."""
+    similar = similarity(answer.image, answer.kept, square.image, square.unseen)
+    brier, nll = _brier(sums), sums.nll.sum()
+    truth, ring = square.truth, square.ring
+    sums.add(answer.p_free, answer.p_occupied, truth == 0, truth == 1, ring)
+    of_cells = _brier(sums) - brier, sums.nll.sum() - nll, int((ring >= 0).sum())
+    return (*vars(similar).values(), *of_cells, answer.nan_cells)
+
+
+def _brier(sums: Scores) -> float:
+    return float(0.5 * (sums.brier_free.sum() + sums.brier_occupied.sum()))
 
 
 def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, float]:

@@ -120,20 +120,20 @@ def names_of(entry: dict[str, Rows]) -> list[str]:
 
 def _along(entry: dict[str, Any], *keys: str) -> list[Any]:
     """Return the value under these keys at each expansion; None where a key is missing."""
-    return [reduce(lambda found, key: (found or {}).get(key), keys, at) for at in entry.values()]
+    return [reduce(lambda value, key: (value or {}).get(key), keys, at) for at in entry.values()]
 
 
 def _in_short(entry: dict[str, Rows], paper: dict[str, Any], networks: list[str]) -> str:
     """Return a row for each predictor with its measures at all expansions side by side."""
 
-    def side_by_side(found: list[float | None]) -> str:
-        return " / ".join(_number(value).removeprefix("0") for value in found)
+    def side_by_side(values: list[float | None]) -> str:
+        return " / ".join(_number(value).removeprefix("0") for value in values)
 
     rows = [["predictor", *SHORT.values(), "ms"]]
     for name in names_of(entry):
-        found = [side_by_side(_along(entry, name, measure)) for measure in SHORT]
+        cells = [side_by_side(_along(entry, name, measure)) for measure in SHORT]
         taken = [ms for ms in _along(entry, name, "cost", "ms_median") if ms is not None]
-        rows.append([f"`{name}`", *found, _number(max(taken), ".1f") if taken else ""])
+        rows.append([f"`{name}`", *cells, _number(max(taken), ".1f") if taken else ""])
     for name in networks:
         rows.append([f"{name} as published", side_by_side(_along(paper, name)), *[""] * len(SHORT)])
     return markdown(rows)
@@ -178,9 +178,9 @@ def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) 
     """Return whether a predictor is above all others: the interval lies above zero."""
     chosen = _best(measured) if name == BEST else name
     above = measured[chosen]["above"] if chosen in measured else {}
-    found = [above.get(other, {}).get(measure) for other in others]
+    differences = [above.get(other, {}).get(measure) for other in others]
     # A single block has no interval, so no difference is statistically significant.
-    return all(difference is not None and (difference["low"] or 0.0) > 0.0 for difference in found)
+    return all(value is not None and (value["low"] or 0.0) > 0.0 for value in differences)
 
 
 def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
@@ -193,9 +193,9 @@ def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
             best = _best(measured)
             for name in (best, *_compacts(measured)) if best else ():
                 row = measured[name]
-                found = [row["above"][other][what] for what in measures for other in BASELINES]
+                above = [row["above"][other][what] for what in measures for other in BASELINES]
                 ssim = _number(row["ssim"])
-                rows.append([place, expansion, f"`{name}`", ssim, *map(_cell, found)])
+                rows.append([place, expansion, f"`{name}`", ssim, *map(_cell, above)])
     return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
 
 
@@ -206,8 +206,8 @@ def _trainings(predictors: dict[str, Any]) -> str:
         for expansion, facts in entry.items():
             if isinstance(facts, dict) and "reduced" in facts:
                 other = (facts["reduced"] or {}).items()
-                told = ", ".join(f"{what} {value}" for what, value in other) or "as published"
-                rows.append([f"`{name}`", expansion, told, facts["fingerprint"][:12]])
+                settings = ", ".join(f"{key} {value}" for key, value in other) or "as published"
+                rows.append([f"`{name}`", expansion, settings, facts["fingerprint"][:12]])
     return markdown(rows) if len(rows) > 1 else "None."
 
 
@@ -236,8 +236,8 @@ def _transients(places: dict[str, Any]) -> str:
     for place, entry in places.items():
         for expansion, measured in entry.items():
             for name, shares in measured.items():
-                found = [_number(shares[of], ",d" if "cells" in of else ".3f") for of in columns]
-                rows.append([place, expansion, f"`{name}`", *found])
+                cells = [_number(shares[of], ",d" if "cells" in of else ".3f") for of in columns]
+                rows.append([place, expansion, f"`{name}`", *cells])
     return markdown(rows) if len(rows) > 1 else "No network was asked."
 
 
@@ -247,8 +247,8 @@ def _by_expansion(entry: dict[str, Rows], names: Iterable[str], *keys: str) -> l
     for name in names:
         rows.append([f"`{name}`", *map(_cell, _along(entry, name, *keys))])
         if len(keys) == 1 and any(_along(entry, name, "test")):
-            found = _along(entry, name, "test", *keys)
-            rows.append([f"`{name}`, the paper's two test drives alone", *map(_cell, found)])
+            values = map(_cell, _along(entry, name, "test", *keys))
+            rows.append([f"`{name}`, the paper's two test drives alone", *values])
     return rows
 
 
@@ -259,12 +259,12 @@ def _cells(measured: Rows) -> str:
     for name, row in measured.items():
         scores = (_number(row.get(column)) for column in CELLS)
         rows.append([f"`{name}`", *scores, *_cost(row["cost"] or {}, "ms_p99")])
-    told = "".join(
+    notes = "".join(
         f"\n\nNote: {row['nan_cells']:,d} cells that `{name}` said were NaN, and count as not known"
         for name, row in measured.items()
         if row["nan_cells"]
     )
-    return markdown(rows) + told
+    return markdown(rows) + notes
 
 
 def _number(value: float | None, form: str = ".3f") -> str:

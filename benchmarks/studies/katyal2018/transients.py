@@ -8,13 +8,14 @@ in the map of all scans, away from any wall.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
+from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import Contestant, Entrant, answers_in_grey, entrant
 from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive, hashed, key_of
@@ -35,61 +36,49 @@ FRAMES = 60
 """Number of frames of each place, spread evenly over its drives."""
 
 
-@dataclass
-class Count:
-    """Numbers of cells, summed over all frames so far.
+def counts(answer: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> NDArray[np.int64]:
+    """Count the cells of a square by what a network makes of them.
 
-    Attributes:
-        transient: number of cells of transients.
-        filtered: number of these that the network draws free, nearer to white than to grey.
-        before: number of these that the network draws free if the transients are not added; 0 for
-            real transients.
-        walls: number of cells that were observed occupied and are truly occupied.
-        kept: number of these that the network draws occupied, since a network that erases
-            everything also filters well.
+    Args:
+        answer: function that asks the network about a square.
+        square: the square.
+        put_in: whether transients are added to the input; else those of the log are counted.
+        seed: seed of the places of added transients.
+
+    Returns:
+        Numbers of cells, (5,): of transients; those that the network draws free, nearer to white
+        than to grey; those that it draws free if the transients are not added (0 for real ones);
+        of walls, which were observed occupied and are truly occupied; and those that the network
+        draws occupied, since a network that erases everything also filters well. All are 0 if
+        there are no transients.
     """
+    given, transient = (
+        with_transients(square, seed) if put_in else (square, transient_cells(square))
+    )
+    if not transient.any():
+        return np.zeros(5, dtype=np.int64)
+    image = answer(given).image
+    before = (answer(square).image[transient] > 0.75).sum() if put_in else 0
+    walls = square.crop.occupied & (square.truth == 1)
+    filtered, kept = (image[transient] > 0.75).sum(), (image[walls] < 0.25).sum()
+    return np.array([transient.sum(), filtered, before, walls.sum(), kept])
 
-    transient: int = 0
-    filtered: int = 0
-    before: int = 0
-    walls: int = 0
-    kept: int = 0
 
-    def add(self, answer: Entrant, square: ScoredSquare, put_in: bool, seed: int) -> None:
-        """Add the counts for one square.
+def shares(total: NDArray[np.int64], put_in: bool) -> dict[str, Any]:
+    """Return the shares of cells for the results; NaN if there are no cells.
 
-        Args:
-            answer: function that asks the network about a square.
-            square: the square.
-            put_in: whether transients are added to the input; else those of the log are counted.
-            seed: seed of the places of added transients.
-        """
-        given, transient = with_transients(square, seed) if put_in else (square, found(square))
-        if not transient.any():
-            return
-        image = answer(given).image
-        self.transient += int(transient.sum())
-        self.filtered += int((image[transient] > 0.75).sum())
-        if put_in:
-            self.before += int((answer(square).image[transient] > 0.75).sum())
-        walls = square.crop.occupied & (square.truth == 1)
-        self.walls += int(walls.sum())
-        self.kept += int((image[walls] < 0.25).sum())
-
-    def shares(self, put_in: bool) -> dict[str, Any]:
-        """Return the shares of cells for the results; NaN if there are no cells.
-
-        Args:
-            put_in: whether the transients were added to the inputs.
-        """
-        of, walls = self.transient or np.nan, self.walls or np.nan
-        return {
-            "cells": self.transient,
-            "filtered": self.filtered / of,
-            "free_without": self.before / of if put_in else None,
-            "wall_cells": self.walls,
-            "walls_kept": self.kept / walls,
-        }
+    Args:
+        total: sum of `counts` over squares, (5,).
+        put_in: whether the transients were added to the inputs.
+    """
+    cells, filtered, before, walls, kept = total.tolist()
+    return {
+        "cells": cells,
+        "filtered": filtered / (cells or np.nan),
+        "free_without": before / (cells or np.nan) if put_in else None,
+        "wall_cells": walls,
+        "walls_kept": kept / (walls or np.nan),
+    }
 
 
 def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDArray[np.bool_]]:
@@ -121,7 +110,7 @@ def with_transients(square: ScoredSquare, seed: int) -> tuple[ScoredSquare, NDAr
     return replace(square, crop=crop, window=window), put
 
 
-def found(square: ScoredSquare) -> NDArray[np.bool_]:
+def transient_cells(square: ScoredSquare) -> NDArray[np.bool_]:
     """Return cells of the crop observed occupied that are truly free, and far from any wall."""
     off = np.asarray(distance_transform_edt(square.truth == 0)) * RESOLUTION
     return np.asarray(square.crop.occupied & (off > OFF))
@@ -129,44 +118,42 @@ def found(square: ScoredSquare) -> NDArray[np.bool_]:
 
 def transients(evaluation: Evaluation) -> dict[str, Any]:
     """Measure the shares of all networks: place → expansion → network → shares."""
-    from tqdm import tqdm
-
     out: dict[str, Any] = {place: {} for place in evaluation.places}
-    chosen = {place: _spread(evaluation, place) for place in out}
+    chosen = {place: _spread_frames(evaluation, place) for place in out}
     # Ordered by expansion, since only the networks of one expansion fit into memory.
     asked = [
-        (x, place, one)
+        (x, place, contestant)
         for x in evaluation.expansions
         for place in out
-        for one in evaluation.who(x)
-        if answers_in_grey(one)
+        for contestant in evaluation.who(x)
+        if answers_in_grey(contestant)
     ]
-    for expansion, place, one in tqdm(asked, desc="transients", unit="network"):
+    for expansion, place, contestant in tqdm(asked, desc="transients", unit="network"):
         frames = chosen[place]
         shots = [(drive.about["sha256"], index) for drive, index in frames]
-        out[place].setdefault(key_of(expansion), {})[one.name] = evaluation.store.once(
-            f"{hashed('transients', shots, expansion, one.identity)}.json",
-            partial(_shares, one, evaluation.rates[expansion], expansion, frames),
+        out[place].setdefault(key_of(expansion), {})[contestant.name] = evaluation.store.once(
+            f"{hashed('transients', shots, expansion, contestant.identity)}.json",
+            partial(_shares, contestant, evaluation.rates[expansion], expansion, frames),
         )
     return out
 
 
 def _shares(
-    one: Contestant,
+    contestant: Contestant,
     rates: tuple[float, float],
     expansion: float,
     frames: list[tuple[ScoredDrive, int]],
 ) -> dict[str, Any]:
     """Measure the shares of one network on some frames of a place."""
-    count, put_in = Count(), frames[0][0].place == "simulated"
-    answer = entrant(one, rates)
+    answer, put_in = entrant(contestant, rates), frames[0][0].place == "simulated"
+    total = np.zeros(5, dtype=np.int64)
     for seed, (drive, index) in enumerate(frames):
         square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
-        count.add(answer, square, put_in, seed)
-    return count.shares(put_in)
+        total += counts(answer, square, put_in, seed)
+    return shares(total, put_in)
 
 
-def _spread(evaluation: Evaluation, place: str) -> list[tuple[ScoredDrive, int]]:
+def _spread_frames(evaluation: Evaluation, place: str) -> list[tuple[ScoredDrive, int]]:
     """Return frames of a place, spread evenly over its drives."""
     drives = [drive for drive in evaluation.drives if drive.place == place]
     frames = [(drive, index) for drive in drives for index in drive.chosen.tolist()]

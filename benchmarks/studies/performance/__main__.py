@@ -29,16 +29,13 @@ if TYPE_CHECKING:
 ARMS = ("predicted", "known", "oracle")
 PEERS = {
     "octomap": "octomap-python",
-    "pyoctomap": "pyoctomap",
     "raycast2D": "raycast2D",
-    "irsim": "ir-sim",
     "cv2": "opencv-python-headless",
-    "do_mpc": "do-mpc",
     "pytorch_mppi": "pytorch-mppi",
 }
 """Module that `--peers` needs → package that contains it."""
 COMPILER = "gcc"
-"""C compiler that casadi and do-mpc call by default."""
+"""C compiler that casadi calls by default."""
 THREADS = 1
 """Number of threads that a library may use while it is measured."""
 LIMITS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -64,8 +61,7 @@ class StageSettings(Options):
     )
     memory: int = option(
         12,
-        "number of drives of one process for measuring the growth of its memory; 1000 take about "
-        "40 minutes",
+        "number of drives of one process for measuring its largest memory",
         "N",
         low=6,
         high=10**6,

@@ -57,11 +57,11 @@ def grown(axis: str, seed: int, report: Callable[[str], None]) -> list[dict[str,
         "horizon N": (HORIZONS, lambda stages: _planning(stages, seed)),
     }
     values, measure = measures[axis]
-    found = []
+    entries = []
     for value in values:
         report(f"{axis.splitlines()[0]}: {value:g}")
-        found.append({"value": value, **measure(value)})
-    return found
+        entries.append({"value": value, **measure(value)})
+    return entries
 
 
 def _sensing(task: Task, beams: int) -> Times:

@@ -19,7 +19,7 @@ from planner.navigator import AHEAD
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 
-SIDE = 200
+MAP_CELLS = 200
 """Side of the risk map of a tick [cells]."""
 LENGTH, WIDTH = 40.0, 8.0
 """Length and width of the hall [m]."""
@@ -108,7 +108,7 @@ def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.floa
 def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
     """Return the risk map around a car, at the same place as in normal driving."""
     centre = state[:2] + AHEAD * np.array([np.cos(state[2]), np.sin(state[2])])
-    frame = grid.frame.square(float(centre[0]), float(centre[1]), SIDE * grid.frame.resolution)
+    frame = grid.frame.square(float(centre[0]), float(centre[1]), MAP_CELLS * grid.frame.resolution)
     return RiskMap.from_prediction(grid.crop(frame), None, 0.0)
 
 
@@ -146,10 +146,10 @@ def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> HallDrive:
     for tick in range(ticks):
         solve = prepare(Tick(state, around(grid, state), guess, last, tick == 0))
         started = time.perf_counter()
-        found = solve()
+        solution = solve()
         times.append(1e3 * (time.perf_counter() - started))
-        failures += found is None
-        plan = mpc.roll(state, guess if found is None else found)
+        failures += solution is None
+        plan = mpc.roll(state, guess if solution is None else solution)
         controls.append(plan.controls[0])
         state, last = plan.states[1].copy(), float(plan.controls[0, 1])
         states.append(state)

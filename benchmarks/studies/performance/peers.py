@@ -7,10 +7,8 @@ compared in `peers_mpc`. The extra `peers` installs all these libraries.
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -77,80 +75,23 @@ def beside(stage: str, seed: int) -> dict[str, dict[str, float]]:
 def rays(world: World, poses: NDArray[np.float64]) -> dict[str, Call]:
     """Return functions that cast a scan of 1081 beams, 270° and 20 m.
 
-    octomap and raycast2D return the cell that is hit, not the exact range.
+    raycast2D returns the cell that is hit, not the exact range.
     """
-    import octomap
     from raycast2D import Lidar2D
 
-    # The LIDAR is at the robot's centre, as for the peers.
+    # The LIDAR is at the robot's centre, as for the peer.
     lidar, frame = Lidar(LidarConfig(mount=(0.0, 0.0, 0.0))), world.grid.frame
-    angles = lidar.config.angle_min + lidar.config.angle_increment * np.arange(lidar.config.beams)
     image = np.where(world.grid.occupied, 0, 255).astype(np.uint8)
     reach = round(lidar.config.range_max / frame.resolution)
-    other = Lidar2D(lidar.config.beams, 270, reach, occupancy_grid=image)
+    peer = Lidar2D(lidar.config.beams, 270, reach, occupancy_grid=image)
     pixels = [frame.cell(x, y)[::-1] for x, y in poses[:, :2]]
-    tree = octomap.OcTree(frame.resolution)
-    rows, cols = np.nonzero(world.grid.occupied)
-    xs, ys = frame.centres()
-    for x, y in zip(xs[cols], ys[rows], strict=True):
-        tree.updateNode(np.array([x, y, 0.5 * frame.resolution]), True, True)
-    tree.updateInnerOccupancy()
-    end = np.zeros(3)
-
-    def by_octomap(i: int) -> NDArray[np.float64]:
-        x, y, yaw = poses[i]
-        ends = np.empty((len(angles), 2))
-        origin = np.array([x, y, 0.5 * frame.resolution])
-        rays = np.column_stack([np.cos(yaw + angles), np.sin(yaw + angles), np.zeros(len(angles))])
-        for beam, ray in enumerate(rays):
-            tree.castRay(origin, ray, end, True, lidar.config.range_max)
-            ends[beam] = end[:2]
-        return ends
 
     def by_raycast2d(i: int) -> NDArray[Any]:
         # raycast2D's heading of 0 is along its -y.
         heading = float(poses[i, 2]) + np.pi / 2
-        return np.asarray(other.scan((*pixels[i], heading), only_true_collisions=False))
+        return np.asarray(peer.scan((*pixels[i], heading), only_true_collisions=False))
 
-    return {
-        OURS: lambda i: lidar.scan(world, poses[i]),
-        "raycast2D": by_raycast2d,
-        "octomap-python": by_octomap,
-        "ir-sim": _irsim(world, poses, angles, lidar.config.range_max),
-    }
-
-
-def _irsim(
-    world: World, poses: NDArray[np.float64], angles: NDArray[np.floating], longest: float
-) -> Call:
-    import irsim
-    from PIL import Image
-
-    frame = world.grid.frame
-    wide, high = frame.size
-    with tempfile.TemporaryDirectory() as folder:
-        image = Path(folder) / "map.png"
-        # Rows of images run downwards, and dark pixels are occupied.
-        Image.fromarray(np.where(world.grid.occupied[::-1], 0, 255).astype(np.uint8)).save(image)
-        settings = Path(folder) / "world.yaml"
-        settings.write_text(
-            f"world: {{height: {high}, width: {wide}, obstacle_map: '{image}', "
-            "collision_mode: 'unobstructed'}\n"
-            "robot:\n  kinematics: {name: 'diff'}\n  shape: {name: 'circle', radius: 0.1}\n"
-            f"  state: [{wide / 2}, {high / 2}, 0]\n  sensors:\n    - name: 'lidar2d'\n"
-            f"      range_max: {longest}\n      angle_range: {angles[-1] - angles[0]}\n"
-            f"      number: {len(angles)}\n"
-        )
-        env = irsim.make(str(settings), display=False, disable_all_plot=True, log_level="ERROR")
-    sensor = env.robot.sensors[0]
-    shift = np.array(frame.origin)
-
-    def scan(i: int) -> NDArray[np.float64]:
-        x, y = poses[i, :2] - shift
-        sensor.step(np.array([[x], [y], [poses[i, 2]]]))
-        return np.asarray(sensor.range_data)
-
-    return scan
+    return {OURS: lambda i: lidar.scan(world, poses[i]), "raycast2D": by_raycast2d}
 
 
 def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
@@ -159,7 +100,6 @@ def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
     Each cell is updated once per scan.
     """
     import octomap
-    import pyoctomap
 
     lidar, known = Lidar(), task.blank(60.0)
     resolution = known.frame.resolution
@@ -172,16 +112,11 @@ def mapping(task: Task, poses: NDArray[np.float64]) -> dict[str, Call]:
         flat = np.full(len(angle), 0.5 * resolution)
         clouds.append(np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle), flat]))
         origins.append(np.array([x, y, 0.5 * resolution]))
-    tree, other = octomap.OcTree(resolution), pyoctomap.OcTree(resolution)
-    once: dict[str, Any] = {"lazy_eval": True, "discretize": True}
+    tree = octomap.OcTree(resolution)
+    once: dict[str, Any] = {"maxrange": -1.0, "lazy_eval": True, "discretize": True}
     return {
         OURS: lambda i: known.integrate(scans[i], poses[i]),
-        "octomap-python": lambda i: tree.insertPointCloud(
-            clouds[i], origins[i], maxrange=-1.0, **once
-        ),
-        "pyoctomap": lambda i: other.insertPointCloud(
-            clouds[i], origins[i], max_range=-1.0, **once
-        ),
+        "octomap-python": lambda i: tree.insertPointCloud(clouds[i], origins[i], **once),
     }
 
 

@@ -9,7 +9,6 @@ the states that it has led to itself.
 from __future__ import annotations
 
 import contextlib
-import gc
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.performance.hall import (
-    HallDrive,
     Solve,
     Solver,
     Tick,
@@ -28,7 +26,6 @@ from benchmarks.studies.performance.hall import (
     straight,
 )
 from benchmarks.studies.performance.peers_casadi import general
-from benchmarks.studies.performance.peers_do_mpc import do_mpc
 from benchmarks.studies.performance.peers_mppi import mppi
 from benchmarks.studies.performance.stage_times import OURS, beside_ours
 from foresee.statistics import grouped_mean
@@ -52,8 +49,8 @@ def ours(mpc: MPC) -> Solver:
         segment = segment_at(tick.state[0])
 
         def solve() -> NDArray[np.float64] | None:
-            found = mpc.solve(tick.state, path, tick.risk, tick.guess, segment, tick.last)
-            return None if found.failed else found.plan.controls
+            solution = mpc.solve(tick.state, path, tick.risk, tick.guess, segment, tick.last)
+            return None if solution.failed else solution.plan.controls
 
         return solve
 
@@ -70,7 +67,7 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
             disturbs what the other one keeps from tick to tick. The guesses pursue the paths of
             `ASIDE`, in turn.
     """
-    path, ways = straight(), [straight(aside) for aside in ASIDE]
+    path, pursued = straight(), [straight(aside) for aside in ASIDE]
     ticks = 0
 
     def prepare(tick: Tick) -> Solve:
@@ -79,7 +76,7 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
         solves = [solver(tick)]
         turn, between = divmod(ticks, AFRESH)
         if between == 0:
-            guess = pursuit(mpc, ways[turn % len(ways)], tick.state)
+            guess = pursuit(mpc, pursued[turn % len(pursued)], tick.state)
             solves.append(afresh(replace(tick, guess=guess, is_first=True)))
         segment = segment_at(tick.state[0])
 
@@ -88,8 +85,8 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
             return mpc.evaluate(plan, path, tick.risk, segment, tick.last)
 
         def solve() -> NDArray[np.float64] | None:
-            found = [controls for each in solves if (controls := each()) is not None]
-            return found[0] if len(found) == 1 else min(found, key=cost, default=None)
+            solutions = [controls for each in solves if (controls := each()) is not None]
+            return solutions[0] if len(solutions) == 1 else min(solutions, key=cost, default=None)
 
         return solve
 
@@ -108,18 +105,24 @@ def compare(
         report: function that shows what is being done.
 
     Returns:
-        Solver → its times as in `beside_ours`; and `cost`, the sum of the costs of its drives;
-        `excess`, the mean over halls of the cost above that of a drive without posts;
-        `dearer_percent`, the mean over halls of the cost above that of our MPC [%], and
-        `dearer_low`, `dearer_high`, its 95 % interval over halls; `hits`, the number of drives that
-        hit a post; `failures`, the number of ticks in which the solver reported a failure.
+        Solver → its times as in `beside_ours`; and `excess`, the mean over halls of the cost above
+        that of a drive without posts; `dearer_percent`, the mean over halls of the cost above that
+        of our MPC [%], and `dearer_low`, `dearer_high`, its 95 % interval over halls; `hits`, the
+        number of drives that hit a post; `failures`, the number of ticks in which the solver
+        reported a failure.
     """
     mpc = MPC(config=config)
     # casadi writes compiled code into the working directory, and needs it there.
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        drives = _drives(mpc, worlds, ticks, report)
-        # do-mpc's objects form reference cycles, and must be deleted before their files are.
-        gc.collect()
+        solvers = {}
+        for name, make in makers(mpc).items():
+            report(f"making {name}" + (", which takes minutes" if "compiled" in name else ""))
+            solvers[name] = make()
+        drives: dict[str, list[HallDrive]] = {name: [] for name in solvers}
+        for seed in range(worlds):
+            for name, solver in solvers.items():
+                report(f"{name} in hall {seed + 1} of {worlds}")
+                drives[name].append(drive(mpc, solver, seed, ticks))
     compared = beside_ours({name: [t for d in ds for t in d.times] for name, ds in drives.items()})
     reference = np.array([d.cost for d in drives[OURS]])
     # The zero of the cost is arbitrary, so the cost without posts is subtracted.
@@ -130,7 +133,6 @@ def compare(
         interval = grouped_mean(np.arange(worlds), dearer, np.ones(worlds))
         assert interval is not None
         compared[name] |= {
-            "cost": float(costs.sum()),
             "excess": float((costs - unhindered).mean()),
             "dearer_percent": interval["value"],
             "dearer_low": interval["low"],
@@ -154,23 +156,5 @@ def makers(mpc: MPC) -> dict[str, Callable[[], Solver]]:
         "IPOPT, compiled": lambda: general(mpc, "ipopt", compiled=True),
         "fatrop, compiled": fatrop,
         "fatrop, compiled, starts in turn": lambda: in_turn(mpc, fatrop(), fatrop()),
-        "do-mpc": lambda: do_mpc(mpc, compiled=False),
-        "do-mpc, compiled": lambda: do_mpc(mpc, compiled=True),
         "pytorch_mppi": lambda: mppi(mpc),
     }
-
-
-def _drives(
-    mpc: MPC, worlds: int, ticks: int, report: Callable[[str], None]
-) -> dict[str, list[HallDrive]]:
-    """Make all solvers, and return name → drives in the order of the halls."""
-    solvers = {}
-    for name, make in makers(mpc).items():
-        report(f"making {name}" + (", which takes minutes" if "compiled" in name else ""))
-        solvers[name] = make()
-    drives: dict[str, list[HallDrive]] = {name: [] for name in solvers}
-    for seed in range(worlds):
-        for name, solver in solvers.items():
-            report(f"{name} in hall {seed + 1} of {worlds}")
-            drives[name].append(drive(mpc, solver, seed, ticks))
-    return drives

@@ -12,20 +12,20 @@ from sim import LidarConfig
 from sim.task import Task
 from sim.world import World
 
-STEP = 0.25
+PER_TICK = 0.25
 """Distance from one pose of `on_ways` to the next [m]: one tick at 2.5 m/s."""
 TICKS = 20
 """Largest number of poses on one straight line of `on_ways`."""
 CLEAR = 0.3
-"""Smallest clearance of a pose of `on_ways` [m]; above `STEP`, so that lines do not cross walls."""
+"""Smallest clearance of a pose of `on_ways` [m], above `PER_TICK`: lines do not cross walls."""
 
 
 def along(task: Task, count: int) -> NDArray[np.float64]:
     """Return poses along a task's route, (count, 3)."""
-    way = task.waypoints
-    at = np.linspace(1, len(way) - 2, count).astype(int)
-    ahead = way[at + 1] - way[at]
-    return np.column_stack([way[at], np.arctan2(ahead[:, 1], ahead[:, 0])])
+    route = task.waypoints
+    at = np.linspace(1, len(route) - 2, count).astype(int)
+    ahead = route[at + 1] - route[at]
+    return np.column_stack([route[at], np.arctan2(ahead[:, 1], ahead[:, 0])])
 
 
 def crops_along(task: Task, count: int) -> list[Grid]:
@@ -45,7 +45,7 @@ def anywhere(world: World, count: int) -> NDArray[np.float64]:
 
 
 def on_ways(world: World, count: int) -> NDArray[np.float64]:
-    """Return poses `STEP` apart on straight lines, as of a driving car, (at most `count`, 3).
+    """Return poses `PER_TICK` apart on straight lines, as of a driving car, (at most `count`, 3).
 
     The lines begin at random places, and end near walls.
     """
@@ -55,7 +55,7 @@ def on_ways(world: World, count: int) -> NDArray[np.float64]:
             if world.clearance[world.grid.frame.cell(x, y)] < CLEAR:
                 break
             poses.append((x, y, yaw))
-            x, y = x + STEP * np.cos(yaw), y + STEP * np.sin(yaw)
+            x, y = x + PER_TICK * np.cos(yaw), y + PER_TICK * np.sin(yaw)
     return np.array(poses[:count])
 
 

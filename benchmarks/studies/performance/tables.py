@@ -16,7 +16,7 @@ PEERS_COLUMNS = {
     "hits": ("hits", ".0f"),
     "failures": ("failures", ".0f"),
 }
-"""Measure → head and number format of its column."""
+"""Measure → head and number format of its column; `mean_ms` is in older results only."""
 
 
 def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
@@ -29,17 +29,17 @@ def table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     return markdown(rows)
 
 
-def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
+def peers_table(stages: dict[str, dict[str, dict[str, float]]]) -> str:
     """Return the table of the comparison with other libraries; "" if none was measured."""
-    if not found:
+    if not stages:
         return ""
     heads, forms = zip(*PEERS_COLUMNS.values(), strict=True)
     rows = [["stage", "program", *heads]]
     dearer = list(PEERS_COLUMNS).index("dearer_percent")
-    for stage, of_stage in found.items():
+    for stage, of_stage in stages.items():
         for name, s in of_stage.items():
-            told = zip(PEERS_COLUMNS, forms, strict=True)
-            cells = [format(s[key], form) if key in s else "" for key, form in told]
+            columns = zip(PEERS_COLUMNS, forms, strict=True)
+            cells = [format(s[key], form) if key in s else "" for key, form in columns]
             if "dearer_low" in s:
                 cells[dearer] += f" ({span((s['dearer_low'], s['dearer_high']), '+.3f')})"
             cells[dearer] += " %" if cells[dearer] else ""
@@ -47,12 +47,12 @@ def peers_table(found: dict[str, dict[str, dict[str, float]]]) -> str:
     return markdown(rows)
 
 
-def measures_table(found: dict[str, dict[str, Any]]) -> str:
+def measures_table(measures: dict[str, dict[str, Any]]) -> str:
     """Return the table of the rates of kernels and of whole drives; "" if none was measured."""
-    if not found:
+    if not measures:
         return ""
     rows = [["measure", "value", "p99", "unit", "samples"]]
-    for name, m in found.items():
+    for name, m in measures.items():
         value = f"{m['value']:.4g}"
         if "low" in m:
             value += f" ({span((m['low'], m['high']), '.4g')})"

@@ -6,13 +6,12 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-
-import numpy as np
 
 from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
@@ -31,13 +30,11 @@ class Driven:
     Attributes:
         simulated: duration of the drive in simulated time [s].
         wall: time that its computation took [s].
-        memory: memory of the process after the drive [MiB].
         peak: largest memory of the process so far [MiB].
     """
 
     simulated: float
     wall: float
-    memory: float
     peak: float
 
 
@@ -67,31 +64,17 @@ def throughput(
 
 
 def memory(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, Measure]:
-    """Measure the memory of one process over many drives, each in another building.
-
-    The growth is the slope of a straight line fitted to the second half of the drives, with its
-    95 % interval; the first half only fills caches.
+    """Measure the largest memory of one process over many drives, each in another building.
 
     Args:
-        drives: number of drives, at least 6.
+        drives: number of drives.
         seed: seed of the first building.
         report: function that shows the progress.
     """
-    from scipy.stats import linregress, t
-
     settings = Settings(seed=seed)
     items = [(i, settings.arms[i % len(settings.arms)]) for i in range(drives)]
     done = driven(settings, items, 1, report)
-    series = np.array([d.memory for d in done])
-    late = np.arange(len(series) // 2, len(series))
-    line = linregress(late, series[late])
-    slope, half = float(line.slope), float(t.ppf(0.975, len(late) - 2) * line.stderr)
-    ends = {"low": 1000 * (slope - half), "high": 1000 * (slope + half)}
-    peak = measure(max(d.peak for d in done), "MiB", len(done))
-    return {
-        "worker, peak memory": peak | {"after_each_drive": [round(float(m), 1) for m in series]},
-        "worker, growth of memory": measure(1000 * slope, "MiB/1,000 drives", len(late), **ends),
-    }
+    return {"worker, peak memory": measure(max(d.peak for d in done), "MiB", len(done))}
 
 
 def driven(
@@ -106,25 +89,22 @@ def driven(
         report: function that shows the progress.
 
     Returns:
-        The drives in the order in which they ended.
+        The drives in the order of the items.
 
     Raises:
         WorkersError: if a process dies.
     """
     done: list[Driven] = []
     with ProcessPoolExecutor(jobs, get_context("spawn"), _begin, (settings, os.getpid())) as pool:
-        waiting = [pool.submit(_one, settings, item) for item in items]
         try:
-            for ended, future in enumerate(as_completed(waiting)):
+            # Python's `map` cancels the drives that have not begun, if this is interrupted.
+            results = pool.map(partial(_one, settings), items)
+            for ended, result in enumerate(results):
                 report(f"{ended + 1} of {len(items)} drives by {jobs} at a time")
-                result = future.result()
                 if result is not None:
                     done.append(result)
         except BrokenProcessPool as error:
             raise WorkersError("a process that drove has died") from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
     return done
 
 
@@ -140,20 +120,11 @@ def _one(settings: Settings, item: Item) -> Driven | None:
         result = drive(settings, *item).result
     except NoTaskError:
         return None
-    wall = time.perf_counter() - started
-    return Driven(float(result.time), wall, resident(), _peak())
+    return Driven(float(result.time), time.perf_counter() - started, peak())
 
 
-def resident() -> float:
-    """Return the memory of this process [MiB]; on systems without /proc, its peak."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except OSError:
-        return _peak()
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-def _peak() -> float:
+def peak() -> float:
+    """Return the largest memory of this process so far [MiB]."""
     # getrusage only as a fallback, since on Linux it includes the peak of the parent process.
     try:
         lines = Path("/proc/self/status").read_text().splitlines()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from foresee.mapping.body import Body
 from foresee.mapping.grid import GridFrame
 
-SPACING = 0.02
+STEP = 0.02
 """Distance between two tested points of the body, and between two poses of the body [m]."""
 TOLERANCE = 0.01
 """Distance by which the tested body is smaller on each side [m], since poses between two recorded
@@ -28,9 +28,9 @@ def touches(
         body: body of the car.
     """
     length, width = body.half_length - TOLERANCE, body.half_width - TOLERANCE
-    along = np.linspace(-length, length, int(np.ceil(2 * length / SPACING)) + 1)
-    across = np.linspace(-width, width, int(np.ceil(2 * width / SPACING)) + 1)
-    a, b = (one.ravel() for one in np.meshgrid(along, across))
+    along = np.linspace(-length, length, int(np.ceil(2 * length / STEP)) + 1)
+    across = np.linspace(-width, width, int(np.ceil(2 * width / STEP)) + 1)
+    a, b = (grid.ravel() for grid in np.meshgrid(along, across))
     for place in _between(states):
         cos, sin = np.cos(place[2]), np.sin(place[2])
         x, y = place[0] + cos * a - sin * b, place[1] + sin * a + cos * b
@@ -46,8 +46,8 @@ def touches(
 
 
 def _between(states: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return poses x, y, yaw at most `SPACING` apart along the states, (n, 3)."""
+    """Return poses x, y, yaw at most `STEP` apart along the states, (n, 3)."""
     places = np.column_stack([states[:, :2], np.unwrap(states[:, 2])])
-    gone = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))])
-    at = np.append(np.arange(0.0, gone[-1], SPACING), gone[-1])
-    return np.column_stack([np.interp(at, gone, places[:, i]) for i in range(3)])
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places[:, :2], axis=0).T))])
+    at = np.append(np.arange(0.0, driven[-1], STEP), driven[-1])
+    return np.column_stack([np.interp(at, driven, places[:, i]) for i in range(3)])

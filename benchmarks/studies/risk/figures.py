@@ -19,7 +19,7 @@ MANY = 40
 """Number of drives from which on an interval decides how far the axis reaches."""
 
 
-def draw(found: dict[str, Any], out: Path) -> list[Path]:
+def draw(results: dict[str, Any], out: Path) -> list[Path]:
     """Draw the figures that the results suffice for, and return their files."""
     paths = []
     for name, drawn in (
@@ -27,17 +27,17 @@ def draw(found: dict[str, Any], out: Path) -> list[Path]:
         ("pareto", _pareto),
         ("recalibrations", _recalibrations),
     ):
-        figure = drawn(found)
+        figure = drawn(results)
         if figure is not None:
             figure.savefig(path := out / f"{name}.png", dpi=150)
             paths.append(path)
     return paths
 
 
-def _promise(found: dict[str, Any]) -> Figure | None:
+def _promise(results: dict[str, Any]) -> Figure | None:
     """Draw the realised risk of the mixture, of other buildings and of all controls beside the
     requested one."""
-    rows = [r for r in found["promise"] if r["requested"]]
+    rows = [r for r in results["promise"] if r["requested"]]
     if not rows:
         return None
     kinds = list(dict.fromkeys(map(_kind, rows)))
@@ -87,10 +87,10 @@ def _kind(row: dict[str, Any]) -> tuple[str, str]:
     return row["group"], row["tasks"]
 
 
-def _pareto(found: dict[str, Any]) -> Figure | None:
+def _pareto(results: dict[str, Any]) -> Figure | None:
     """Draw SCT over the rate of collisions, for each kind of tasks that `optimistic` drives."""
-    rates = {(r["group"], r["series"]): r for r in found["promise"]}
-    compared = [r for r in found["pareto"] if r["sct"] is not None]
+    rates = {(r["group"], r["series"]): r for r in results["promise"]}
+    compared = [r for r in results["pareto"] if r["sct"] is not None]
     kinds = list(dict.fromkeys(_kind(r) for r in compared if r["arm"] == "optimistic"))
     if not kinds:
         return None
@@ -102,11 +102,11 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
         here = [r for r in compared if _kind(r) == kind]
         rivals = cycle(RIVAL_MARKERS)
         for arm in dict.fromkeys(map(_arm, here)):
-            mine = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
-            risks = [rates[r["group"], r["series"]] for r in mine]
+            points = sorted((r for r in here if _arm(r) == arm), key=lambda r: r["level"])
+            risks = [rates[r["group"], r["series"]] for r in points]
             axes.plot(
                 [100 * r["rate"] for r in risks],
-                [r["sct"]["value"] for r in mine],
+                [r["sct"]["value"] for r in points],
                 color=arm_colour(arm),
                 marker="o" if arm in ARM_COLOURS else next(rivals),
                 markersize=4,
@@ -128,9 +128,9 @@ def _pareto(found: dict[str, Any]) -> Figure | None:
     return figure
 
 
-def _recalibrations(found: dict[str, Any]) -> Figure | None:
+def _recalibrations(results: dict[str, Any]) -> Figure | None:
     """Draw the realised over the requested risk of each repeated calibration."""
-    rows = [r for r in found["recalibrations"] if r["rate"] is not None]
+    rows = [r for r in results["recalibrations"] if r["rate"] is not None]
     if not rows:
         return None
     blocks = sorted({r["block"] for r in rows})
@@ -139,12 +139,12 @@ def _recalibrations(found: dict[str, Any]) -> Figure | None:
     largest = 100 * max(r["requested"] for r in rows)
     axes.plot([0, largest], [0, largest], color=INK, linewidth=0.8, linestyle="--")
     for place, block in enumerate(blocks):
-        mine = [r for r in rows if r["block"] == block]
-        bars = [_around(r["rate"], r["interval"]) for r in mine]
+        here = [r for r in rows if r["block"] == block]
+        bars = [_around(r["rate"], r["interval"]) for r in here]
         axes.errorbar(
             # Side by side, since many rates are the same.
-            [100 * r["requested"] + 0.5 * (place - (len(blocks) - 1) / 2) for r in mine],
-            [100 * r["rate"] for r in mine],
+            [100 * r["requested"] + 0.5 * (place - (len(blocks) - 1) / 2) for r in here],
+            [100 * r["rate"] for r in here],
             yerr=[[bar[end][0] for bar in bars] for end in range(2)],
             marker="o",
             markersize=4,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any
 
-from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.statistics import wilson
 from benchmarks.studies.risk.drives import Drives
 from benchmarks.studies.risk.series import MIXTURE, PROMISE, Series
 from planner.risk.betting import capital, decided_after, needed
@@ -60,9 +60,7 @@ def recalibrations(
                     "drives": len(others),
                     "collided": sum(others),
                     "rate": sum(others) / len(others) if others else None,
-                    "interval": list(statistics.wilson(int(sum(others)), len(others)))
-                    if others
-                    else None,
+                    "interval": list(wilson(int(sum(others)), len(others))) if others else None,
                 }
             )
     return rows
@@ -83,8 +81,8 @@ def _certified(
     """Return the largest level that a block certifies for a risk; 0 if it certifies none."""
     certified = 0.0
     for level, collided in by_level.items():
-        mine = collided[block * BLOCK : (block + 1) * BLOCK]
-        losses = [loss for loss in mine if loss is not None]
+        in_block = collided[block * BLOCK : (block + 1) * BLOCK]
+        losses = [loss for loss in in_block if loss is not None]
         # As in a calibration: a test that was given up is not revived by later drives.
         end = decided_after(losses, risk, len(losses), needed(confidence))
         if not (capital(losses[:end], risk) >= needed(confidence)).any():
@@ -94,8 +92,8 @@ def _certified(
 
 
 def _outside(collided: list[float | None], block: int) -> list[float]:
-    there = collided[: block * BLOCK] + collided[(block + 1) * BLOCK :]
-    return [loss for loss in there if loss is not None]
+    outside = collided[: block * BLOCK] + collided[(block + 1) * BLOCK :]
+    return [loss for loss in outside if loss is not None]
 
 
 def _collided(drive: dict[str, Any]) -> float | None:

@@ -32,32 +32,32 @@ def collision_rows(
     """
     rows = []
     for series in all_series:
-        mine = _with_task(drives[series.name])
-        if not mine:
+        driven = _with_task(drives[series.name])
+        if not driven:
             continue
-        outcomes = Counter(d["outcome"] for d in mine)
-        collided, km = outcomes["collided"], sum(d["path_length"] for d in mine) / 1e3
+        outcomes = Counter(d["outcome"] for d in driven)
+        collided, km = outcomes["collided"], sum(d["path_length"] for d in driven) / 1e3
         rows.append(
             _about(series)
             | {
                 "requested": series.risk,
                 "certified": series.risk in certified,
-                "drives": len(mine),
-                "no_task": len(drives[series.name]) - len(mine),
+                "drives": len(driven),
+                "no_task": len(drives[series.name]) - len(driven),
                 "collided": collided,
-                "rate": collided / len(mine),
-                "interval": list(statistics.wilson(collided, len(mine))),
-                "touched": sum(d["touched"] for d in mine),
-                "learned": sum(d["learned"] for d in mine),
+                "rate": collided / len(driven),
+                "interval": list(statistics.wilson(collided, len(driven))),
+                "touched": sum(d["touched"] for d in driven),
+                "learned": sum(d["learned"] for d in driven),
                 "km": km,
                 "per_km_interval": _poisson(collided, km),
                 "outcomes": dict(outcomes),
-                "by_family": _by_family(series, mine),
-                "sct": _mean([d["sct"] for d in mine]),
-                "barn": _mean([_barn(d, series.settings.v_max) for d in mine]),
-                "speed": 1e3 * km / sum(d["time"] for d in mine),
-                "impact_speed": _mean([d["impact_speed"] for d in mine]),
-                "commits": sorted({str(d["commit"]) for d in mine}),
+                "by_family": _by_family(series, driven),
+                "sct": _mean([d["sct"] for d in driven]),
+                "barn": _mean([_barn(d, series.settings.v_max) for d in driven]),
+                "speed": 1e3 * km / sum(d["time"] for d in driven),
+                "impact_speed": _mean([d["impact_speed"] for d in driven]),
+                "commits": sorted({str(d["commit"]) for d in driven}),
             }
         )
     return rows
@@ -80,17 +80,17 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
     """Return SCT, times and share of the gap of each series, among the series with its tasks."""
     rows = []
     for series in all_series:
-        there = _baselines(series, all_series, drives)
-        if not there:
+        same_tasks = _baselines(series, all_series, drives)
+        if not same_tasks:
             continue
         # The statistics call the arm that is compared `predicted`.
-        baselines = {arm: of for arm, of in there.items() if arm != series.arm}
+        baselines = {arm: of for arm, of in same_tasks.items() if arm != series.arm}
         arms = _paired({"predicted": drives[series.name], **baselines})
         if not arms["predicted"]:
             continue
         known, full = (
-            statistics.time_ratio(arms, "predicted", one) if one in baselines else None
-            for one in ("known", "full")
+            statistics.time_ratio(arms, "predicted", arm) if arm in baselines else None
+            for arm in ("known", "full")
         )
         keys = ("sct", "time") if series.settings.route == "fixed" else ("sct",)
         rows.append(
@@ -117,12 +117,12 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
         all_series: series of the study.
         drives: name of each series → its drives.
     """
-    mine = [s for s in all_series if s.group == OWN and s.arm == "predicted"]
+    further = [s for s in all_series if s.group == OWN and s.arm == "predicted"]
     rows = []
-    for risk in sorted({s.risk for s in mine if s.risk is not None}):
+    for risk in sorted({s.risk for s in further if s.risk is not None}):
         levels, outcomes = dict[str, float](), list[str]()
         arms: dict[str, list[DriveResult]] = {arm: [] for arm in ("predicted", "known", "oracle")}
-        for series in (s for s in mine if s.risk == risk):
+        for series in (s for s in further if s.risk == risk):
             levels[series.tasks] = series.settings.level
             outcomes += [d["outcome"] for d in _with_task(drives[series.name])]
             baselines = _baselines(series, all_series, drives)
@@ -167,37 +167,37 @@ def _about(series: Series) -> dict[str, Any]:
 
 def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
     """Return the results of arms on the episodes that all have driven."""
-    found = {
+    results = {
         arm: {d["index"]: DriveResult.from_json(d) for d in _with_task(of)}
         for arm, of in drives.items()
     }
-    both = sorted(set.intersection(*(set(of) for of in found.values())))
-    return {arm: [of[index] for index in both] for arm, of in found.items()}
+    both = sorted(set.intersection(*(set(of) for of in results.values())))
+    return {arm: [of[index] for index in both] for arm, of in results.items()}
 
 
-def _by_family(series: Series, mine: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
+def _by_family(series: Series, drives: Sequence[dict[str, Any]]) -> dict[str, list[int]]:
     """Return the collisions and the drives in each family of a mixture."""
     return {
-        family: [sum(d["outcome"] == "collided" for d in drives), len(drives)]
+        family: [sum(d["outcome"] == "collided" for d in there), len(there)]
         for family in _families(series)
-        if (drives := [d for d in mine if _family(series, d["index"]) == family])
+        if (there := [d for d in drives if _family(series, d["index"]) == family])
     }
 
 
 def _times_by_family(series: Series, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
     """Return the time ratio to `known` and the share of the gap in time, in each family."""
-    found = {}
+    times = {}
     for family in _families(series):
         here = {
             arm: [r for r in results if _family(series, r.index) == family]
             for arm, results in arms.items()
         }
         if "known" in here and here["known"] and series.settings.route == "fixed":
-            found[family] = {
+            times[family] = {
                 "time_ratio": statistics.time_ratio(here, "predicted", "known"),
                 "share_of_gap": statistics.share_of_gap(here, "time"),
             }
-    return found
+    return times
 
 
 def _families(series: Series) -> tuple[str, ...]:
@@ -216,10 +216,10 @@ def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _barn(drive: dict[str, Any], v_max: float) -> float | None:
-    """Return the score of the BARN challenge: with the time T of the shortest way at top speed, T
+    """Return the score of the BARN challenge: with the time T of the shortest path at top speed, T
     over the time of the drive, which counts as 2 T to 8 T; 0 if the goal was not reached.
 
-    None where the shortest way is not known.
+    None where the shortest path is not known.
     """
     if drive["shortest_length"] is None:
         return None
@@ -237,5 +237,5 @@ def _poisson(count: int, km: float) -> list[float] | None:
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    there = [value for value in values if value is not None]
-    return sum(there) / len(there) if there else None
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None

@@ -104,27 +104,29 @@ def series_of(
         UsageError: if two of the maps have the same name.
     """
     mixture = _settings(calibration, predictor)
-    found = [
+    all_series = [
         *_promises(calibration, mixture, rivals, maps),
-        *(one for other in others for one in _in_its_buildings(other, predictor)),
+        *(series for other in others for series in _in_its_buildings(other, predictor)),
         *_controls(calibration, mixture),
         *_mazes(calibration, mixture),
         *_speeds(calibration, mixture),
         *_field(calibration, mixture),
     ]
-    if len({series.name for series in found}) < len(found):
+    if len({series.name for series in all_series}) < len(all_series):
         raise UsageError(
             "each map or folder of --maps, each of --rivals, and each calibration must have a name "
             "of its own"
         )
-    for one in (calibration, *others):
-        if any(one.has_used(series.settings.seed, series.settings.episodes) for series in found):
+    for used in (calibration, *others):
+        if any(
+            used.has_used(series.settings.seed, series.settings.episodes) for series in all_series
+        ):
             raise CalibrationError(
-                f"{one.path} was made in buildings of this study: calibrate with another --seed"
+                f"{used.path} was made in buildings of this study: calibrate with another --seed"
             )
     if quick:
-        found = [replace(c, settings=replace(c.settings, episodes=4)) for c in found]
-    return found
+        all_series = [replace(c, settings=replace(c.settings, episodes=4)) for c in all_series]
+    return all_series
 
 
 def _settings(calibration: Calibration, predictor: str) -> Settings:
@@ -136,11 +138,13 @@ def _settings(calibration: Calibration, predictor: str) -> Settings:
     try:
         same = {name: calibration.conditions[name] for name in CONDITIONS}
         world = tuple(map(str, calibration.conditions["world"]))
-        found = Settings(world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same)
+        settings = Settings(
+            world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"{calibration.path} is no calibration: {one_line(error)}") from None
-    calibration.refuse_other(conditions_of(found))
-    return found
+    calibration.refuse_other(conditions_of(settings))
+    return settings
 
 
 def _cautious(calibration: Calibration) -> tuple[float, float]:

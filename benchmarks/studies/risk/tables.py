@@ -10,20 +10,18 @@ from benchmarks.studies.risk.series import PROMISE
 from foresee.infra.markdown import DASH, interval, records, span
 
 
-def tables(found: dict[str, Any]) -> str:
+def tables(results: dict[str, Any]) -> str:
     """Return the results of the study as Markdown."""
-    parts = [_collision_table(found["promise"])]
-    if found["pareto"]:
-        parts.append(_speed_table(found["pareto"]))
-    if families := _family_table(found["pareto"]):
-        parts.append(families)
-    if found.get("pooled"):
-        parts.append(_pooled_table(found["pooled"]))
-    if found.get("recalibrations"):
-        parts.append(_recalibration_table(found["recalibrations"]))
-    if found["missing"]:
-        parts.append(f"{found['missing']} drives are still to be made: the same command goes on.")
-    return "\n\n".join(parts)
+    parts = [
+        _collision_table(results["promise"]),
+        _speed_table(results["pareto"]),
+        _family_table(results["pareto"]),
+        _pooled_table(results.get("pooled", [])),
+        _recalibration_table(results.get("recalibrations", [])),
+    ]
+    if results["missing"]:
+        parts.append(f"{results['missing']} drives are still to be made: the same command goes on.")
+    return "\n\n".join(part for part in parts if part)
 
 
 def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
@@ -32,23 +30,16 @@ def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
             {
                 "group": row["group"],
                 "drives in": row["series"],
-                "requested δ": DASH if row["requested"] is None else f"{row['requested']:g}",
+                "requested δ": _number(row["requested"], "g"),
                 "level λ": f"{row['level']:.2g}",
-                "collided": f"{row['collided']} of {row['drives']}",
-                "rate (95 %)": span(row["interval"], ".1f", 100.0, " %"),
+                **_collisions(row),
                 "per km (95 %)": span(row["per_km_interval"], ".2f"),
                 "reached / stuck / timed out / no task": " / ".join(
-                    str(n)
-                    for n in (
-                        *(
-                            row["outcomes"].get(name, 0)
-                            for name in ("reached", "stuck", "timed_out")
-                        ),
-                        row["no_task"],
-                    )
-                ),
-                "SCT": DASH if row["sct"] is None else f"{row['sct']:.3f}",
-                "BARN": DASH if row["barn"] is None else f"{row['barn']:.3f}",
+                    str(row["outcomes"].get(name, 0)) for name in ("reached", "stuck", "timed_out")
+                )
+                + f" / {row['no_task']}",
+                "SCT": _number(row["sct"], ".3f"),
+                "BARN": _number(row["barn"], ".3f"),
                 "speed [m/s]": f"{row['speed']:.2f}",
             }
             for row in rows
@@ -66,10 +57,10 @@ def _speed_table(rows: Sequence[dict[str, Any]]) -> str:
                 "level λ": f"{row['level']:.2g}",
                 "episodes": row["episodes"],
                 "collided": row["collided"],
-                "SCT": _told(row["sct"], ".3f"),
-                "time ratio to `known`": _told(row["time_ratio"], ".2f"),
-                "time over that of `full`": _told(row["time_over_full"], ".2f"),
-                "share of the gap in time [%]": _told(
+                "SCT": _estimate(row["sct"], ".3f"),
+                "time ratio to `known`": _estimate(row["time_ratio"], ".2f"),
+                "time over that of `full`": _estimate(row["time_over_full"], ".2f"),
+                "share of the gap in time [%]": _estimate(
                     row["share_of_gap"].get("time"), ".0f", 100.0
                 ),
             }
@@ -82,12 +73,7 @@ def _family_table(rows: Sequence[dict[str, Any]]) -> str:
     """Return the times in each family of a mixture as Markdown; "" if there is no mixture."""
     return records(
         [
-            {
-                "series": row["series"],
-                "family": family,
-                "time ratio to `known`": _told(times["time_ratio"], ".2f"),
-                "share of the gap in time [%]": _told(times["share_of_gap"], ".0f", 100.0),
-            }
+            {"series": row["series"], "family": family, **_times(times)}
             for row in rows
             if row["group"] == PROMISE and row["arm"] == "predicted"
             for family, times in row.get("time_by_family", {}).items()
@@ -103,10 +89,8 @@ def _pooled_table(rows: Sequence[dict[str, Any]]) -> str:
                 "level λ of each calibration": ", ".join(
                     f"{name} {level:g}" for name, level in row["levels"].items()
                 ),
-                "collided": f"{row['collided']} of {row['drives']}",
-                "rate (95 %)": span(row["interval"], ".1f", 100.0, " %"),
-                "time ratio to `known`": _told(row["time_ratio"], ".2f"),
-                "share of the gap in time [%]": _told(row["share_of_gap"], ".0f", 100.0),
+                **_collisions(row),
+                **_times(row),
             }
             for row in rows
         ]
@@ -119,7 +103,7 @@ def _recalibration_table(rows: Sequence[dict[str, Any]]) -> str:
             {
                 "block": row["block"] + 1,
                 "requested δ": f"{row['requested']:g}",
-                "certified level λ": f"{row['level']:g}" if row["level"] else DASH,
+                "certified level λ": _number(row["level"] or None, "g"),
                 "collided in the other blocks": (
                     f"{row['collided']:.0f} of {row['drives']}" if row["drives"] else DASH
                 ),
@@ -129,11 +113,27 @@ def _recalibration_table(rows: Sequence[dict[str, Any]]) -> str:
     )
 
 
-def _told(estimate: dict[str, Any] | None, form: str, scale: float = 1.0) -> str:
-    return DASH if estimate is None else interval(estimate, form, scale)
+def _collisions(row: dict[str, Any]) -> dict[str, str]:
+    rate = span(row["interval"], ".1f", 100.0, " %")
+    return {"collided": f"{row['collided']} of {row['drives']}", "rate (95 %)": rate}
 
 
-def table_of_drives(found: dict[str, Any]) -> str:
+def _times(row: dict[str, Any]) -> dict[str, str]:
+    return {
+        "time ratio to `known`": _estimate(row["time_ratio"], ".2f"),
+        "share of the gap in time [%]": _estimate(row["share_of_gap"], ".0f", 100.0),
+    }
+
+
+def _number(value: float | None, form: str) -> str:
+    return DASH if value is None else format(value, form)
+
+
+def _estimate(value: dict[str, Any] | None, form: str, scale: float = 1.0) -> str:
+    return DASH if value is None else interval(value, form, scale)
+
+
+def table_of_drives(results: dict[str, Any]) -> str:
     """Return the outcomes of the drives of one series as Markdown."""
-    outcomes = Counter(drive["outcome"] for drive in found["drives"])
+    outcomes = Counter(drive["outcome"] for drive in results["drives"])
     return records([{"outcome": name, "drives": count} for name, count in sorted(outcomes.items())])

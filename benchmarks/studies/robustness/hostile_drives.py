@@ -54,7 +54,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         index: number of the drive.
     """
     kind, settings = scenario(index, seed)
-    found: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "index": index,
         "kind": kind,
         "world": settings.world[0],
@@ -64,7 +64,7 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
     try:
         task = task_of(settings, 0)
     except NoTaskError as error:
-        return found | {"outcome": NO_TASK, "error": None, "note": str(error)}
+        return entry | {"outcome": NO_TASK, "error": None, "note": str(error)}
     driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), DEADLINE)
     car, lidar = DubinsCar(car_of(settings)), Lidar(LidarConfig())
     config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
@@ -73,8 +73,8 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         episode = run_episode(task, driver, car, lidar, config, rng)
     except Exception as error:
         # The program must survive every hostile predictor: an exception here is a failure.
-        return found | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
-    return found | {
+        return entry | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
+    return entry | {
         "outcome": str(episode.outcome),
         "error": None,
         "time": round(episode.time, 1),
@@ -86,23 +86,23 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
     }
 
 
-def table(found: dict[str, Any]) -> str:
+def table(results: dict[str, Any]) -> str:
     """Return a Markdown table of drives, collisions and faults for each hostile predictor."""
     rows = []
-    drives = [d for d in found["drives"] if d["outcome"] != NO_TASK]
+    drives = [d for d in results["drives"] if d["outcome"] != NO_TASK]
     for name in (*KINDS, "all"):
-        mine = [d for d in drives if name in ("all", d["kind"])]
-        if not mine:
+        of_kind = [d for d in drives if name in ("all", d["kind"])]
+        if not of_kind:
             continue
-        whole = [d for d in mine if d["outcome"] != "crashed"]
+        whole = [d for d in of_kind if d["outcome"] != "crashed"]
         seconds = sum(d["time"] for d in whole)
         metres = sum(d["path_length"] for d in whole)
         rows.append(
             {
                 "predictor": name,
-                "drives": len(mine),
-                "collided": sum(d["outcome"] == "collided" for d in mine),
-                "program errors": len(mine) - len(whole),
+                "drives": len(of_kind),
+                "collided": sum(d["outcome"] == "collided" for d in of_kind),
+                "program errors": len(of_kind) - len(whole),
                 "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else DASH,
                 "faults per drive": f"{sum(map(_faults, whole)) / max(1, len(whole)):.0f}",
             }

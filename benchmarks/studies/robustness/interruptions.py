@@ -47,7 +47,7 @@ GONE = 15.0
 
 def contents(folder: Path) -> dict[str, Any]:
     """Return name → JSON value, array or weights of the results in a folder, without `VOLATILE`."""
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     for path in sorted(folder.rglob("*")):
         name, inside = str(path.relative_to(folder)), path.relative_to(folder).parts
         if "parts" in inside:
@@ -56,25 +56,25 @@ def contents(folder: Path) -> dict[str, Any]:
         if path.suffix in (".json", ".jsonl"):
             text = path.read_text()
             values = text.splitlines() if path.suffix == ".jsonl" else [text]
-            found[name] = [json.loads(value, object_hook=_lasting) for value in values]
+            results[name] = [json.loads(value, object_hook=_lasting) for value in values]
         elif path.suffix in (".npz", ".safetensors"):
             arrays = load_file(path) if path.suffix == ".safetensors" else np.load(path)
             for key, value in arrays.items():
                 if key.rpartition("/")[2] not in VOLATILE:
-                    found[f"{name}:{key}"] = str(value.dtype), value.shape, value.tobytes()
+                    results[f"{name}:{key}"] = str(value.dtype), value.shape, value.tobytes()
         elif ".damaged" in path.name or path.suffix == ".tmp":
-            found[name] = "left over"
-    return found
+            results[name] = "left over"
+    return results
 
 
-def _lasting(found: dict[str, Any]) -> dict[str, Any]:
+def _lasting(results: dict[str, Any]) -> dict[str, Any]:
     """Return a JSON object without the names in `VOLATILE`."""
-    return {k: v for k, v in found.items() if k not in VOLATILE}
+    return {k: v for k, v in results.items() if k not in VOLATILE}
 
 
-def differences(ours: dict[str, Any], theirs: dict[str, Any]) -> list[str]:
+def differences(first: dict[str, Any], second: dict[str, Any]) -> list[str]:
     """Return the names of results that differ between two folders, or are missing in one."""
-    return sorted(k for k in ours.keys() | theirs.keys() if ours.get(k) != theirs.get(k))
+    return sorted(k for k in first.keys() | second.keys() if first.get(k) != second.get(k))
 
 
 def interrupted(
@@ -93,70 +93,81 @@ def interrupted(
         The entry of the trial in the results.
     """
     index, command, kind, share = trial
-    ours = work / f"trial-{index}"
-    shutil.rmtree(ours, ignore_errors=True)
-    ours.mkdir()
-    with _exclusive(disk) if kind == "disk full" and disk else nullcontext(ours) as folder:
-        words = _words(command, work, ours, folder / "out")
+    own = work / f"trial-{index}"
+    shutil.rmtree(own, ignore_errors=True)
+    own.mkdir()
+    with _exclusive(disk) if kind == "disk full" and disk else nullcontext(own) as folder:
+        words = _words(command, work, own, folder / "out")
         moment = share * seconds[command]
-        with (ours / "first.txt").open("w") as file:
-            # The child must react to Ctrl-C, even if this command was started in the background.
-            heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-            process = subprocess.Popen(
-                words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
-            )
-            try:
-                process.wait(moment)
-                in_time = False
-            except subprocess.TimeoutExpired:
-                in_time = True
-                if kind == "disk full":
-                    with _full(folder):
-                        process.wait()
-                elif kind == "SIGINT":
-                    # A terminal sends Ctrl-C to the whole group.
-                    os.killpg(process.pid, signal.SIGINT)
-                else:
-                    process.send_signal(getattr(signal, kind))
-            status = process.wait()
+        process, in_time = _interrupted(words, own / "first.txt", kind, moment, folder)
         left = _left_behind(process.pid)
-        said = (ours / "first.txt").read_text(errors="replace")
-        with (ours / "second.txt").open("w") as file:
+        said = (own / "first.txt").read_text(errors="replace")
+        with (own / "second.txt").open("w") as file:
             again = subprocess.run(words, stdout=file, stderr=file).returncode
         differ = differences(contents(work / command), contents(folder / "out"))
-    found = {
+    entry = {
         "index": index,
         "command": command,
         "kind": kind,
         "seconds": round(moment, 2),
         "interrupted": in_time,
-        "status": status,
+        "status": process.returncode,
         "traceback": "Traceback" in said,
         "processes left": left,
         "status again": again,
         "differences": differ[:20],
     }
-    if good(found):
-        shutil.rmtree(ours)
-    return found
+    if good(entry):
+        shutil.rmtree(own)
+    return entry
+
+
+def _interrupted(
+    words: list[str], output: Path, kind: str, moment: float, folder: Path
+) -> tuple[subprocess.Popen[bytes], bool]:
+    """Run a command to its end, and interrupt it at a moment [s].
+
+    Returns:
+        The process, and whether it was still running at that moment.
+    """
+    # The child must react to Ctrl-C, even if this command was started in the background.
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with output.open("w") as file:
+        process = subprocess.Popen(
+            words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
+        )
+        try:
+            process.wait(moment)
+        except subprocess.TimeoutExpired:
+            if kind == "disk full":
+                with _full(folder):
+                    process.wait()
+            elif kind == "SIGINT":
+                # A terminal sends Ctrl-C to the whole group.
+                os.killpg(process.pid, signal.SIGINT)
+            else:
+                process.send_signal(getattr(signal, kind))
+            process.wait()
+            return process, True
+    return process, False
 
 
 def table(results: dict[str, Any]) -> str:
     """Return a Markdown table of the trials, one line for each command and kind of interruption."""
     rows = []
     for command, kind in itertools.product(CASES, KINDS):
-        mine = [t for t in results["drives"] if (t["command"], t["kind"]) == (command, kind)]
-        if mine:
-            same = [t["status again"] == 0 and not t["differences"] for t in mine]
+        trials = [t for t in results["drives"] if (t["command"], t["kind"]) == (command, kind)]
+        if trials:
+            same = [t["status again"] == 0 and not t["differences"] for t in trials]
             rows.append(
                 {
                     "command": f"`{command}`",
                     "interrupted by": kind,
-                    "trials": len(mine),
-                    "while it ran": sum(t["interrupted"] for t in mine),
+                    "trials": len(trials),
+                    "while it ran": sum(t["interrupted"] for t in trials),
                     "same results after": sum(same),
-                    "tracebacks": sum(t["traceback"] for t in mine),
-                    "processes left": sum(t["processes left"] for t in mine),
+                    "tracebacks": sum(t["traceback"] for t in trials),
+                    "processes left": sum(t["processes left"] for t in trials),
                 }
             )
     return records(rows)
@@ -186,12 +197,12 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
     for command in tqdm(commands, unit="command", desc="uninterrupted"):
         done = work / f"{command}.json"
         if not done.exists():
-            ours = work / f"data-{command}"
+            own = work / f"data-{command}"
             for _ in range(2):
-                for folder in (work / command, ours):
+                for folder in (work / command, own):
                     shutil.rmtree(folder, ignore_errors=True)
                     folder.mkdir(parents=True)
-                words = _words(command, work, ours, work / command)
+                words = _words(command, work, own, work / command)
                 began = time.monotonic()
                 ran = subprocess.run(words, capture_output=True, text=True)
                 if ran.returncode:
@@ -202,21 +213,21 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
     return seconds
 
 
-def _words(command: str, work: Path, ours: Path, out: Path) -> list[str]:
+def _words(command: str, work: Path, own: Path, out: Path) -> list[str]:
     """Return the words of a command line; its input data are copied, since it may write there.
 
     Args:
         command: command.
         work: folder of the original input data.
-        ours: folder for the copies.
+        own: folder for the copies.
         out: folder of the results.
     """
     words = [sys.executable, "-m", command]
     for word in CASES[command].split():
         name = word.strip("{}")
         if word == f"{{{name}}}":
-            shutil.copytree(work / INPUTS[name], ours / name)
-            word = str(ours / name)
+            shutil.copytree(work / INPUTS[name], own / name)
+            word = str(own / name)
         words.append(word)
     return [*words, "--jobs", "2", "--out", str(out)]
 
@@ -265,7 +276,7 @@ def _left_behind(session: int) -> int:
 
 
 def _members(session: int) -> list[int]:
-    found = []
+    pids = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = path.read_text().rpartition(")")[2].split()
@@ -273,5 +284,5 @@ def _members(session: int) -> list[int]:
             # The process has just ended.
             continue
         if int(fields[3]) == session and fields[0] != "Z":
-            found.append(int(path.parent.name))
-    return found
+            pids.append(int(path.parent.name))
+    return pids

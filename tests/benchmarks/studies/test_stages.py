@@ -78,8 +78,6 @@ def quick(monkeypatch):
     for name, few in (
         ("SCANS", 3),
         ("ROUNDS", 1),
-        ("CHECKED_POSES", 1),
-        ("CHECKED_BEAMS", 5),
         ("REPEATS", 3),
     ):
         monkeypatch.setattr(rates, name, few)
@@ -93,7 +91,7 @@ def quick(monkeypatch):
     monkeypatch.setattr("sim.episode.EpisodeConfig.__init__.__defaults__", (0.1, 0.5, 0.3, 0.2, 10))
 
     def driven(settings, items, jobs, report):
-        return [throughput.Driven(30.0, 3.0, 800.0 + i, 900.0) for i in range(len(items))]
+        return [throughput.Driven(30.0, 3.0, 900.0) for _ in items]
 
     monkeypatch.setattr(throughput, "driven", driven)
 
@@ -134,10 +132,9 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     assert results["stages"]["cycle"]["median_ms"] > results["stages"]["predict"]["median_ms"]
     assert [entry["value"] for entry in results["growth"]["beams"]] == [90, 180]
     measures = results["measures"]
-    assert measures["rays, corridor 1000², largest error"]["value"] < 1e-9
+    assert measures["rays, on ways, corridor 1000², 1 thread"]["value"] > 0
     assert measures["throughput, 2 processes"]["value"] == pytest.approx(10.0)
     assert measures["1,000 episodes of 3 arms, 2 processes"]["value"] == pytest.approx(75.0)
-    assert measures["worker, growth of memory"]["value"] == pytest.approx(1000.0)
     assert results["peak_memory_mib"] == 900.0
     assert (tmp_path / "growth.png").stat().st_size > 5000
     out = " ".join(capsys.readouterr().out.split())

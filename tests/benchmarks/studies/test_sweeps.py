@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from comparison import run as compare
 
-from benchmarks.studies.driver import sweeps
-from benchmarks.studies.risk import arcs
+from benchmarks.studies.driver import arcs, sweeps
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (60, 120))

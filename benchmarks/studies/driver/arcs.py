@@ -1,4 +1,4 @@
-"""Scores of a prediction along arcs that leave the observed space, for `driver.sweeps`."""
+"""Scores of a prediction along arcs that leave the observed space, for `sweeps`."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ def distances_of(run: Run) -> dict[str, Any]:
     arcs: list[NDArray[np.float64]] = []
     worlds: list[str] = []
     for index in tqdm(indices, desc=run.label, unit="drive"):
-        found = _arcs_of(run, index, caller, side)
-        arcs += found
-        worlds += [run.drives[index, "known"].world] * len(found)
+        of_drive = _arcs_of(run, index, caller, side)
+        arcs += of_drive
+        worlds += [run.drives[index, "known"].world] * len(of_drive)
     if not arcs:
         raise UsageError(f"{run.directory}: no arc leaves the observed space")
     scores = {}
@@ -77,7 +77,7 @@ def distances_of(run: Run) -> dict[str, Any]:
 
 def _arcs_of(run: Run, index: int, caller: Caller, side: float) -> list[NDArray[np.float64]]:
     """Return the arcs of a drive that leave the observed space, each as `_swept` returns it."""
-    trace, found = run.trace(index, "known"), []
+    trace, swept = run.trace(index, "known"), []
     for tick in range(0, len(trace.states) - 1, EVERY):
         pose = trace.states[tick, :3].astype(np.float64)
         view = View.of(trace.observed(tick), pose, side, caller.context_side)
@@ -85,8 +85,8 @@ def _arcs_of(run: Run, index: int, caller: Caller, side: float) -> list[NDArray[
         trust = np.where(crop.unknown, belief.confidence * belief.p_free, 1.0)
         trusts, free = (trust, minimum_filter(trust, WIDTH)), trace.truth.crop(crop.frame).free
         arcs = (_swept(crop, trusts, free, pose, curvature) for curvature in CURVATURES)
-        found += [arc for arc in arcs if len(arc)]
-    return found
+        swept += [arc for arc in arcs if len(arc)]
+    return swept
 
 
 def _swept(
@@ -127,7 +127,7 @@ def _swept(
         if len(rows) == 0 and not steps:
             continue
         wrong |= not free[rows, cols].all()
-        least, near = (float(one[rows, cols].min(initial=1.0)) for one in trusts)
+        least, near = (float(each[rows, cols].min(initial=1.0)) for each in trusts)
         steps.append([wrong, least, near, least, float((1.0 - trust[rows, cols]).sum())])
     if not steps:
         return np.empty((0, 2 + len(SCORES)))
@@ -153,14 +153,14 @@ def _entries(arcs: list[NDArray[np.float64]], column: int) -> NDArray[np.float64
     """
     thresholds = np.unique(np.concatenate([arc[:, column] for arc in arcs]))
     thresholds = np.quantile(thresholds, np.linspace(0.0, 1.0, THRESHOLDS))
-    found = np.zeros((2 * THRESHOLDS + 1, len(arcs)))
-    found[-1] = 1.0
+    sums = np.zeros((2 * THRESHOLDS + 1, len(arcs)))
+    sums[-1] = 1.0
     for number, arc in enumerate(arcs):
-        # Scores fall along an arc, so that the poses above a threshold can be found by bisection.
+        # Scores fall along an arc, so that the poses above a threshold can be sums by bisection.
         count = np.searchsorted(-arc[:, column], -thresholds, side="right")
         reached = np.vstack([np.zeros(2), arc[:, :2]])[count]
-        found[:-1, number] = reached.T.ravel()
-    return found
+        sums[:-1, number] = reached.T.ravel()
+    return sums
 
 
 def _farthest(sums: NDArray[np.float64], share: float) -> NDArray[np.float64]:
