@@ -58,8 +58,6 @@ class NavigatorConfig:
         steer: whether predictions also change the cost map, and with it the route.
         margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
         start_margin: margin around the body at the start in which cells count as observed free [m].
-        oracle: whether the predictor knows the true map, so that cells it is certain of count as
-            observed. Only for the arm `oracle`: with any other predictor the car may collide.
         deadline: longest wait for a prediction [s]. It is far above the usual time, so that
             simulated drives do not depend on the machine's load.
         car: the car's limits and body.
@@ -75,7 +73,6 @@ class NavigatorConfig:
     steer: bool = False
     margin: float = 0.0
     start_margin: float = 0.5
-    oracle: bool = False
     deadline: float = 2.0
     car: CarLimits = field(default_factory=CarLimits)
     mpc: MPCConfig = field(default_factory=MPCConfig)
@@ -288,7 +285,7 @@ class Navigator:
         epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
-        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle, level)
+        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, level)
         self._adaptive.believe(risk)
         return risk
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.calibration.betting import capital, decided_after, needed
-from benchmarks.calibration.certificate import conditions_of
+from benchmarks.calibration.certificate import ABSENT, conditions_of
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
@@ -90,7 +90,8 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
     conditions = conditions_of(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     told = asdict(asked) | conditions
-    with ResumableFolder(out, json.loads(json.dumps(told)), grows=("drives",), exclusive=True):
+    told = json.loads(json.dumps(told))
+    with ResumableFolder(out, told, grows=("drives",), absent=ABSENT, exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)
 
 
@@ -140,8 +141,9 @@ def _test(
     weights = weights_of(settings)
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
     told = json.loads(json.dumps(told))
+    absent = {name: value for name, value in OLDER.items() if name in told}
     file = DriveFile(
-        out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=OLDER
+        out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=absent
     )
 
     def decided() -> bool:

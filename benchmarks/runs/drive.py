@@ -133,16 +133,21 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
         arm: arm that drives.
         resolution: resolution of the building's map [m].
     """
-    level = settings.level if arm.takes_risk else 0.0
+    reliance = settings.reliance if arm.reliance is None else arm.reliance
+    if arm.level is None:
+        level = settings.level
+        # At least the level, since a plan may enter all cells that its last resort may enter.
+        reliance = max(reliance, level)
+    else:
+        # At a reliance of 1 there is no last resort.
+        level = min(arm.level, reliance) if reliance < 1.0 else 0.0
     return NavigatorConfig(
         window=settings.window,
         expansion=settings.expansion,
-        # At least the level, since a plan may enter all cells that its last resort may enter.
-        reliance=max(settings.reliance, level) if arm.reliance is None else arm.reliance,
+        reliance=reliance,
         level=level,
-        adapt=not settings.fixed_level,
+        adapt=arm.takes_risk and not settings.fixed_level,
         steer=arm.steer,
-        oracle=arm.predictor == "oracle",
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
         car=car_of(settings),
     )

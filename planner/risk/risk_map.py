@@ -24,8 +24,8 @@ class RiskMap:
             free, 0 where observed occupied, (rows, columns).
         safe: cells that a plan may enter, (rows, columns).
         certain: cells of `safe` that the last resort may enter: those observed free, those whose
-            trust suffices at the level λ, and those that an oracle says are free; at ε = 0 and
-            ε = 1 it is `safe` itself, (rows, columns).
+            trust suffices at a level λ above 0; at ε = 0 and ε = 1 it is `safe` itself,
+            (rows, columns).
         barred: cells observed occupied, or predicted with p_free < 0.5 at any confidence above 0:
             a plan should not end with the car's front against them, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside of it, (rows,
@@ -47,7 +47,6 @@ class RiskMap:
         prediction: Prediction | None,
         epsilon: float,
         margin: float = 0.0,
-        oracle: bool = False,
         level: float = 0.0,
     ) -> RiskMap:
         """Build the risk map at a reliance ε and a level λ.
@@ -63,7 +62,6 @@ class RiskMap:
             prediction: prediction on a frame of the same lattice, or None.
             epsilon: reliance ε in [0, 1].
             margin: erosion of both sets [m]: 3σ + 1 cell for a LIDAR with range noise σ; 0: none.
-            oracle: whether the prediction is the true map, so that a trust of 1 counts as observed.
             level: level λ of the last resort in [0, ε].
 
         Raises:
@@ -93,7 +91,7 @@ class RiskMap:
         safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
         certain = safe
         if 0.0 < epsilon < 1.0:
-            certain = relied(level if oracle or level > 0.0 else -1.0)
+            certain = relied(level if level > 0.0 else -1.0)
         clearance = _clearance(safe, known.frame.resolution)
         return cls(known.frame, known, trust, safe, certain, barred, clearance)
 

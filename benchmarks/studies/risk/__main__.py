@@ -91,16 +91,16 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
+    from benchmarks.calibration.certificate import ABSENT, load_calibration
     from benchmarks.studies.risk.series import series_of
     from foresee.infra.resumable import ResumableFolder
-    from planner.risk.calibration import Calibration
     from sim.buildings import check_maps
 
-    calibration, *others = (Calibration.load(path) for path in args.calibration)
+    calibration, *others = (load_calibration(path) for path in args.calibration)
     check_maps(tuple(args.maps))
     all_series = series_of(calibration, others, args.predictor, args.rivals, args.maps, args.quick)
     told = calibration.conditions | {"quick": args.quick}
-    with ResumableFolder(args.out, told, exclusive=True):
+    with ResumableFolder(args.out, told, absent=ABSENT, exclusive=True):
         return _study(args, calibration, all_series)
 
 
