@@ -48,7 +48,7 @@ class LastResort:
             Plan to drive, and whether a last resort remains after its first step.
         """
         mpc, checker, braking = self.mpc, self.checker, self.mpc.limits.braking
-        if risk.certain is risk.safe:
+        if risk.plan_suffices:
             self.controls = None
             return plan, True
         if checker.contact(plan, ~risk.certain, risk.frame) is None:

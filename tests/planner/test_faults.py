@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import re
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ from short_drive import LIDAR, drive, navigator, straight
 
 from foresee.mapping.scan import Scan
 from foresee.prediction import Prediction
+from planner.fault import Fault
 from planner.motion.plan import Plan
 from planner.mpc.mpc import Solution, Status
 from sim import DubinsCar
@@ -354,3 +356,10 @@ def test_braking_hard_is_counted_also_where_there_is_no_path(monkeypatch):
     assert decision.emergency
     assert decision.faults.count("emergency") == 1
     assert driver.faults["emergency"] == 1
+
+
+def test_the_page_on_safety_lists_each_fault_with_its_meaning():
+    page = (Path(__file__).parents[2] / "docs/safety.md").read_text()
+    rows = page.split("## Faults")[1].split("\n## ")[0]
+    listed = re.findall(r"`([a-z_]+)`", "".join(re.findall(r"(?m)^\| (`[^|]*)\|", rows)))
+    assert sorted(listed) == sorted(Fault)

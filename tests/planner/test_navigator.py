@@ -190,7 +190,7 @@ def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
     way = np.array([[-3.0, -3.1], [-2.3, -2.95], [0.6, 0.85]])
     state = np.array([-2.4, -2.98, 0.26, 3.08])
     choice = driver.chooser.choose(
-        Situation(state, risk, Way.through(way, "ompl"), 0, False, []), False
+        Situation(state, risk, Way.through(way, "ompl"), 0, False), False
     )
     assert not choice.emergency
     assert driver.chooser.checker.is_safe(choice.plan, risk)

@@ -119,8 +119,9 @@ def test_at_level_zero_what_is_certain_was_seen_free_however_sure_the_prediction
 ):
     risk = RiskMap.from_prediction(known, believed(p, c), epsilon, margin)
     assert (risk.certain <= risk.safe).all()
-    if epsilon in (0.0, 1.0):
-        assert risk.certain is risk.safe
+    assert risk.plan_suffices == (epsilon in (0.0, 1.0))
+    if risk.plan_suffices:
+        assert np.array_equal(risk.certain, risk.safe)
     else:
         assert not risk.certain[~known.free].any()
         if margin == 0.0:
