@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.optimal.shortest_way import time_bound
 from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of
 from foresee.frontiers import FrontierPredictor
@@ -202,9 +203,12 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
-    episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
+    moment = Moment()
+    episode = run_episode(
+        task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng, moment.observe
+    )
     _give_back()
-    trace = episode.trace
+    trace = episode.trace | moment.arrays()
     times = trace["times"][:, list(trace["time_names"]).index("cycle")]
     promised = trace["kept"] >= 0
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}

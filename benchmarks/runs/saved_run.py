@@ -12,6 +12,7 @@ from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import FARTHEST, DriveResult
+from benchmarks.runs.moment import SHAPES
 from benchmarks.runs.settings import ARMS, Settings, up_to_date
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.plain_json import loads
@@ -19,7 +20,6 @@ from foresee.infra.resumable import UNREADABLE
 from foresee.mapping.conventions import TICK
 from foresee.mapping.grid import UNKNOWN, Grid, GridFrame
 from foresee.mapping.polyline import arc_length
-from sim.recorder import SHAPES
 
 RESULTS, TRACES = "results.json", "traces.npz"
 """Names of the files of a run."""
@@ -47,7 +47,7 @@ def observed_at(truth: Grid, first_seen: NDArray[np.integer], tick: int) -> Grid
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """The arrays of one drive, each read on access; `sim.recorder.SHAPES` describes them.
+    """The arrays of one drive, each read on access; `SHAPES` describes them.
 
     Attributes:
         file: archive of the arrays.

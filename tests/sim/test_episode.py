@@ -8,7 +8,6 @@ from short_drive import LIDAR, straight
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import OccupancyGrid
-from planner.risk.risk_map import RiskMap
 from planner.safety.limiting_factor import Limit
 from sim import DubinsCar
 from sim.episode import EpisodeConfig, Outcome, run_episode
@@ -34,7 +33,6 @@ class Shunter:
         self.tick += 1
         gear = int(control[2]) if len(control) > 2 else 1
         plan = SimpleNamespace(states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)), gear=gear)
-        frame = self.known.frame.square(state[0], state[1], 5.0)
         return SimpleNamespace(
             control=np.array(control),
             plan=plan,
@@ -43,9 +41,6 @@ class Shunter:
             emergency=False,
             relied=np.empty((0, 2)),
             times={"cycle": 1.0},
-            path=None,
-            risk_map=RiskMap.from_prediction(self.known.crop(frame), None, 0.0, 0.0),
-            prediction=None,
         )
 
 
