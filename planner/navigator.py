@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits, check_finite
+from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor
@@ -110,7 +111,7 @@ class Decision:
     """The decision of a tick, and the reasons for it.
 
     Attributes:
-        control: acceleration [m/s²] and curvature [1/m] for one tick; in reverse also the gear, -1.
+        control: control for one tick.
         plan: plan of which the control is the first step.
         limit: what keeps the car from going faster.
         faults: faults that were handled in this tick, each once.
@@ -124,7 +125,7 @@ class Decision:
         path: path that the plan follows, or None.
     """
 
-    control: NDArray[np.float64]
+    control: Control
     plan: Plan
     limit: Limit
     faults: tuple[Fault, ...]
@@ -251,12 +252,11 @@ class Navigator:
         if plan is not choice.intended:
             # The last resort holds the car back, in case the prediction is wrong.
             limit = Limit.UNSEEN
-        control = plan.controls[0].copy()
         if self.guide.gear < 0:
             plan = plan.mirrored()
-            control = np.array([*plan.controls[0], -1.0])
+        acceleration, curvature = plan.controls[0].tolist()
         return Decision(
-            control=control,
+            control=Control(acceleration, curvature, plan.gear),
             plan=plan,
             limit=limit,
             faults=faults,

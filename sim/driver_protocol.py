@@ -13,6 +13,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 
@@ -46,7 +47,7 @@ class Decision(Protocol):
     """A control, and the reasons for it; `planner.navigator.Decision` describes the fields."""
 
     @property
-    def control(self) -> NDArray[np.float64]: ...
+    def control(self) -> Control: ...
     @property
     def plan(self) -> Plan: ...
     @property

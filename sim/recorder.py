@@ -71,7 +71,7 @@ class Recorder:
         self._time_names = list(times)
         self._ticks.append(
             {
-                "control": decision.control[:2],
+                "control": (decision.control.acceleration, decision.control.curvature),
                 "gear": decision.plan.gear,
                 "plan": decision.plan.controls.astype(np.float16),
                 "limit": str(decision.limit),

@@ -249,7 +249,7 @@ def test_a_car_that_gets_bad_scans_comes_to_rest_in_what_it_has_seen(kind):
     for tick in range(45):
         scan = LIDAR.scan(task.world, state) if tick < 12 else bad
         decision = driver.step(state, scan)
-        assert np.isfinite(decision.control).all()
+        assert np.isfinite(dataclasses.astuple(decision.control)).all()
         assert not car.collides(task.world, state, decision.control, 0.1)
         state = car.step(state, decision.control, 0.1)
         if tick == 11:
