@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from planner.motion.dynamics import rollout, stage_functions
+from planner.motion.dynamics import rollout
 from planner.motion.path import Path
 from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC, Solution, Status, stop_controls
+from planner.mpc.stages import stage_functions
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from sim import DubinsCar
