@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits, check_finite
+from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
+from planner.fault import Fault
 from planner.guide.guide import Guide, GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
@@ -58,8 +60,6 @@ class NavigatorConfig:
         steer: whether predictions also change the cost map, and with it the route.
         margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
         start_margin: margin around the body at the start in which cells count as observed free [m].
-        oracle: whether the predictor knows the true map, so that cells it is certain of count as
-            observed. Only for the arm `oracle`: with any other predictor the car may collide.
         deadline: longest wait for a prediction [s]. It is far above the usual time, so that
             simulated drives do not depend on the machine's load.
         car: the car's limits and body.
@@ -75,7 +75,6 @@ class NavigatorConfig:
     steer: bool = False
     margin: float = 0.0
     start_margin: float = 0.5
-    oracle: bool = False
     deadline: float = 2.0
     car: CarLimits = field(default_factory=CarLimits)
     mpc: MPCConfig = field(default_factory=MPCConfig)
@@ -112,10 +111,10 @@ class Decision:
     """The decision of a tick, and the reasons for it.
 
     Attributes:
-        control: acceleration [m/s²] and curvature [1/m] for one tick; in reverse also the gear, -1.
+        control: control for one tick.
         plan: plan of which the control is the first step.
         limit: what keeps the car from going faster.
-        faults: kinds of the failures that were handled in this tick, each once.
+        faults: faults that were handled in this tick, each once.
         relied: centres of the unobserved cells that the body sweeps on the plan, (k, 2) [m].
         emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
             can.
@@ -126,10 +125,10 @@ class Decision:
         path: path that the plan follows, or None.
     """
 
-    control: NDArray[np.float64]
+    control: Control
     plan: Plan
     limit: Limit
-    faults: tuple[str, ...]
+    faults: tuple[Fault, ...]
     relied: NDArray[np.float64]
     emergency: bool
     times: dict[str, float]
@@ -170,7 +169,7 @@ class Navigator:
             self._choosers[-1] = PlanChooser(backwards, config.mpc, goal)
         self.chooser = self._choosers[1]
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed, frontiers)
-        self.faults: Counter[str] = Counter()
+        self.faults: Counter[Fault] = Counter()
         self._adaptive = AdaptiveLevel(config.level)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
@@ -201,11 +200,12 @@ class Navigator:
         if not np.isfinite(state).all():
             raise ValueError(f"state is {state}, it must be finite")
         self._tick += 1
-        clock, faults = _Clock(), list[str]()
-        self._integrate(scan, state, faults)
+        clock, faults = _Clock(), list[Fault]()
+        faults += self._integrate(scan, state)
         self._adaptive.check(self.known)
         clock.lap("integrate")
-        prediction = self._predict(state, faults, clock)
+        prediction, failed = self._predict(state, clock)
+        faults += failed
         self.guide.begin_leg(state)
         self._change_gear()
         # A car in reverse is treated as one with the opposite heading that drives forward.
@@ -217,28 +217,29 @@ class Navigator:
         first_path = 0.0
         if self._tick == 0:
             # The car stands, and has no path that it could follow while the first is planned.
-            self._plan_next_path(driven, driven[None], risk, steering, faults)
+            faults += self._plan_next_path(driven, driven[None], risk, steering)
             clock.lap("path")
             first_path = self.guide.plan_ms
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
-        now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, faults)
+        now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg)
         choice = self.chooser.choose(now, self._tick % AFRESH == 0 or self.guide.is_new)
+        faults += choice.faults
         clock.lap("mpc")
         clock.total("cycle", first_path)
 
-        self._plan_next_path(driven, choice.plan.states, risk, steering, faults)
+        faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
         clock.times["path"] = first_path + self.guide.plan_ms
-        survived = tuple(dict.fromkeys(faults))
-        self.faults.update(survived)
-        return self._decision(choice, risk, prediction, survived, clock.times)
+        handled = tuple(dict.fromkeys(faults))
+        self.faults.update(handled)
+        return self._decision(choice, risk, prediction, handled, clock.times)
 
     def _decision(
         self,
         choice: Choice,
         risk: RiskMap,
         prediction: Prediction | None,
-        faults: tuple[str, ...],
+        faults: tuple[Fault, ...],
         times: dict[str, float],
     ) -> Decision:
         """Return the decision for a choice: the control in the current gear, and its reasons."""
@@ -251,12 +252,11 @@ class Navigator:
         if plan is not choice.intended:
             # The last resort holds the car back, in case the prediction is wrong.
             limit = Limit.UNSEEN
-        control = plan.controls[0].copy()
         if self.guide.gear < 0:
             plan = plan.mirrored()
-            control = np.array([*plan.controls[0], -1.0])
+        acceleration, curvature = plan.controls[0].tolist()
         return Decision(
-            control=control,
+            control=Control(acceleration, curvature, plan.gear),
             plan=plan,
             limit=limit,
             faults=faults,
@@ -268,15 +268,17 @@ class Navigator:
             path=self.guide.path,
         )
 
-    def _integrate(self, scan: Scan, state: NDArray[np.float64], faults: list[str]) -> None:
+    def _integrate(self, scan: Scan, state: NDArray[np.float64]) -> tuple[Fault, ...]:
         """Add a scan to the observed map; a scan that cannot be read is a fault."""
+        faults: tuple[Fault, ...] = ()
         try:
             self.known.integrate(scan, state)
         except Exception:
             # The driver of a LIDAR may deliver anything; the car goes on with the map that it has.
-            faults.append("bad_scan")
+            faults = (Fault.BAD_SCAN,)
         # Cells under the body are free whatever a scan says: the car must be able to leave them.
         self.known.mark_free(state, self.config.car.body, 0.0)
+        return faults
 
     def _risk_map(self, driven: NDArray[np.float64], prediction: Prediction | None) -> RiskMap:
         """Return the risk map around the car, whose state `driven` is mirrored in reverse."""
@@ -288,7 +290,7 @@ class Navigator:
         epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
-        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, c.oracle, level)
+        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, level)
         self._adaptive.believe(risk)
         return risk
 
@@ -306,11 +308,13 @@ class Navigator:
         ahead: NDArray[np.float64],
         risk: RiskMap,
         steering: Prediction | None,
-        faults: list[str],
-    ) -> None:
+    ) -> tuple[Fault, ...]:
         """Plan a path if one is due, or a recovery manoeuvre if the car has hardly moved lately.
 
         `ahead` are the states of the plan, (n, 4), of which the current one is the first.
+
+        Returns:
+            The faults that were handled.
         """
         if math.dist(state[:2], self._place) > 0.1:
             self._place, self._lingered = (float(state[0]), float(state[1])), 0
@@ -318,39 +322,34 @@ class Navigator:
         moves = max(state[3], ahead[min(1, len(ahead) - 1), 3]) > 0.02
         self._rested = 0 if moves else self._rested + 1
         stuck = self._rested and self._rested % PATIENCE == 0
-        try:
-            if stuck or self._lingered % LONG_PATIENCE == 0:
-                self.guide.unstick(self._tick, state, self.known, steering, faults)
-            else:
-                self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering, faults)
-        except Exception:
-            # OMPL may raise anything. Without a new path the car goes on along the last one.
-            faults.append("path_failed")
+        if stuck or self._lingered % LONG_PATIENCE == 0:
+            return self.guide.unstick(self._tick, state, self.known, steering)
+        return self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
 
     def _predict(
-        self, state: NDArray[np.float64], faults: list[str], clock: _Clock
-    ) -> Prediction | None:
-        """Return the predictor's answer, or None if it fails in any way, which is a fault."""
+        self, state: NDArray[np.float64], clock: _Clock
+    ) -> tuple[Prediction | None, tuple[Fault, ...]]:
+        """Return the predictor's answer, or None if it fails in any way, and the faults."""
         if self._asker is None:
-            return None
+            return None, ()
         side, patience = self.config.predicted_side, self.config.deadline
         if self._tick == 0:
             patience = max(FIRST_DEADLINE, patience)
         view = View.of(self.known, state[:3].copy(), side, self._asker.context_side)
         clock.lap("crop")
-        prediction = None
+        prediction, faults = None, tuple[Fault, ...]()
         try:
             prediction = self._asker.ask(view, patience)
             if prediction.nan_cells:
-                faults.append("predictor_nan")
+                faults = (Fault.PREDICTOR_NAN,)
         except LateError:
-            faults.append("predictor_late")
+            faults = (Fault.PREDICTOR_LATE,)
         except RaisedError:
-            faults.append("predictor_raised")
+            faults = (Fault.PREDICTOR_RAISED,)
         except BadPredictionError:
-            faults.append("predictor_bad")
+            faults = (Fault.PREDICTOR_BAD,)
         clock.lap("predict")
-        return prediction
+        return prediction, faults
 
 
 class _Clock:

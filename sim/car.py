@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from foresee.mapping.body import Body, first_contact
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from sim.world import World
 
 SPACING = 0.2
@@ -26,10 +27,8 @@ class DubinsCar:
     """Simulates a Dubins car with bounded acceleration, in closed form.
 
     The state is [x, y, yaw, v] [m, m, rad, m/s]; v is negative when the car rolls backwards. The
-    control is [acceleration, curvature] [m/s², 1/m], with the gear as an optional third entry: +1
-    forwards (the default) or -1 backwards. The gear changes at standstill only: a car that moves
-    stays in the gear of its motion, whatever is asked for. The acceleration acts along the gear:
-    positive values raise |v|, negative ones brake to standstill and never beyond.
+    gear changes at standstill only: a car that moves stays in the gear of its motion, whatever the
+    control asks for.
 
     Args:
         limits: the car's limits and its body; None: the defaults.
@@ -38,8 +37,8 @@ class DubinsCar:
     def __init__(self, limits: CarLimits | None = None) -> None:
         self.limits = limits or CarLimits()
 
-    def step(self, state: ArrayLike, control: ArrayLike, dt: float) -> NDArray[np.float64]:
-        """Return the state (4,) after `dt` [s] of constant control, (2,) or (3,).
+    def step(self, state: ArrayLike, control: Control, dt: float) -> NDArray[np.float64]:
+        """Return the state (4,) after `dt` [s] of constant control.
 
         Controls beyond the limits are clipped. |v| saturates at 0 and at the gear's top speed,
         inside the step too, so the path is one circular arc.
@@ -52,7 +51,7 @@ class DubinsCar:
         return np.array([*along_arc(x, y, yaw, curvature, length), v_end])
 
     def motion(
-        self, state: ArrayLike, control: ArrayLike, dt: float, spacing: float
+        self, state: ArrayLike, control: Control, dt: float, spacing: float
     ) -> NDArray[np.float64]:
         """Return poses (n, 3) along a step, without its start and with its end.
 
@@ -70,27 +69,27 @@ class DubinsCar:
         steps = (length * i / count for i in range(1, count + 1))
         return np.array([along_arc(x, y, yaw, curvature, s) for s in steps])
 
-    def collides(self, world: World, state: ArrayLike, control: ArrayLike, dt: float) -> bool:
+    def collides(self, world: World, state: ArrayLike, control: Control, dt: float) -> bool:
         """Return whether the body meets a solid cell anywhere along a step."""
         spacing = SPACING * world.grid.frame.resolution
         poses = self.motion(state, control, dt, spacing)
         return collides(world, poses, self.limits.body, spacing)
 
     def _arc(
-        self, state: ArrayLike, control: ArrayLike, dt: float
+        self, state: ArrayLike, control: Control, dt: float
     ) -> tuple[float, float, float, float, float, float]:
         """Return the arc of a step: x, y, yaw at its start, its length, end speed and curvature.
 
         The length is negative in reverse.
         """
         x, y, yaw, v = (float(value) for value in np.asarray(state, dtype=np.float64))
-        acceleration, curvature, *rest = np.asarray(control, dtype=np.float64).tolist()
+        acceleration, curvature = control.acceleration, control.curvature
         if not math.isfinite(x + y + yaw + v + acceleration + curvature + dt):
-            raise ValueError(f"state {state!r}, control {control!r}, dt {dt} must be finite")
+            raise ValueError(f"state {state!r}, {control}, dt {dt} must be finite")
         if dt < 0:
             raise ValueError(f"dt {dt} s may not be negative")
         limits = self.limits
-        gear = self._gear(v, *rest)
+        gear = self._gear(v, control.gear)
         acceleration = min(max(acceleration, -limits.braking), limits.acceleration)
         top = limits.v_max if gear > 0 else limits.reverse
         length, end_speed = travel(abs(v), acceleration, dt, top)
@@ -102,9 +101,9 @@ class DubinsCar:
         # Adding 0 turns a negative zero, the speed after braking in reverse, into a plain one.
         return x, y, yaw, gear * length, gear * end_speed + 0.0, curvature
 
-    def _gear(self, v: float, asked: float = 1.0) -> float:
+    def _gear(self, v: float, asked: int) -> float:
         """Return the gear of a step: that of the motion, or at standstill the one asked for."""
-        if asked not in (1.0, -1.0):
+        if asked not in (1, -1):
             raise ValueError(f"gear is {asked}, it must be 1 or -1")
         if self.limits.reverse == 0 and (asked < 0 or v < 0):
             what = f"speed {v} m/s is negative" if v < 0 else "gear is -1"

@@ -8,17 +8,19 @@ simulator does not import the planner, so that it can judge the planner's drives
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import Grid, GridFrame, OccupancyGrid
+from foresee.mapping.control import Control
+from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
-from foresee.prediction import Prediction
+
+D_co = TypeVar("D_co", bound="Decision", covariant=True)
 
 
-class Driver(Protocol):
+class Driver(Protocol[D_co]):
     """Decides on the car's control, tick after tick."""
 
     @property
@@ -31,7 +33,7 @@ class Driver(Protocol):
         """Number of paths followed so far, by source, and of recovery manoeuvres."""
         ...
 
-    def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
+    def step(self, state: NDArray[np.float64], scan: Scan) -> D_co:
         """Decide on the control of the next tick.
 
         Args:
@@ -45,7 +47,7 @@ class Decision(Protocol):
     """A control, and the reasons for it; `planner.navigator.Decision` describes the fields."""
 
     @property
-    def control(self) -> NDArray[np.float64]: ...
+    def control(self) -> Control: ...
     @property
     def plan(self) -> Plan: ...
     @property
@@ -58,12 +60,6 @@ class Decision(Protocol):
     def emergency(self) -> bool: ...
     @property
     def times(self) -> Mapping[str, float]: ...
-    @property
-    def risk_map(self) -> RiskMap: ...
-    @property
-    def prediction(self) -> Prediction | None: ...
-    @property
-    def path(self) -> Path | None: ...
 
 
 class Plan(Protocol):
@@ -75,21 +71,3 @@ class Plan(Protocol):
     def controls(self) -> NDArray[np.float64]: ...
     @property
     def gear(self) -> int: ...
-
-
-class Path(Protocol):
-    """A path: points (n, 2) [m]."""
-
-    @property
-    def points(self) -> NDArray[np.float64]: ...
-
-
-class RiskMap(Protocol):
-    """The observed map around the car, and the cells that a plan may enter, in one frame."""
-
-    @property
-    def frame(self) -> GridFrame: ...
-    @property
-    def known(self) -> Grid: ...
-    @property
-    def safe(self) -> NDArray[np.bool_]: ...

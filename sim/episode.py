@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,14 @@ from numpy.typing import NDArray
 from foresee.mapping.body import Body
 from foresee.mapping.conventions import GOAL_RADIUS, TICK
 from sim.car import DubinsCar
-from sim.driver_protocol import Driver
+from sim.driver_protocol import Decision, Driver
 from sim.lidar import Lidar
 from sim.recorder import Recorder
 from sim.task import Task
 from sim.world import World
 
+D = TypeVar("D", bound=Decision)
+"""Type of the driver's decisions."""
 STANDSTILL = 0.02
 """Speed below which the car counts as standing when its stops are counted [m/s]."""
 
@@ -85,11 +88,12 @@ class Episode:
 
 def run_episode(
     task: Task,
-    driver: Driver,
+    driver: Driver[D],
     car: DubinsCar,
     lidar: Lidar,
     config: EpisodeConfig,
     rng: np.random.Generator,
+    observer: Callable[[int, D], None] | None = None,
 ) -> Episode:
     """Drive until the goal, a collision, the time limit, or until the car no longer moves.
 
@@ -100,6 +104,7 @@ def run_episode(
         lidar: simulated LIDAR.
         config: settings of the closed loop.
         rng: source of the LIDAR's noise.
+        observer: function that is called in each tick with its number, from 0, and the decision.
     """
     world, dt = task.world, config.dt
     states = [np.array([*task.start, 0.0])]
@@ -112,6 +117,8 @@ def run_episode(
         scan_ms = 1e3 * (time.perf_counter() - started)
         decision = driver.step(states[-1], scan)
         recorder.record(decision, driver.known, scan_ms)
+        if observer is not None:
+            observer(len(states) - 1, decision)
         states.append(car.step(states[-1], decision.control, dt))
         if car.collides(world, states[-2], decision.control, dt):
             outcome, impact = Outcome.COLLIDED, abs(float(states[-2][3]))

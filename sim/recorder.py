@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import GridFrame, OccupancyGrid, paste
+from foresee.mapping.grid import OccupancyGrid, paste
 from sim.driver_protocol import Decision
 from sim.world import World
 
@@ -37,23 +37,9 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "time_names": ("any",),
     # Tick, from 1, in which a cell of the world was first observed; 0: never.
     "first_seen": "world",
-    # One tick in full, mostly the one that relied on most cells. A frame is the resolution, and x
-    # and y of the origin [m]; probabilities are in 1/255.
-    "moment_tick": (),
-    "moment_frame": (3,),
-    "moment_known": ("any", "any"),
-    "moment_safe": "moment_known",
-    "moment_plan": ("any", 4),
-    "moment_path": ("any", 2),
-    "moment_prediction_frame": (3,),
-    "moment_p_free": ("any", "any"),
-    "moment_p_occupied": "moment_p_free",
-    "moment_confidence": "moment_p_free",
 }
 """Array of the trace of a drive → its shape for a drive of T ticks, or the name of an array of the
 same shape; "world": the shape of the world's map."""
-EARLY_TICK, FEW_CELLS = 40, 40
-"""Tick that is kept in full if no tick before it relied on `FEW_CELLS` unobserved cells or more."""
 
 
 class Recorder:
@@ -69,7 +55,6 @@ class Recorder:
         self._first_seen = np.zeros(world.grid.frame.shape, dtype=np.int16)
         self._ticks: list[dict[str, Any]] = []
         self._time_names: list[str] = []
-        self._moment: tuple[int, int, Decision] | None = None
 
     def record(self, decision: Decision, known: OccupancyGrid, scan_ms: float) -> None:
         """Record a tick.
@@ -86,7 +71,7 @@ class Recorder:
         self._time_names = list(times)
         self._ticks.append(
             {
-                "control": decision.control[:2],
+                "control": (decision.control.acceleration, decision.control.curvature),
                 "gear": decision.plan.gear,
                 "plan": decision.plan.controls.astype(np.float16),
                 "limit": str(decision.limit),
@@ -97,10 +82,6 @@ class Recorder:
             }
         )
         self._see(tick, decision.plan.states[0], known)
-        # The tick for a figure: the one that relied on most cells, or else an early one.
-        most = -1 if self._moment is None else self._moment[0]
-        if len(cells) > most or (tick == EARLY_TICK and most < FEW_CELLS):
-            self._moment = (len(cells), tick, decision)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the trace by name, see `SHAPES`, without the states."""
@@ -112,7 +93,7 @@ class Recorder:
         # Plans in reverse have fewer steps, after which the car rests.
         longest = max(map(len, plans))
         names = sorted({tick["limit"] for tick in self._ticks})
-        out = {
+        return {
             "controls": column("control", np.float32),
             "gears": column("gear", np.int8),
             "plans": np.array([np.pad(p, ((0, longest - len(p)), (0, 0))) for p in plans]),
@@ -126,10 +107,6 @@ class Recorder:
             "time_names": np.array(self._time_names),
             "first_seen": self._first_seen,
         }
-        if self._moment is not None:
-            _, number, decision = self._moment
-            out |= _moment(number, decision)
-        return out
 
     def _relied_upon(self, decision: Decision) -> tuple[NDArray[np.int16], int]:
         """Return row and column of the unobserved cells that a plan sweeps, (k, 2), and `kept`."""
@@ -150,29 +127,3 @@ class Recorder:
         part = self._first_seen[here]
         seen = paste(known.frame, known.log_odds, window, np.int8(0))[there] != 0
         part[seen & (part == 0)] = tick + 1
-
-
-def _moment(tick: int, decision: Decision) -> dict[str, NDArray[Any]]:
-    """Return the arrays of one tick in full, for a figure."""
-    risk, prediction = decision.risk_map, decision.prediction
-    out: dict[str, NDArray[Any]] = {
-        "moment_tick": np.array(tick),
-        "moment_frame": _frame_array(risk.frame),
-        "moment_known": risk.known.cells,
-        "moment_safe": risk.safe,
-        "moment_plan": decision.plan.states.astype(np.float32),
-        "moment_path": np.empty((0, 2), np.float32),
-    }
-    if decision.path is not None:
-        out["moment_path"] = decision.path.points.astype(np.float32)
-    if prediction is not None:
-        out["moment_prediction_frame"] = _frame_array(prediction.frame)
-        for name in ("p_free", "p_occupied", "confidence"):
-            values = np.rint(255 * getattr(prediction, name)).astype(np.uint8)
-            out[f"moment_{name}"] = values
-    return out
-
-
-def _frame_array(frame: GridFrame) -> NDArray[np.float64]:
-    """Return a frame as an array of resolution, x and y of its origin, (3,) [m]."""
-    return np.array([frame.resolution, *frame.origin])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, replace
+from collections.abc import Iterator
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive import navigator_config
-from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
+from benchmarks.runs.settings import ARMS, CONDITIONS, NO_CONDITIONS, OLDER, Settings
 from foresee.infra.command_line import UsageError
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
@@ -20,10 +21,31 @@ from predictor.registry import load_predictor
 from sim.buildings import sources
 from sim.map_server import load_world
 
+ABSENT = {name: OLDER[name] for name in CONDITIONS}
+"""Condition → its value where a calibration does not contain it, because it is older."""
+HASHED = {
+    "": "window expansion reliance level adapt steer margin start_margin deadline",
+    "car": "v_max acceleration braking lateral_acceleration turning_radius reverse",
+    "car.body": "length width",
+    "mpc": "dt progress contour final effort smoothness closeness comfort violation margin "
+    "curvature_step iterations tolerance",
+    "guide": "every delay ahead better join beside turning_room leg_end onward",
+    "guide.search": "slack batch iterations refinements",
+    "guide.hybrid": "slack margin reversing shift steering nodes",
+    "guide.line": "reach bending push comfort tether hold iterations",
+}
+"""Part of the planner's settings → names of the settings that are always hashed: those of the first
+calibrations. Never change them, or the published calibrations are refused."""
+RENAMED: dict[str, str] = {}
+"""Name in `HASHED`, such as "guide.line.hold" → the setting's present name in `NavigatorConfig`,
+where the two differ."""
+REMOVED = {"oracle": False}
+"""Setting of the first calibrations that the planner no longer has → the value that it then had."""
+
 
 def conditions_of(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
-    config = asdict(navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION))
+    config = navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION)
     weights = fingerprint_of(load_predictor(settings.predictor))
     maps = [place for place in sources(settings.world) if place not in FAMILIES]
     return {
@@ -36,9 +58,65 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
         # Without the runtime, which only changes the rounding.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),
-        **{name: getattr(settings, name) for name in CONDITIONS},
-        "planner": hashlib.sha256(json.dumps(config, sort_keys=True).encode()).hexdigest(),
+        **{
+            field.name: getattr(settings, field.name)
+            for field in fields(settings)
+            if field.name not in NO_CONDITIONS
+        },
+        "planner": planner_hash(config),
     }
+
+
+def planner_hash(config: Any) -> str:
+    """Return a hash of the planner's settings that stays the same when the planner is changed.
+
+    Settings that are newer than the first calibrations count only if they differ from their
+    defaults: at its default, a new setting must leave all drives as they were.
+
+    Args:
+        config: a `NavigatorConfig`.
+    """
+    present = dict(_flat(config))
+    hashed = dict[str, Any](REMOVED)
+    for part, names in HASHED.items():
+        for name in names.split():
+            full = f"{part}.{name}".lstrip(".")
+            hashed[full], _ = present.pop(RENAMED.get(full, full))
+    hashed |= {name: value for name, (value, default) in present.items() if value != default}
+    nested: dict[str, Any] = {}
+    for full, value in hashed.items():
+        *parts, name = full.split(".")
+        place = nested
+        for part in parts:
+            place = place.setdefault(part, {})
+        place[name] = value
+    return hashlib.sha256(json.dumps(nested, sort_keys=True).encode()).hexdigest()
+
+
+def _flat(config: Any, prefix: str = "") -> Iterator[tuple[str, tuple[Any, Any]]]:
+    """Yield the full name of each setting in a nested configuration, its value and its default."""
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if is_dataclass(value):
+            yield from _flat(value, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name, (value, _default(field))
+
+
+def _default(field: Field[Any]) -> Any:
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return field.default
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Read a calibration, with the defaults of settings that are newer than it.
+
+    Raises:
+        CalibrationError: if it cannot be read.
+    """
+    found = Calibration.load(path)
+    return replace(found, conditions=ABSENT | found.conditions)
 
 
 def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
@@ -58,5 +136,5 @@ def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
         raise UsageError("--level is in place of --risk: give one of them")
     if calibration is None:
         raise UsageError("--risk needs --calibration, a file that benchmarks.calibrate has written")
-    found = Calibration.load(calibration)
+    found = load_calibration(calibration)
     return replace(settings, level=found.level_for(settings.risk, conditions_of(settings)))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.calibration.certificate import conditions_of
+from benchmarks.calibration.certificate import ABSENT, conditions_of
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
@@ -89,7 +89,7 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
     conditions = conditions_of(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     told = asdict(asked) | conditions
-    with ResumableFolder(out, told, grows=("drives",), exclusive=True):
+    with ResumableFolder(out, told, grows=("drives",), absent=ABSENT, exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)
 
 
@@ -138,8 +138,9 @@ def _test(
     settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
     weights = weights_of(settings)
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
+    absent = {name: value for name, value in OLDER.items() if name in told}
     file = DriveFile(
-        out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=OLDER
+        out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=absent
     )
 
     def decided() -> bool:

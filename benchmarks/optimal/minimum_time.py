@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, spline_filter
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import GridFrame, paste
 from sim.car import DubinsCar
 from sim.task import Task
@@ -128,7 +129,7 @@ class MinimumTime:
         """
         car, state = DubinsCar(self.car), np.array([*self.task.start, 0.0])
         states, hit = [state], False
-        for control in guess.controls:
+        for control in (Control(*pair) for pair in guess.controls.tolist()):
             hit = hit or car.collides(self.task.world, state, control, guess.dt)
             state = car.step(state, control, guess.dt)
             states.append(state)

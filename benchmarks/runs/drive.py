@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.optimal.shortest_way import time_bound
 from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of
 from benchmarks.runs.trace import Drive, Trace
@@ -130,16 +131,21 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
         arm: arm that drives.
         resolution: resolution of the building's map [m].
     """
-    level = settings.level if arm.takes_risk else 0.0
+    reliance = settings.reliance if arm.reliance is None else arm.reliance
+    if arm.level is None:
+        level = settings.level
+        # At least the level, since a plan may enter all cells that its last resort may enter.
+        reliance = max(reliance, level)
+    else:
+        # At a reliance of 1 there is no last resort.
+        level = min(arm.level, reliance) if reliance < 1.0 else 0.0
     return NavigatorConfig(
         window=settings.window,
         expansion=settings.expansion,
-        # At least the level, since a plan may enter all cells that its last resort may enter.
-        reliance=max(settings.reliance, level) if arm.reliance is None else arm.reliance,
+        reliance=reliance,
         level=level,
-        adapt=not settings.fixed_level,
+        adapt=arm.takes_risk and not settings.fixed_level,
         steer=arm.steer,
-        oracle=arm.predictor == "oracle",
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
         car=car_of(settings),
     )
@@ -194,9 +200,12 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
-    episode = run_episode(task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng)
+    moment = Moment()
+    episode = run_episode(
+        task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng, moment.observe
+    )
     _give_back()
-    trace = Trace.of(task, index, arm_name, episode.trace)
+    trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}
     measured |= score(
         episode.outcome, episode.time, episode.path_length, shortest_length(task), car

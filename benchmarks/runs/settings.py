@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from json import dumps, loads
 from typing import Any
 
 from foresee.infra.command_line import UsageError
@@ -21,6 +22,8 @@ class Arm:
         whole_map: whether the whole map is known from the start.
         frontiers: whether a prediction of where each frontier leads influences the route, which
             must be free (--route free).
+        level: level λ of the last resort, which is not adapted; None: the value of --level, or the
+            one certified for --risk, which is adapted.
     """
 
     predictor: str
@@ -28,11 +31,12 @@ class Arm:
     steer: bool
     whole_map: bool
     frontiers: bool = False
+    level: float | None = 0.0
 
     @property
     def takes_risk(self) -> bool:
         """Whether --risk and --level apply to this arm."""
-        return self.predictor == "chosen" and self.reliance is None
+        return self.level is None
 
     @property
     def may_collide(self) -> bool:
@@ -66,7 +70,7 @@ ARMS = {
     # Only cells that were observed free; the prediction influences the route.
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
     # Also predicted cells, at the given reliance and level; the prediction influences the route.
-    "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False),
+    "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False, level=None),
     # As known; and a prediction of where each frontier leads influences the free route.
     "known+frontiers": Arm(
         predictor="none", reliance=0.0, steer=False, whole_map=False, frontiers=True
@@ -76,8 +80,9 @@ ARMS = {
     ),
     # All cells that were not observed occupied.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
-    # As predicted, but the prediction is the true map of the predicted square.
-    "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False),
+    # As predicted, but the prediction is the true map of the predicted square. Its probabilities
+    # are 0 and 1, so that the last resort may enter all free cells of it at any level above 0.
+    "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False, level=1e-9),
     # All free cells; the whole map is known from the start.
     "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),
 }
@@ -202,15 +207,9 @@ NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "frontiers", 
 buildings are compared in `benchmarks.calibration.certificate`."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
 """Settings that a calibration must share with the drives that use it."""
-OLDER = {
-    "vehicle": "dubins",
-    "braking": 1.5,
-    "frontiers": "learned",
-    "risk": 0.0,
-    "level": 0.0,
-    "fixed_level": False,
-}
-"""Settings that older results do not contain → values that they were driven with."""
+OLDER: dict[str, Any] = loads(dumps({field.name: field.default for field in fields(Settings)}))
+"""Setting → its default, as plain data for JSON. Results and calibrations that do not contain a
+setting are older than it; they were driven with this value."""
 
 
 def up_to_date(settings: dict[str, Any]) -> dict[str, Any]:

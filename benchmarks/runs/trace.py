@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import FARTHEST, DriveResult
+from benchmarks.runs.moment import SHAPES
 from foresee.infra.errors import LineError
 from foresee.mapping.grid import UNKNOWN, Grid, GridFrame
 from foresee.mapping.polyline import arc_length
-from sim.recorder import SHAPES
 from sim.task import Task
 
 
@@ -68,7 +68,7 @@ class Trace:
     arm: str
     arrays: Mapping[str, NDArray[Any]]
 
-    # `sim.recorder.SHAPES` describes these arrays.
+    # `benchmarks.runs.moment.SHAPES` describes these arrays.
     controls = _recorded("controls")
     plans = _recorded("plans")
     relied_count = _recorded("relied_count")
@@ -166,7 +166,7 @@ class Trace:
         return self._full(name) in self.arrays
 
     def read(self, name: str) -> NDArray[Any]:
-        """Return an array of `sim.recorder.SHAPES`, checked.
+        """Return an array of `benchmarks.runs.moment.SHAPES`, checked.
 
         Raises:
             RunError: if it is missing or broken.

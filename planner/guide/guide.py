@@ -6,6 +6,7 @@ import math
 import time
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction
+from planner.fault import Fault
 from planner.guide.elastic_band import BODY_MARGIN, LineConfig
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
 from planner.guide.ompl_search import PathConfig, plan_path
@@ -66,6 +68,20 @@ class GuideConfig:
     search: PathConfig = field(default_factory=PathConfig)
     hybrid: HybridConfig = field(default_factory=HybridConfig)
     line: LineConfig = field(default_factory=LineConfig)
+
+
+class _Costs(NamedTuple):
+    """What a search for a path minimises.
+
+    Attributes:
+        map: cost map.
+        prescribed: rest of the prescribed route, (n, 2) [m]; None: the guide finds a route.
+        faults: faults that were handled.
+    """
+
+    map: CostMap
+    prescribed: NDArray[np.float64] | None
+    faults: tuple[Fault, ...]
 
 
 class Guide:
@@ -168,8 +184,7 @@ class Guide:
         known: OccupancyGrid,
         risk: RiskMap,
         steering: Prediction | None,
-        faults: list[str],
-    ) -> None:
+    ) -> tuple[Fault, ...]:
         """Plan a path if one is due, to be adopted `delay` ticks from now.
 
         Args:
@@ -178,23 +193,34 @@ class Guide:
             known: observed map.
             risk: newest risk map around the car.
             steering: prediction that may change the route, or None.
-            faults: kinds of the failures in this tick, extended in place.
+
+        Returns:
+            The faults that were handled. If the search fails, the guide keeps its path.
         """
         self.plan_ms = 0.0
         if self._legs or self.gear < 0 or self._is_held():
-            return
+            return ()
         urgent = self.path is not self._whole or ahead[:, 3].max() < 0.2
         overdue = tick - self._requested >= self.config.every
-        if self._pending is None and (overdue or (urgent and tick - self._requested >= 3)):
-            self._requested = tick
-            # A car without a path stands: its path can begin at the present state.
-            delay = 0 if self.path is None else self.config.delay
-            at = min(delay, len(ahead) - 1)
-            started = time.perf_counter()
-            path = self._plan(tick, ahead[at], known, risk, steering, faults)
-            self.plan_ms = 1e3 * (time.perf_counter() - started)
-            if path is not None:
-                self._pending = (tick + delay, path)
+        due = self._pending is None and (overdue or (urgent and tick - self._requested >= 3))
+        if not due:
+            return ()
+        self._requested = tick
+        # A car without a path stands: its path can begin at the present state.
+        delay = 0 if self.path is None else self.config.delay
+        begin = ahead[min(delay, len(ahead) - 1)]
+        started, faults = time.perf_counter(), list[Fault]()
+        try:
+            costs = self._costs(known, steering, (float(begin[0]), float(begin[1])))
+            faults += costs.faults
+            path = self._plan(tick, begin, known, risk, costs)
+        except Exception:
+            # OMPL may raise anything. Without a new path the car goes on along the last one.
+            return (*faults, Fault.PATH_FAILED)
+        self.plan_ms = 1e3 * (time.perf_counter() - started)
+        if path is not None:
+            self._pending = (tick + delay, path)
+        return tuple(faults)
 
     def unstick(
         self,
@@ -202,8 +228,7 @@ class Guide:
         state: NDArray[np.float64],
         known: OccupancyGrid,
         steering: Prediction | None,
-        faults: list[str],
-    ) -> None:
+    ) -> tuple[Fault, ...]:
         """Search for a recovery manoeuvre for a car at rest, in both gears if it has two.
 
         Args:
@@ -211,29 +236,47 @@ class Guide:
             state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
             known: observed map.
             steering: prediction that may change the route, or None.
-            faults: kinds of the failures in this tick, extended in place.
+
+        Returns:
+            The faults that were handled. If the search fails, the guide keeps its path.
         """
-        started = time.perf_counter()
+        started, faults = time.perf_counter(), list[Fault]()
         pose = state if self.gear > 0 else mirrored(state)
         front = pose[:2] + self.car.body.half_length * np.array(
             [math.cos(pose[2]), math.sin(pose[2])]
         )
-        cost, _ = self._costs(known, steering, (float(pose[0]), float(pose[1])), faults)
-        c = self.config
-        # Avoid the places where the car got stuck, now and before, unless there is no other way.
         stuck = np.vstack([self._stuck, front])
-        for places in (stuck, stuck[:0]):
-            legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
-            if legs:
-                break
-        found = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
-        found += [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
-        # Assigned last, so that an error in a search leaves no half of a manoeuvre behind.
-        self._legs, self._stuck = found, stuck
+        try:
+            costs = self._costs(known, steering, (float(pose[0]), float(pose[1])))
+            faults += costs.faults
+            manoeuvre = self._manoeuvre(costs.map, known, pose, stuck)
+        except Exception:
+            return (*faults, Fault.PATH_FAILED)
+        self._legs, self._stuck = manoeuvre, stuck
         self._requested = tick
         self.on_leg, self._pending = False, None
         self.counts["manoeuvre"] += bool(self._legs)
         self.plan_ms = 1e3 * (time.perf_counter() - started)
+        return tuple(faults)
+
+    def _manoeuvre(
+        self,
+        cost: CostMap,
+        known: OccupancyGrid,
+        pose: NDArray[np.float64],
+        stuck: NDArray[np.float64],
+    ) -> list[tuple[int, Path]]:
+        """Return gear and path of each leg of a recovery manoeuvre; empty if there is none.
+
+        It avoids the places where the car got stuck, `stuck` (k, 2), unless there is no other way.
+        """
+        c = self.config
+        for places in (stuck, stuck[:0]):
+            legs = find_legs(cost, known, pose, self.goal, c.onward, places, self.car, c.hybrid)
+            if legs:
+                break
+        paths = [(leg.gear, Path.through(leg.poses[:, :2], "hybrid")) for leg in legs[:-1]]
+        return paths + [(leg.gear, self._onward(cost, leg)) for leg in legs[-1:]]
 
     def _adopt(self, path: Path) -> None:
         self._whole, self.segment, self.is_new = path, 0, True
@@ -262,20 +305,21 @@ class Guide:
         known: OccupancyGrid,
         steering: Prediction | None,
         position: tuple[float, float],
-        faults: list[str],
-    ) -> tuple[CostMap, NDArray[np.float64] | None]:
-        """Return the cost map, and the rest of the prescribed route, (n, 2), if there is one."""
+    ) -> _Costs:
+        """Return the cost map, and the rest of the prescribed route if there is one."""
+        faults: tuple[Fault, ...] = ()
         if steering is not None:
             self._remembered = remember(self._remembered, known.frame, steering)
-        way = None if self._given is None else self._still_to_go(self._given, position)
-        cost = CostMap.build(known, self._remembered, self.car.body.half_width, way, self._stuck)
-        if self._frontiers is not None and way is None:
+        prescribed = None if self._given is None else self._still_to_go(self._given, position)
+        half_width = self.car.body.half_width
+        cost = CostMap.build(known, self._remembered, half_width, prescribed, self._stuck)
+        if self._frontiers is not None and prescribed is None:
             try:
                 cost = with_frontiers(cost, known, position, self.goal, self._frontiers)
             except Exception:
                 # A plug-in may raise anything. The route is then chosen without it.
-                faults.append("frontiers_failed")
-        return cost, way
+                faults = (Fault.FRONTIERS_FAILED,)
+        return _Costs(cost, prescribed, faults)
 
     def _plan(
         self,
@@ -283,20 +327,19 @@ class Guide:
         state: NDArray[np.float64],
         known: OccupancyGrid,
         risk: RiskMap,
-        steering: Prediction | None,
-        faults: list[str],
+        costs: _Costs,
     ) -> Path | None:
         """Return a path from a state, or None if the car should keep the one it has."""
         position, speed = (float(state[0]), float(state[1])), float(state[3])
-        cost, way = self._costs(known, steering, position, faults)
-        route = None if way is None else self._along(way, cost, position)
+        cost, prescribed = costs.map, costs.prescribed
+        route = None if prescribed is None else self._along(prescribed, cost, position)
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
             return None
         pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
         line = self.config.line
-        if way is not None:
+        if prescribed is not None:
             line = replace(line, tether=PRESCRIBED_TETHER)
         smoother = Smoother(cost, risk, self.goal, self.car, line)
         fresh = smoother.along(Path.through(route, "route").points, pose, "route")
@@ -380,10 +423,11 @@ class Guide:
         return given[self._given_at :]
 
     def _along(
-        self, way: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
+        self, prescribed: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
     ) -> NDArray[np.float64] | None:
         """Return a route (n, 2) that joins the prescribed one some metres ahead, or None."""
         # By a search, since the straight line to the joining point may lead through a wall.
-        last = min(round(self.config.join / SPACING), len(way) - 1)
-        route = find_route(cost, position, (float(way[last, 0]), float(way[last, 1])))
-        return None if route is None else np.vstack([route, way[last + 1 :]])
+        last = min(round(self.config.join / SPACING), len(prescribed) - 1)
+        join = float(prescribed[last, 0]), float(prescribed[last, 1])
+        route = find_route(cost, position, join)
+        return None if route is None else np.vstack([route, prescribed[last + 1 :]])

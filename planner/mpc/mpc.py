@@ -26,11 +26,13 @@ from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import TICK
-from planner.motion.dynamics import NX, REFERENCE, rollout, stage_functions
-from planner.motion.path import SPACING, Path, references
+from planner.motion.dynamics import rollout
+from planner.motion.path import SPACING, Path
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
 from planner.mpc.codegen import compiled
+from planner.mpc.references import references
+from planner.mpc.stages import NX, REFERENCE, stage_functions
 from planner.risk.risk_map import RiskMap
 
 NEAR = 1.0

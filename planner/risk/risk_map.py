@@ -24,8 +24,10 @@ class RiskMap:
             free, 0 where observed occupied, (rows, columns).
         safe: cells that a plan may enter, (rows, columns).
         certain: cells of `safe` that the last resort may enter: those observed free, those whose
-            trust suffices at the level λ, and those that an oracle says are free; at ε = 0 and
-            ε = 1 it is `safe` itself, (rows, columns).
+            trust suffices at a level λ above 0; at ε = 0 and ε = 1 they equal `safe`,
+            (rows, columns).
+        plan_suffices: whether no last resort is needed apart from the plan itself: at ε = 0 the
+            plan stays in observed cells, and at ε = 1 the car has no last resort.
         barred: cells observed occupied, or predicted with p_free < 0.5 at any confidence above 0:
             a plan should not end with the car's front against them, (rows, columns).
         clearance: distance to the edge of the safe set [m], negative outside of it, (rows,
@@ -37,6 +39,7 @@ class RiskMap:
     trust: NDArray[np.float32]
     safe: NDArray[np.bool_]
     certain: NDArray[np.bool_]
+    plan_suffices: bool
     barred: NDArray[np.bool_]
     clearance: NDArray[np.float32]
 
@@ -47,7 +50,6 @@ class RiskMap:
         prediction: Prediction | None,
         epsilon: float,
         margin: float = 0.0,
-        oracle: bool = False,
         level: float = 0.0,
     ) -> RiskMap:
         """Build the risk map at a reliance ε and a level λ.
@@ -63,7 +65,6 @@ class RiskMap:
             prediction: prediction on a frame of the same lattice, or None.
             epsilon: reliance ε in [0, 1].
             margin: erosion of both sets [m]: 3σ + 1 cell for a LIDAR with range noise σ; 0: none.
-            oracle: whether the prediction is the true map, so that a trust of 1 counts as observed.
             level: level λ of the last resort in [0, ε].
 
         Raises:
@@ -82,20 +83,22 @@ class RiskMap:
             trust[here][unseen] = believed[there][unseen]
             barred[here] |= unseen & blocked[there]
 
-        def relied(share: float) -> NDArray[np.bool_]:
-            # With a tolerance for the rounding of the single-precision product.
-            cells = known.free | (known.unknown & (trust >= 1.0 - share - 1e-6))
+        def enterable(doubt: float) -> NDArray[np.bool_]:
+            """Return the cells that are observed free, or predicted free with a small doubt."""
+            cells = known.free
+            # Without any doubt allowed, only observed cells count, however sure a prediction is.
+            if doubt > 0.0:
+                # With a tolerance for the rounding of the single-precision product.
+                cells = cells | (known.unknown & (trust >= 1.0 - doubt - 1e-6))
             if margin > 0.0:
-                cells &= distance_field(~cells) * known.frame.resolution > margin
+                cells = cells & (distance_field(~cells) * known.frame.resolution > margin)
             return cells
 
-        # A share of -1 requires a trust of 2, which no prediction has.
-        safe = relied(epsilon) if epsilon > 0.0 else relied(-1.0)
-        certain = safe
-        if 0.0 < epsilon < 1.0:
-            certain = relied(level if oracle or level > 0.0 else -1.0)
+        safe = enterable(epsilon)
+        plan_suffices = epsilon in (0.0, 1.0)
+        certain = safe if plan_suffices else enterable(level)
         clearance = _clearance(safe, known.frame.resolution)
-        return cls(known.frame, known, trust, safe, certain, barred, clearance)
+        return cls(known.frame, known, trust, safe, certain, plan_suffices, barred, clearance)
 
     @cached_property
     def obstacle_distance(self) -> NDArray[np.float32]:

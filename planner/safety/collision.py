@@ -14,9 +14,9 @@ from foresee.mapping.body import Body, covered
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
-from planner.motion.contact import first_meeting, leads_on
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
+from planner.safety.contact import first_meeting, leads_on
 
 CONTACT_SPACING = 0.02
 """Distance between the poses at which a plan is tested [m]."""
@@ -66,12 +66,12 @@ class CollisionChecker:
         return None if along < 0.0 else (along, speed)
 
     def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
-        """Return the argument `place` of `planner.motion.contact`: blocked cells and the body."""
+        """Return the argument `place` of `planner.safety.contact`: blocked cells and the body."""
         # The margin is half the spacing of tested poses, and what a corner swings out between them.
         return blocked, *frame.lattice, *self.car.body.inflated(0.75 * CONTACT_SPACING).halves
 
     def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
-        """Return the arguments of `planner.motion.contact.leads_on` besides the pose.
+        """Return the arguments of `planner.safety.contact.leads_on` besides the pose.
 
         Returns:
             Curvatures of the arcs [1/m], their length [m], spacing of the tested poses [m], and the

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.contact import first_free, swerves
 from planner.motion.plan import Plan
 from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CONTACT_SPACING, CollisionChecker
+from planner.safety.contact import first_free, swerves
 
 ACCELERATIONS = 16
 """Number of accelerations, from the plan's own to full braking, tried for the first step."""
@@ -48,7 +48,7 @@ class LastResort:
             Plan to drive, and whether a last resort remains after its first step.
         """
         mpc, checker, braking = self.mpc, self.checker, self.mpc.limits.braking
-        if risk.certain is risk.safe:
+        if risk.plan_suffices:
             self.controls = None
             return plan, True
         if checker.contact(plan, ~risk.certain, risk.frame) is None:

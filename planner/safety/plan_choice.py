@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
+from planner.fault import Fault
 from planner.motion.goal import GOES_ON, PLAN_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan
@@ -40,7 +42,6 @@ class Situation:
         path: path to follow, or None.
         segment: index of the path's segment near which the car is.
         on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
-        faults: list to which the kinds of failures are appended.
     """
 
     state: NDArray[np.float64]
@@ -48,7 +49,6 @@ class Situation:
     path: Path | None
     segment: int
     on_leg: bool
-    faults: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +59,31 @@ class Choice:
         plan: plan to drive.
         intended: plan that the car would drive if all predictions were certain. `plan` differs
             from it if the last resort has to slow the car down.
-        emergency: whether no plan is safe, so that the car brakes as hard as it can.
+        faults: faults that were handled, in order; a fault may occur more than once.
     """
 
     plan: Plan
     intended: Plan
-    emergency: bool
+    faults: tuple[Fault, ...]
+
+    @property
+    def emergency(self) -> bool:
+        """Whether no plan is safe, so that the car brakes as hard as it can."""
+        return Fault.EMERGENCY in self.faults
+
+
+class _Intention(NamedTuple):
+    """The plan to drive if all predictions are certain, and the faults that were handled."""
+
+    plan: Plan
+    faults: tuple[Fault, ...] = ()
+
+
+class _Solutions(NamedTuple):
+    """The safe plans that the MPC found, and the faults that were handled."""
+
+    plans: list[Plan]
+    faults: tuple[Fault, ...]
 
 
 class PlanChooser:
@@ -95,20 +114,17 @@ class PlanChooser:
         """Choose the plan to drive.
 
         Args:
-            now: situation of the tick; failures are appended to its faults.
+            now: situation of the tick.
             afresh: whether the MPC starts from a pure-pursuit guess, too.
         """
-        intended, emergency = self._decide(now, afresh)
-        intended = self._without_waiting(now, intended)
-        plan = intended
-        if emergency:
-            now.faults.append("emergency")
-        else:
+        intended, faults = self._decide(now, afresh)
+        intended = plan = self._without_waiting(now, intended)
+        if Fault.EMERGENCY not in faults:
             plan, survivable = self.resort.begin(now.state, intended, now.risk)
             if not survivable:
-                now.faults.append("no_last_resort")
+                faults = (*faults, Fault.NO_LAST_RESORT)
         self._intended, self._curvature = intended, float(plan.controls[0, 1])
-        return Choice(plan, intended, emergency)
+        return Choice(plan, intended, faults)
 
     def goes_on(self, plan: Plan, risk: RiskMap) -> bool:
         """Return whether the car can go on from a plan's end, or need not since the goal is near.
@@ -120,19 +136,15 @@ class PlanChooser:
             return True
         return self.checker.leads_on(plan.states[-1], risk)
 
-    def _decide(self, now: Situation, afresh: bool) -> tuple[Plan, bool]:
-        """Choose the plan to drive if all predictions are certain.
+    def _decide(self, now: Situation, afresh: bool) -> _Intention:
+        """Choose the plan to drive if all predictions are certain: the best safe one.
 
-        Returns:
-            The best safe plan and False, or the least bad manoeuvre to stop and True if no plan is
-            safe.
+        If none is safe, it is the least bad manoeuvre to stop, with the fault EMERGENCY.
         """
         rest, safe = self._fallbacks(now)
         path = now.path
         if path is None:
-            if safe:
-                return safe[-1], False
-            return self.resort.brake(now.state, rest, now.risk), True
+            return _Intention(safe[-1]) if safe else self._emergency(now, rest)
 
         if now.on_leg:
             return self._along_leg(now, path, rest, safe)
@@ -143,32 +155,43 @@ class PlanChooser:
         guesses = [rest.controls]
         if afresh or not safe or now.state[3] < SLOW:
             guesses.append(self._pursuit(now, path))
-        solved = self._solutions(now, path, guesses)
+        solved, faults = self._solutions(now, path, guesses)
         if not solved:
-            now.faults.append("no_safe_solution")
+            faults = (*faults, Fault.NO_SAFE_SOLUTION)
         candidates = sorted(solved + safe, key=cost)
         if not candidates:
-            return self.resort.brake(now.state, rest, now.risk), True
+            return self._emergency(now, rest, faults)
         # The plan that reaches the goal first, or else the cheapest. The drive ends at the goal, so
         # the cost of what follows must not make the car miss it.
         best = min(candidates, key=self._arrival)
         if self.goes_on(best, now.risk):
-            return best, False
+            return _Intention(best, faults)
         # A car that cannot reverse should not stop with its front against a wall.
-        sooner = self._stopping_sooner(now, path, best)
+        sooner, more = self._stopping_sooner(now, path, best)
+        faults += more
         if sooner is not None:
-            return sooner, False
+            return _Intention(sooner, faults)
         # Or it brakes and swerves to where it can go on, while there is still room for that.
         stops = (self.mpc.roll(now.state, way) for way in self.resort.ways(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
         # A plan that stands still is no better than a stop at the wall.
         moving = (plan for plan in others if plan.states[:, 3].max() > 0.1)
-        return next((plan for plan in moving if self.goes_on(plan, now.risk)), best), False
+        onward = next((plan for plan in moving if self.goes_on(plan, now.risk)), best)
+        return _Intention(onward, faults)
 
-    def _along_leg(
-        self, now: Situation, leg: Path, rest: Plan, safe: list[Plan]
-    ) -> tuple[Plan, bool]:
+    def _emergency(self, now: Situation, rest: Plan, faults: tuple[Fault, ...] = ()) -> _Intention:
+        """Return the least bad manoeuvre to stop, since no plan is safe.
+
+        Args:
+            now: situation of the tick.
+            rest: rest of the last plan.
+            faults: faults handled so far in this tick.
+        """
+        braked = self.resort.brake(now.state, rest, now.risk)
+        return _Intention(braked, (*faults, Fault.EMERGENCY))
+
+    def _along_leg(self, now: Situation, leg: Path, rest: Plan, safe: list[Plan]) -> _Intention:
         """Choose the plan that follows a leg of a recovery manoeuvre, as `_decide` does for a path.
 
         The MPC has no part in it: legs pass closer to walls than it prefers, so it would rather let
@@ -180,11 +203,11 @@ class PlanChooser:
         if self.checker.is_safe(pursued, now.risk):
             safe = [pursued, *safe]
         if not safe:
-            return self.resort.brake(now.state, rest, now.risk), True
+            return self._emergency(now, rest)
         # The last one brakes at once, unless that is unsafe.
         if math.dist(safe[-1].states[-1, :2], leg.points[-1]) < LEG_STOP:
-            return safe[-1], False
-        return min(safe, key=lambda plan: self.mpc.lag(plan, leg, now.segment)), False
+            return _Intention(safe[-1])
+        return _Intention(min(safe, key=lambda plan: self.mpc.lag(plan, leg, now.segment)))
 
     def _fallbacks(self, now: Situation) -> tuple[Plan, list[Plan]]:
         """Return the rest of the last plan, and the safe ones among the plans that need no solver.
@@ -219,24 +242,33 @@ class PlanChooser:
         sooner = self.mpc.roll(now.state, np.vstack([plan.controls[first:], rest]))
         return sooner if self.checker.is_safe(sooner, now.risk) else plan
 
-    def _stopping_sooner(self, now: Situation, path: Path, best: Plan) -> Plan | None:
-        """Return a plan that stops before the best one's end, where the car can go on, or None."""
+    def _stopping_sooner(
+        self, now: Situation, path: Path, best: Plan
+    ) -> tuple[Plan | None, tuple[Fault, ...]]:
+        """Find a plan that stops before the best one's end, where the car can go on.
+
+        Returns:
+            The plan, or None, and the faults that were handled.
+        """
+        faults: tuple[Fault, ...] = ()
         end, _, _ = project(path.points, *best.states[-1, :2], now.segment, 10**6)  # type: ignore[call-arg]
         for sooner in EARLIER_STOPS:
             last = end - round(sooner / SPACING)
             if last < now.segment + 3:
                 break
             shorter = Path(path.points[:last], path.source)
-            for plan in self._solutions(now, shorter, [self._pursuit(now, shorter)]):
+            solved, more = self._solutions(now, shorter, [self._pursuit(now, shorter)])
+            faults += more
+            for plan in solved:
                 if self.goes_on(plan, now.risk):
-                    return plan
-        return None
+                    return plan, faults
+        return None, faults
 
     def _solutions(
         self, now: Situation, path: Path, guesses: list[NDArray[np.float64]]
-    ) -> list[Plan]:
+    ) -> _Solutions:
         """Return the safe ones among the plans that the MPC computes from some guesses."""
-        solved = []
+        solved, faults = list[Plan](), list[Fault]()
         for guess in guesses:
             try:
                 solution = self.mpc.solve(
@@ -244,13 +276,13 @@ class PlanChooser:
                 )
             except Exception:
                 # A solver may raise anything; there is another plan, or the car stops.
-                now.faults.append("solver_failed")
+                faults.append(Fault.SOLVER_FAILED)
                 continue
             if solution.failed:
-                now.faults.append("solver_failed")
+                faults.append(Fault.SOLVER_FAILED)
             if self.checker.is_safe(solution.plan, now.risk):
                 solved.append(solution.plan)
-        return solved
+        return _Solutions(solved, tuple(faults))
 
     def _pursuit(
         self, now: Situation, path: Path, look: float = LOOK, free: float = math.inf

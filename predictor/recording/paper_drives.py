@@ -177,7 +177,8 @@ def frames_of_drive(
         scan = lidar.scan(world, state, noise, crowd.discs)
         decision = navigator.step(state, scan)
         near.integrate(scan, state)
-        recording.add(navigator.known, near, state, decision.control, tick * TICK)
+        action = np.array([decision.control.acceleration, decision.control.curvature])
+        recording.add(navigator.known, near, state, action, tick * TICK)
         if car.collides(world, state, decision.control, TICK):
             return recording, "it collided"
         moved = car.step(state, decision.control, TICK)

@@ -17,6 +17,7 @@ from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import ARMS
 from benchmarks.runs.trace import RunError
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from planner.safety.limiting_factor import Limit
 from sim.car import DubinsCar
 
@@ -358,7 +359,7 @@ def test_a_plan_rolls_out_as_the_car_drives():
         driven = controls if speed else np.abs(controls)
         states = roll_out(state, driven, dt, gear)
         for control, expected in zip(driven, states[1:], strict=True):
-            state = car.step(state, (*control, gear), dt)
+            state = car.step(state, Control(*control, gear), dt)
             np.testing.assert_allclose(state, expected, atol=1e-9)
 
 

@@ -20,6 +20,7 @@ from benchmarks.runs.tasks import task_of
 from benchmarks.runs.time_optimal import KIND, read_t_opt, task_key
 from foresee.infra.command_line import UsageError
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import DubinsCar
 from sim.families import empty_straight
@@ -69,6 +70,7 @@ def test_a_drive_is_what_the_simulators_car_does_with_its_controls(around):
     task, car = corner(), DubinsCar(CAR)
     state = np.array([*task.start, 0.0])
     for control, after in zip(around.controls, around.states[1:], strict=True):
+        control = Control(*control)
         assert not car.collides(task.world, state, control, around.dt)
         state = car.step(state, control, around.dt)
         assert np.cos(state[2] - after[2]) == pytest.approx(1.0)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from numba import config
 
-import planner.motion.contact
+import planner.safety.contact
 from foresee.mapping.kernels import UNUSED, cache, kept, stamp
 
-ROOT = Path(planner.motion.contact.__file__).resolve().parents[2]
+ROOT = Path(planner.safety.contact.__file__).resolve().parents[2]
 
 
 def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
@@ -32,8 +32,8 @@ def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
 
 
 def test_what_calls_into_other_files_is_kept_by_the_stamp():
-    planner.motion.contact.first_meeting.py_func  # noqa: B018  It is a kernel.
-    kept = Path(planner.motion.contact.first_meeting._cache._cache_path)
+    planner.safety.contact.first_meeting.py_func  # noqa: B018  It is a kernel.
+    kept = Path(planner.safety.contact.first_meeting._cache._cache_path)
     assert stamp(ROOT) in str(kept) or not str(config.CACHE_DIR).endswith(stamp(ROOT))
 
 

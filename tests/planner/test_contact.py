@@ -7,11 +7,11 @@ from foresee.mapping.body import first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
-from planner.motion.contact import first_free, first_meeting, leads_on, swerves
 from planner.motion.dynamics import rollout, swept
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
+from planner.safety.contact import first_free, first_meeting, leads_on, swerves
 from planner.safety.last_resort import LastResort
 
 CAR = CarLimits()

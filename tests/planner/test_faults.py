@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import re
 import subprocess
 import sys
 import time
@@ -14,6 +15,7 @@ from short_drive import LIDAR, drive, navigator, straight
 
 from foresee.mapping.scan import Scan
 from foresee.prediction import Prediction
+from planner.fault import Fault
 from planner.motion.plan import Plan
 from planner.mpc.mpc import Solution, Status
 from sim import DubinsCar
@@ -249,7 +251,7 @@ def test_a_car_that_gets_bad_scans_comes_to_rest_in_what_it_has_seen(kind):
     for tick in range(45):
         scan = LIDAR.scan(task.world, state) if tick < 12 else bad
         decision = driver.step(state, scan)
-        assert np.isfinite(decision.control).all()
+        assert np.isfinite(dataclasses.astuple(decision.control)).all()
         assert not car.collides(task.world, state, decision.control, 0.1)
         state = car.step(state, decision.control, 0.1)
         if tick == 11:
@@ -356,3 +358,9 @@ def test_braking_hard_is_counted_also_where_there_is_no_path(monkeypatch):
     assert decision.emergency
     assert decision.faults.count("emergency") == 1
     assert driver.faults["emergency"] == 1
+
+
+def test_the_page_on_faults_lists_each_fault_with_its_meaning():
+    page = (Path(__file__).parents[2] / "docs/reference/faults.md").read_text()
+    listed = re.findall(r"`([a-z_]+)`", "".join(re.findall(r"(?m)^\| (`[^|]*)\|", page)))
+    assert sorted(listed) == sorted(Fault)

@@ -29,7 +29,7 @@ def test_a_belief_moves_a_way_of_ones_own_but_not_one_that_is_the_task(given):
     paths = []
     for steering in (None, believed):
         guide = Guide((9.0, 8.0), way if given else None, CAR, GuideConfig(), seed=1)
-        guide.plan_if_due(0, ahead, known, risk, steering, [])
+        guide.plan_if_due(0, ahead, known, risk, steering)
         guide.update(GuideConfig().delay, ahead[0], risk)
         assert guide.path is not None
         paths.append(guide.path.points)
@@ -50,7 +50,7 @@ def followed(way, places) -> np.ndarray:
         known = OccupancyGrid.from_grid(Grid(frame, cells), 5.0)
         risk = RiskMap.from_prediction(known.crop(known.frame.square(*at, 10.0)), None, 0.0)
         ahead, tick = np.array([[*at, 0.0, 1.0]]), 10 * number
-        guide.plan_if_due(tick, ahead, known, risk, None, [])
+        guide.plan_if_due(tick, ahead, known, risk, None)
         guide.update(tick + guide.config.delay, ahead[0], risk)
     assert guide.path is not None
     return guide.path.points[guide.segment :]
@@ -71,7 +71,7 @@ def test_a_line_keeps_to_a_given_way_through_what_is_predicted_free():
     ahead = np.array([[2.0, 2.0, math.pi / 2, 1.0]])
     # A path that is smoothed again and again must not creep from the way.
     for tick in range(0, 200, 10):
-        guide.plan_if_due(tick, ahead, known, risk, free, [])
+        guide.plan_if_due(tick, ahead, known, risk, free)
         guide.update(tick + guide.config.delay, ahead[0], risk)
     assert guide.path is not None
     corner = np.hypot(*(guide.path.points - [2.0, 8.0]).T).min()

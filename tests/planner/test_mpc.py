@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from planner.motion.dynamics import rollout, stage_functions
+from planner.motion.dynamics import rollout
 from planner.motion.path import Path
 from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC, Solution, Status, stop_controls
+from planner.mpc.stages import stage_functions
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from sim import DubinsCar
@@ -207,7 +209,7 @@ def test_a_plan_is_rolled_out_as_the_simulated_car_drives_it(seed, speed):
     states, applied = rollout(state, controls, *BOUNDS)
     car = DubinsCar(CarLimits())
     for k, control in enumerate(applied):
-        reached = car.step(states[k], control, DT)
+        reached = car.step(states[k], Control(*control), DT)
         assert reached[[0, 1, 3]] == pytest.approx(states[k + 1, [0, 1, 3]], abs=1e-9)
         turned = math.remainder(reached[2] - states[k + 1, 2], 2 * math.pi)
         assert turned == pytest.approx(0.0, abs=1e-9)

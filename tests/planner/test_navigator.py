@@ -59,6 +59,28 @@ def test_a_car_without_sensible_limits_is_refused(name, value):
         CarLimits(**{name: value})
 
 
+class Certain:
+    def predict(self, known, pose):
+        ones, zeros = (
+            np.ones(known.frame.shape, np.float32),
+            np.zeros(known.frame.shape, np.float32),
+        )
+        return Prediction(known.frame, ones, zeros, ones)
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-9])
+def test_only_above_level_zero_a_prediction_makes_unobserved_cells_certain(level):
+    task = straight()
+    driver = navigator(task, Certain(), reliance=0.05, level=level, adapt=False)
+    state = np.array([*task.start, 0.0])
+    for _ in range(10):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+        risk = decision.risk_map
+        assert risk.safe[risk.known.unknown].any()
+        assert (risk.certain & risk.known.unknown).any() == (level > 0.0)
+
+
 def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():
     task = straight()
     driver = navigator(task)
@@ -168,7 +190,7 @@ def test_a_car_swerves_where_it_would_stop_with_its_nose_in_a_corner():
     way = np.array([[-3.0, -3.1], [-2.3, -2.95], [0.6, 0.85]])
     state = np.array([-2.4, -2.98, 0.26, 3.08])
     choice = driver.chooser.choose(
-        Situation(state, risk, Way.through(way, "ompl"), 0, False, []), False
+        Situation(state, risk, Way.through(way, "ompl"), 0, False), False
     )
     assert not choice.emergency
     assert driver.chooser.checker.is_safe(choice.plan, risk)

@@ -13,6 +13,7 @@ from short_drive import LIDAR
 
 from foresee.mapping.body import first_contact
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, OccupancyGrid
 from planner.motion.dynamics import rollout
 from planner.motion.plan import Plan, mirrored
@@ -236,7 +237,7 @@ def test_a_mirrored_plan_is_the_same_places_backwards(plan):
     car = DubinsCar(CarLimits(reverse=CAR.v_max))
     state = mirror.states[0]
     for control, expected in zip(mirror.controls, mirror.states[1:], strict=True):
-        state = car.step(state, np.array([*control, -1.0]), DT)
+        state = car.step(state, Control(*control, gear=-1), DT)
         assert state[[0, 1, 3]] == pytest.approx(expected[[0, 1, 3]], abs=1e-6)
         assert float(turned(state[2] - expected[2])) == pytest.approx(0.0, abs=1e-6)
 

@@ -107,20 +107,35 @@ def test_at_full_risk_no_prediction_takes_anything_away(known, p_free, confidenc
     assert np.array_equal(safe(known, believed(p_free, confidence), 1.0), ~known.occupied)
 
 
-@given(grids, shares_or_nan, shares_or_nan, risks, st.sampled_from([0.0, 0.15]), st.booleans())
-def test_what_is_certain_was_seen_free_or_is_known_to_an_oracle(
-    known, p, c, epsilon, margin, oracle
+@given(
+    grids,
+    st.one_of(shares_or_nan, st.just(full(1.0))),
+    st.one_of(shares_or_nan, st.just(full(1.0))),
+    risks,
+    st.sampled_from([0.0, 0.15]),
+)
+def test_at_level_zero_what_is_certain_was_seen_free_however_sure_the_prediction(
+    known, p, c, epsilon, margin
 ):
-    risk = RiskMap.from_prediction(known, believed(p, c), epsilon, margin, oracle)
+    risk = RiskMap.from_prediction(known, believed(p, c), epsilon, margin)
     assert (risk.certain <= risk.safe).all()
-    if epsilon in (0.0, 1.0):
-        assert risk.certain is risk.safe
-    elif margin == 0.0:
-        told = known.unknown & (p * c == 1.0)
-        doubted = known.unknown & ~(np.nan_to_num(p * c) >= 1.0 - 1e-5)
-        assert not risk.certain[doubted if oracle else known.unknown].any()
-        assert risk.certain[known.free].all()
-        assert (risk.certain[told] == oracle).all()
+    assert risk.plan_suffices == (epsilon in (0.0, 1.0))
+    if risk.plan_suffices:
+        assert np.array_equal(risk.certain, risk.safe)
+    else:
+        assert not risk.certain[~known.free].any()
+        if margin == 0.0:
+            assert risk.certain[known.free].all()
+
+
+@given(grids, shares_or_nan, shares_or_nan, st.floats(0.01, 0.99))
+def test_at_a_tiny_level_what_is_certain_was_seen_free_or_is_predicted_for_sure(
+    known, p, c, epsilon
+):
+    risk = RiskMap.from_prediction(known, believed(p, c), epsilon, level=1e-9)
+    doubted = known.unknown & ~(np.nan_to_num(p * c) >= 1.0 - 1e-5)
+    assert not risk.certain[doubted | known.occupied].any()
+    assert risk.certain[known.free | (known.unknown & (p * c == 1.0))].all()
 
 
 @given(grids, shares_or_nan, shares, risks, risks, risks)

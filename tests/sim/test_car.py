@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.car import DubinsCar, collides
 from sim.lidar import Lidar, LidarConfig
@@ -17,7 +19,7 @@ TWO_GEARS = DubinsCar(CarLimits(reverse=0.5))
 state = st.tuples(
     st.floats(-50, 50), st.floats(-50, 50), st.floats(-math.pi, math.pi), st.floats(0, 4)
 )
-control = st.tuples(st.floats(-5, 5), st.floats(-5, 5))
+control = st.builds(Control, st.floats(-5, 5), st.floats(-5, 5))
 interval = st.floats(0, 2)
 
 
@@ -59,7 +61,7 @@ def test_the_limits_of_acceleration_and_of_cornering_hold(state, control, dt):
     assert same_pose(poses[-1], end)
 
 
-@given(state, st.tuples(st.floats(-5, 5), st.floats(-0.15, 0.15)), interval)
+@given(state, st.builds(Control, st.floats(-5, 5), st.floats(-0.15, 0.15)), interval)
 def test_one_step_equals_two_half_steps(state, control, dt):
     # Curvature below the lateral limit at top speed, which else differs between the two halves.
     whole = CAR.step(state, control, dt)
@@ -75,8 +77,8 @@ def test_the_closed_form_is_the_limit_of_small_euler_steps(state, control, dt):
     # What the limits leave of the control, read back from a short arc.
     v_top = max(state[3], end[3])
     tightest = min(CAR.limits.max_curvature, 3.0 / max(v_top, 1e-9) ** 2)
-    kappa = float(np.clip(control[1], -tightest, tightest))
-    a = float(np.clip(control[0], -1.5, 1.5))
+    kappa = float(np.clip(control.curvature, -tightest, tightest))
+    a = float(np.clip(control.acceleration, -1.5, 1.5))
     x, y, yaw, v = state
     n = 2000
     for _ in range(n):
@@ -92,17 +94,17 @@ def test_the_closed_form_is_the_limit_of_small_euler_steps(state, control, dt):
 def test_full_lock_drives_a_circle_of_the_turning_radius():
     state = np.array([0.0, 0.0, 0.0, 1.0])
     circumference = 2 * math.pi * CAR.limits.turning_radius
-    poses = CAR.motion(state, (0.0, 99.0), circumference, 0.01)
+    poses = CAR.motion(state, Control(0.0, 99.0), circumference, 0.01)
     radii = np.hypot(poses[:, 0], poses[:, 1] - 0.8)
     assert np.allclose(radii, 0.8, atol=1e-12)
     assert np.allclose(poses[-1], [0, 0, 0], atol=1e-9)
 
 
 def test_a_braking_car_stops_within_its_stopping_distance_and_stays():
-    end = CAR.step((0, 0, 0, 3.0), (-1.5, 0.0), 60.0)
+    end = CAR.step((0, 0, 0, 3.0), Control(-1.5, 0.0), 60.0)
     assert end[3] == 0
     assert end[0] == pytest.approx(3.0**2 / (2 * 1.5), abs=1e-12)
-    assert np.array_equal(CAR.step(end, (-1.5, 1.0), 1.0), end)
+    assert np.array_equal(CAR.step(end, Control(-1.5, 1.0), 1.0), end)
 
 
 @given(state, control, st.floats(0.01, 1), st.floats(0.005, 0.2))
@@ -123,9 +125,9 @@ def test_no_corner_moves_further_than_the_spacing(state, control, dt, spacing):
 def test_a_reverse_gear_changes_nothing_about_driving_forwards(state, control, dt):
     end = CAR.step(state, control, dt)
     assert np.array_equal(TWO_GEARS.step(state, control, dt), end)
-    assert np.array_equal(TWO_GEARS.step(state, (*control, 1), dt), end)
+    assert np.array_equal(TWO_GEARS.step(state, replace(control, gear=1), dt), end)
     poses = CAR.motion(state, control, dt, 0.05)
-    assert np.array_equal(TWO_GEARS.motion(state, (*control, 1), dt, 0.05), poses)
+    assert np.array_equal(TWO_GEARS.motion(state, replace(control, gear=1), dt, 0.05), poses)
 
 
 @given(state, control, interval)
@@ -134,15 +136,15 @@ def test_driving_backwards_mirrors_driving_forwards(state, control, dt):
     slow = DubinsCar(CarLimits(v_max=TWO_GEARS.limits.reverse))
     x, y, yaw, v = state
     v = min(v, slow.limits.v_max)
-    back = TWO_GEARS.step((x, y, yaw, -v), (*control, -1), dt)
-    faced = slow.step((x, y, yaw + math.pi, v), (control[0], -control[1]), dt)
+    back = TWO_GEARS.step((x, y, yaw, -v), replace(control, gear=-1), dt)
+    faced = slow.step((x, y, yaw + math.pi, v), replace(control, curvature=-control.curvature), dt)
     assert same_pose(back, faced + np.array([0, 0, math.pi, 0]))
     assert back[3] == -faced[3]
 
 
 @given(state, control, interval, st.sampled_from([1, -1]))
 def test_each_gear_has_its_top_speed(state, control, dt, gear):
-    v = TWO_GEARS.step((*state[:3], 0.0), (*control, gear), dt)[3]
+    v = TWO_GEARS.step((*state[:3], 0.0), replace(control, gear=gear), dt)[3]
     assert 0 <= gear * v <= (4.0 if gear > 0 else 0.5)
 
 
@@ -150,43 +152,45 @@ def test_each_gear_has_its_top_speed(state, control, dt, gear):
 def test_a_car_that_moves_stays_in_its_gear(state, control, dt, gear):
     x, y, yaw, v = state
     for speed in (v + 0.01, -(v + 0.01) / 10):
-        moved = TWO_GEARS.step((x, y, yaw, speed), (*control, gear), dt)
-        own = TWO_GEARS.step((x, y, yaw, speed), (*control, math.copysign(1, speed)), dt)
+        moved = TWO_GEARS.step((x, y, yaw, speed), replace(control, gear=gear), dt)
+        own = TWO_GEARS.step((x, y, yaw, speed), replace(control, gear=1 if speed > 0 else -1), dt)
         assert np.array_equal(moved, own)
         assert moved[3] * speed >= 0
 
 
 def test_a_car_backs_up_only_after_it_has_come_to_rest():
     state = np.array([0.0, 0.0, 0.0, 0.3])
-    state = TWO_GEARS.step(state, (-1.5, 0, -1), 1.0)
+    state = TWO_GEARS.step(state, Control(-1.5, 0, -1), 1.0)
     assert state[3] == 0
-    assert math.copysign(1, TWO_GEARS.step(state, (-1.5, 0, -1), 1.0)[3]) == 1
-    back = TWO_GEARS.step(state, (1.0, 0.5, -1), 0.4)
+    assert math.copysign(1, TWO_GEARS.step(state, Control(-1.5, 0, -1), 1.0)[3]) == 1
+    back = TWO_GEARS.step(state, Control(1.0, 0.5, -1), 0.4)
     assert back[3] == pytest.approx(-0.4)
     assert back[0] < state[0]
     assert back[2] < 0  # Curvature to the left: backwards the yaw falls.
-    assert TWO_GEARS.step(back, (-1.5, 0), 5.0)[3] == 0
+    assert TWO_GEARS.step(back, Control(-1.5, 0), 5.0)[3] == 0
 
 
 def test_a_rounding_error_of_the_speed_does_not_hold_the_gear():
     for v in (2e-16, -2e-16):
         for gear in (1, -1):
-            assert TWO_GEARS.step((0, 0, 0, v), (1.0, 0, gear), 0.1)[3] == pytest.approx(0.1 * gear)
+            assert TWO_GEARS.step((0, 0, 0, v), Control(1.0, 0, gear), 0.1)[3] == pytest.approx(
+                0.1 * gear
+            )
 
 
 def test_a_car_that_backs_into_a_wall_has_collided():
     world = walled()
     state = (-0.5, 0.0, 0.0, 0.0)
-    assert not TWO_GEARS.collides(world, state, (1.5, 0, 1), 1.0)
-    assert TWO_GEARS.collides(world, state, (1.5, 0, -1), 1.0)
+    assert not TWO_GEARS.collides(world, state, Control(1.5, 0, 1), 1.0)
+    assert TWO_GEARS.collides(world, state, Control(1.5, 0, -1), 1.0)
 
 
 @given(state, control, st.floats(0.01, 1), st.floats(0.005, 0.2))
 @settings(max_examples=30)
 def test_poses_along_a_motion_backwards_end_where_the_step_does(state, control, dt, spacing):
     state = (*state[:3], -state[3] / 8)
-    poses = TWO_GEARS.motion(state, (*control, -1), dt, spacing)
-    assert same_pose(poses[-1], TWO_GEARS.step(state, (*control, -1), dt))
+    poses = TWO_GEARS.motion(state, replace(control, gear=-1), dt, spacing)
+    assert same_pose(poses[-1], TWO_GEARS.step(state, replace(control, gear=-1), dt))
     moves = np.diff(np.vstack([state[:3], poses]), axis=0)
     assert np.hypot(*moves[:, :2].T).max() <= spacing + 1e-9
 
@@ -197,9 +201,9 @@ def test_a_car_that_flies_through_a_thin_wall_in_one_step_has_collided():
     cells[:, 100] = OCCUPIED
     thin = World("thin", Grid(world.grid.frame, cells))
     start = (2.0, 1.0, 0.0, 4.0)
-    assert not DubinsCar().collides(world, start, (0, 0), 1.0)
-    assert DubinsCar().collides(thin, start, (0, 0), 1.0)
-    assert not collides(thin, [CAR.step(start, (0, 0), 1.0)[:3]], Body())
+    assert not DubinsCar().collides(world, start, Control(0, 0), 1.0)
+    assert DubinsCar().collides(thin, start, Control(0, 0), 1.0)
+    assert not collides(thin, [CAR.step(start, Control(0, 0), 1.0)[:3]], Body())
 
 
 def test_the_wall_that_rays_meet_is_the_wall_that_the_body_meets():
@@ -222,21 +226,21 @@ def test_outside_the_map_is_solid():
 
 def test_misuse_says_what_is_wrong():
     with pytest.raises(ValueError, match="finite"):
-        CAR.step((0, 0, math.nan, 1), (0, 0), 0.1)
+        CAR.step((0, 0, math.nan, 1), Control(0, 0), 0.1)
     with pytest.raises(ValueError, match="negative"):
-        CAR.step((0, 0, 0, -1), (0, 0), 0.1)
+        CAR.step((0, 0, 0, -1), Control(0, 0), 0.1)
     with pytest.raises(ValueError, match="spacing"):
-        CAR.motion((0, 0, 0, 1), (0, 0), 0.1, 0.0)
+        CAR.motion((0, 0, 0, 1), Control(0, 0), 0.1, 0.0)
     with pytest.raises(ValueError, match="braking"):
         CarLimits(braking=0)
     with pytest.raises(ValueError, match="reverse"):
         CarLimits(reverse=-0.5)
     for gear in (0, 2, math.nan):
         with pytest.raises(ValueError, match="gear is"):
-            TWO_GEARS.step((0, 0, 0, 0), (0, 0, gear), 0.1)
+            TWO_GEARS.step((0, 0, 0, 0), Control(0, 0, gear), 0.1)
     for speed in (0, 1):
         with pytest.raises(ValueError, match="gear is -1, but the car has no reverse gear"):
-            CAR.step((0, 0, 0, speed), (0, 0, -1), 0.1)
+            CAR.step((0, 0, 0, speed), Control(0, 0, -1), 0.1)
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2), st.floats(0, 3))
@@ -247,4 +251,4 @@ def test_the_papers_car_drives_the_same_arc_as_the_other(yaw, v, dt):
     end = yaw + turn * dt
     x = 1 + v / turn * (math.sin(end) - math.sin(yaw))
     y = 2 - v / turn * (math.cos(end) - math.cos(yaw))
-    assert same_pose((x, y, end), CAR.step((1, 2, yaw, v), (0, 0.3), dt)[:3])
+    assert same_pose((x, y, end), CAR.step((1, 2, yaw, v), Control(0, 0.3), dt)[:3])

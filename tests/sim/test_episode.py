@@ -7,16 +7,16 @@ import pytest
 from short_drive import LIDAR, straight
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
-from planner.risk.risk_map import RiskMap
 from planner.safety.limiting_factor import Limit
 from sim import DubinsCar
 from sim.episode import EpisodeConfig, Outcome, run_episode
 
 TICKS = (12, 8, 8, 4)
 """Speeding up forwards, braking, speeding up in reverse, braking."""
-FORWARDS, BACKWARDS = (1.0, 0.2), (1.0, 0.2, -1)
-BRAKING, BRAKING_BACKWARDS = (-2.0, 0.2), (-2.0, 0.2, -1)
+FORWARDS, BACKWARDS = Control(1.0, 0.2), Control(1.0, 0.2, -1)
+BRAKING, BRAKING_BACKWARDS = Control(-2.0, 0.2), Control(-2.0, 0.2, -1)
 
 
 class Shunter:
@@ -32,20 +32,17 @@ class Shunter:
         self.known.integrate(scan, state)
         control = self.controls[self.tick % len(self.controls)]
         self.tick += 1
-        gear = int(control[2]) if len(control) > 2 else 1
-        plan = SimpleNamespace(states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)), gear=gear)
-        frame = self.known.frame.square(state[0], state[1], 5.0)
+        plan = SimpleNamespace(
+            states=np.tile(state, (3, 1)), controls=np.zeros((2, 2)), gear=control.gear
+        )
         return SimpleNamespace(
-            control=np.array(control),
+            control=control,
             plan=plan,
             limit=Limit.GOAL,
             faults=(),
             emergency=False,
             relied=np.empty((0, 2)),
             times={"cycle": 1.0},
-            path=None,
-            risk_map=RiskMap.from_prediction(self.known.crop(frame), None, 0.0, 0.0),
-            prediction=None,
         )
 
 
@@ -83,6 +80,6 @@ def test_speeds_and_stops_count_in_either_gear():
 
 
 def test_backing_into_a_wall_is_a_collision_at_the_speed_it_had():
-    episode = drive([(1.0, 0.0, -1)], 20.0)
+    episode = drive([Control(1.0, 0.0, -1)], 20.0)
     assert episode.outcome == Outcome.COLLIDED
     assert episode.impact_speed == pytest.approx(0.5)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.performance.hall import (
+    HallDrive,
     Solve,
     Solver,
     Tick,

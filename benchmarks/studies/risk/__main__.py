@@ -65,12 +65,12 @@ class RiskSettings(Options):
 
 def _run(settings: RiskSettings) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
+    from benchmarks.calibration.certificate import ABSENT, load_calibration
     from benchmarks.studies.risk.series import series_of
     from foresee.infra.resumable import ResumableFolder
-    from planner.risk.calibration import Calibration
     from sim.buildings import check_maps
 
-    calibration, *others = (Calibration.load(path) for path in settings.calibration)
+    calibration, *others = (load_calibration(path) for path in settings.calibration)
     check_maps(settings.maps)
     all_series = series_of(
         calibration,
@@ -81,7 +81,7 @@ def _run(settings: RiskSettings) -> int:
         settings.quick,
     )
     conditions = calibration.conditions | {"quick": settings.quick}
-    with ResumableFolder(settings.out, conditions, exclusive=True):
+    with ResumableFolder(settings.out, conditions, absent=ABSENT, exclusive=True):
         return _study(settings, calibration, all_series)
 
 

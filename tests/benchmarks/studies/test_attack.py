@@ -70,9 +70,9 @@ def test_nothing_that_a_predictor_says_is_certain(kind, epsilon):
     assert UNSEEN.unknown.all()
 
 
-def test_an_oracle_is_certain_of_what_it_is_sure_of():
+def test_at_a_tiny_level_what_a_predictor_is_sure_of_is_certain():
     answer = Asker(Hostile(claiming(1.0))).ask(View(UNSEEN, np.zeros(3)), 10.0)
-    assert RiskMap.from_prediction(UNSEEN, answer, 0.05, oracle=True).certain.all()
+    assert RiskMap.from_prediction(UNSEEN, answer, 0.05, level=1e-9).certain.all()
 
 
 @pytest.mark.parametrize("kind", WRITERS)

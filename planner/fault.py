@@ -1,0 +1,35 @@
+"""The faults that the planner handles."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Fault(StrEnum):
+    """A failure of one part of the planner, with which the drive goes on.
+
+    The values are the names in files of results. docs/safety.md says what the planner does.
+    """
+
+    NO_SAFE_SOLUTION = "no_safe_solution"
+    """The MPC found no plan that is safe on the newest map."""
+    SOLVER_FAILED = "solver_failed"
+    """The solver of the MPC failed."""
+    EMERGENCY = "emergency"
+    """No plan at all is safe."""
+    NO_LAST_RESORT = "no_last_resort"
+    """No last resort remains after the first step."""
+    PATH_FAILED = "path_failed"
+    """The path search failed."""
+    PREDICTOR_RAISED = "predictor_raised"
+    """The predictor raised an exception."""
+    PREDICTOR_LATE = "predictor_late"
+    """The predictor was too late."""
+    PREDICTOR_BAD = "predictor_bad"
+    """The predictor returned an invalid result."""
+    FRONTIERS_FAILED = "frontiers_failed"
+    """The predictor of frontiers failed."""
+    PREDICTOR_NAN = "predictor_nan"
+    """The prediction contains NaN."""
+    BAD_SCAN = "bad_scan"
+    """The scan is invalid."""

@@ -1,0 +1,149 @@
+"""What certificates hold for: calibrations outlive changes of the code, but not of the settings."""
+
+import json
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, make_dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks.calibration import certificate
+from benchmarks.calibration.certificate import (
+    HASHED,
+    RENAMED,
+    at_risk,
+    conditions_of,
+    load_calibration,
+    planner_hash,
+)
+from benchmarks.runs.settings import CONDITIONS, OLDER, Settings
+from foresee.infra.options import option
+from planner.mpc.mpc import MPCConfig
+from planner.navigator import NavigatorConfig
+from planner.risk.calibration import CalibrationError
+
+RESULTS = Path(__file__).parents[2] / "docs/results"
+SHIPPED = [RESULTS / "calibration.json", *sorted((RESULTS / "calibration-fixed").glob("*.json"))]
+OFFICE = RESULTS / "calibration-fixed/office.json"
+AT_RISK = Settings(world=("office",), route="fixed", risk=0.05)
+
+
+def with_planner(monkeypatch, **changes):
+    """Let the navigators of all drives have settings of their own."""
+    made = certificate.navigator_config
+    monkeypatch.setattr(
+        certificate, "navigator_config", lambda *given: replace(made(*given), **changes)
+    )
+
+
+def all_settings(config, path=()):
+    """Yield the path of each setting in a nested configuration, and its value."""
+    for one in fields(config):
+        value = getattr(config, one.name)
+        if is_dataclass(value):
+            yield from all_settings(value, (*path, one.name))
+        else:
+            yield (*path, one.name), value
+
+
+def changed(config, path, value):
+    first, *rest = path
+    new = changed(getattr(config, first), rest, value) if rest else value
+    object.__setattr__(copy := replace(config), first, new)
+    return copy
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_the_published_calibrations_are_accepted(path):
+    conditions = load_calibration(path).conditions
+    chosen = {name: conditions[name] for name in CONDITIONS}
+    settings = Settings(world=tuple(conditions["world"]), risk=0.05, **chosen)
+    assert at_risk(settings, path).level > 0.0
+
+
+@pytest.mark.parametrize("path", [p for p, _ in all_settings(NavigatorConfig())], ids=".".join)
+def test_another_value_of_any_setting_of_the_planner_is_refused(path, monkeypatch):
+    made = certificate.navigator_config
+    monkeypatch.setattr(certificate, "navigator_config", lambda *a: changed(made(*a), path, 99))
+    with pytest.raises(CalibrationError, match="is for planner"):
+        at_risk(AT_RISK, OFFICE)
+
+
+def test_a_new_setting_of_the_planner_counts_only_if_it_is_not_at_its_default(monkeypatch):
+    newer = make_dataclass("Newer", [("pace", float, 1.0)], bases=(NavigatorConfig,), frozen=True)
+    nested = make_dataclass(
+        "Nested", [("look", tuple, field(default=(1.0,)))], bases=(MPCConfig,), frozen=True
+    )
+    made = certificate.navigator_config
+
+    def with_new(pace, look):
+        def build(*given):
+            old = made(*given)
+            present = {one.name: getattr(old, one.name) for one in fields(old)}
+            return newer(**present | {"pace": pace, "mpc": nested(look=look)})
+
+        monkeypatch.setattr(certificate, "navigator_config", build)
+
+    with_new(1.0, (1.0,))
+    assert at_risk(AT_RISK, OFFICE).level == 0.3
+    for other in ((2.0, (1.0,)), (1.0, (2.0,))):
+        with_new(*other)
+        with pytest.raises(CalibrationError, match="is for planner"):
+            at_risk(AT_RISK, OFFICE)
+
+
+def test_a_setting_that_is_renamed_keeps_the_hash(monkeypatch):
+    @dataclass(frozen=True)
+    class Renamed:
+        side: float = 5.0
+
+    monkeypatch.setattr(certificate, "HASHED", {"": "window"})
+    before = planner_hash(make_dataclass("Old", [("window", float, 1.0)])(5.0))
+    monkeypatch.setattr(certificate, "RENAMED", {"window": "side"})
+    assert planner_hash(Renamed()) == before
+    assert planner_hash(Renamed(6.0)) != before
+
+
+def test_each_setting_of_the_planner_is_hashed_or_listed_here_with_its_default():
+    # A calibration without a newer setting stands for the default that it had when it was new.
+    newer = {}
+    hashed = {f"{part}.{name}".lstrip(".") for part, s in HASHED.items() for name in s.split()}
+    hashed = {RENAMED.get(name, name) for name in hashed}
+    present = {".".join(path): value for path, value in all_settings(NavigatorConfig())}
+    assert {name: value for name, value in present.items() if name not in hashed} == newer
+
+
+@dataclass(frozen=True)
+class NewerSettings(Settings):
+    fan: float = option(1.0, "angle")
+
+
+def test_a_new_setting_of_the_drives_counts_only_if_it_is_not_at_its_default(monkeypatch):
+    monkeypatch.setattr(certificate, "ABSENT", certificate.ABSENT | {"fan": 1.0})
+    newer = NewerSettings(**{f.name: getattr(AT_RISK, f.name) for f in fields(AT_RISK)})
+    assert at_risk(newer, OFFICE).level == 0.3
+    with pytest.raises(CalibrationError, match=r"is for fan 1\.0, not 2"):
+        at_risk(replace(newer, fan=2.0), OFFICE)
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_a_setting_that_a_calibration_does_not_contain_means_its_default(name, tmp_path):
+    found = json.loads(OFFICE.read_text())
+    default = Settings(world=("office",), risk=0.05)
+    found["conditions"] = json.loads(json.dumps(conditions_of(default)))
+    del found["conditions"][name]
+    path = tmp_path / "calibration.json"
+    path.write_text(json.dumps(found))
+    assert at_risk(default, path).level == 0.3
+
+
+def test_the_defaults_of_settings_that_published_results_lack_are_those_they_were_driven_with():
+    driven = {"vehicle": "dubins", "braking": 1.5, "frontiers": "learned"}
+    driven |= {"risk": 0.0, "level": 0.0, "fixed_level": False}
+    assert driven.items() <= OLDER.items()
+    assert OLDER.keys() == asdict(Settings()).keys()
+
+
+def test_the_hash_of_the_planner_is_a_condition(monkeypatch):
+    before = conditions_of(AT_RISK)
+    with_planner(monkeypatch, start_margin=0.3)
+    assert {k: v for k, v in conditions_of(AT_RISK).items() if before[k] != v}.keys() == {"planner"}
