@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from planner.motion.dynamics import rollout
 from planner.motion.plan import Plan
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
@@ -115,3 +117,25 @@ def test_a_car_leads_on_from_where_some_arc_has_room(gap, leads):
     y = FRAME.centres()[1]
     cells[abs(y) > CAR.body.half_width + 0.1] = OCCUPIED
     assert CHECKER.leads_on(np.zeros(3), risk_of(cells)) is leads
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_cell_that_only_a_swinging_corner_enters_is_met(side):
+    # A long car, whose rear swings out far in a tight turn.
+    car = CarLimits(turning_radius=0.4, body=Body(1.0, 0.3))
+    controls = np.array([[0.0, side * car.max_curvature]] * 4 + [[-car.braking, 0.0]] * 10)
+    start = np.array([0.0, 0.0, 0.0, 0.77])
+    driving = (*car.driving, car.max_curvature)
+    plan = Plan(*rollout(start, controls, DT, *driving))
+    checker = CollisionChecker(car, DT)
+    # The rear corner on the outside of the turn, half a millimetre inside the body.
+    back, out = car.body.half_length - 5e-4, car.body.half_width - 5e-4
+    blocked = np.zeros((120, 120), dtype=bool)
+    blocked[60, 60] = True
+    poses = plan.poses(DT, 5e-4)
+    for x, y, yaw in poses[np.abs(poses[:, 2]) < 0.5]:
+        px = x - back * math.cos(yaw) + side * out * math.sin(yaw)
+        py = y - back * math.sin(yaw) - side * out * math.cos(yaw)
+        # The corner of a cell of 5 cm that lies outside and behind.
+        frame = GridFrame(0.05, (px - 61 * 0.05, py - (61 if side > 0 else 60) * 0.05), (120, 120))
+        assert checker.contact(plan, blocked, frame) is not None

@@ -248,3 +248,21 @@ def test_the_papers_car_drives_the_same_arc_as_the_other(yaw, v, dt):
     x = 1 + v / turn * (math.sin(end) - math.sin(yaw))
     y = 2 - v / turn * (math.cos(end) - math.cos(yaw))
     assert same_pose((x, y, end), CAR.step((1, 2, yaw, v), (0, 0.3), dt)[:3])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_wall_that_a_swinging_corner_enters_by_a_fifth_of_a_millimetre_is_hit(side):
+    car, dt = DubinsCar(), 0.1
+    body = car.limits.body
+    state, control = (0.0, 0.0, 0.0, 1.0), (0.0, side * car.limits.max_curvature)
+    back, out = body.half_length - 2e-4, body.half_width - 2e-4
+    cells = np.full((60, 60), FREE, np.int8)
+    cells[30, 30] = OCCUPIED
+    # Its first centimetre belongs to the end of the step before, which was tested too.
+    for x, y, yaw in car.motion(state, control, dt, 5e-4)[20:]:
+        # The rear corner on the outside of the turn.
+        px = x - back * math.cos(yaw) + side * out * math.sin(yaw)
+        py = y - back * math.sin(yaw) - side * out * math.cos(yaw)
+        # The corner of a cell of 5 cm that lies outside and behind.
+        frame = GridFrame(0.05, (px - 31 * 0.05, py - (31 if side > 0 else 30) * 0.05), (60, 60))
+        assert car.collides(World("cell", Grid(frame, cells)), state, control, dt)
