@@ -9,8 +9,10 @@ from benchmarks.calibration import certificate, learn_then_test
 from benchmarks.calibration.certificate import at_risk, conditions_of
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.settings import Settings
+from benchmarks.runs.statistics import wilson
 from planner.risk.calibration import CalibrationError
 
+OUTCOMES = {True: "collided", False: "reached"}
 SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
 
 
@@ -22,7 +24,7 @@ def certified(tmp_path, monkeypatch, collides, **asked):
             "index": index,
             "place": "corridor",
             "learned": False,
-            "outcome": "collided" if collides(settings.level, index) else "reached",
+            "outcome": OUTCOMES[collides(settings.level, index)],
             "time": 10.0,
             "path_length": 20.0,
             "commit": "c",
@@ -80,3 +82,33 @@ def test_a_calibration_of_a_planner_with_other_settings_is_refused(part, tmp_pat
     monkeypatch.setattr(certificate, "navigator_config", other)
     with pytest.raises(CalibrationError, match="is for planner"):
         at_risk(asked, path)
+
+
+def test_only_collisions_count_as_losses(tmp_path, monkeypatch):
+    asked = {"risks": (0.05,), "levels": (0.01,), "drives": 100}
+    monkeypatch.setitem(OUTCOMES, False, "stuck")
+    assert certified(tmp_path, monkeypatch, lambda *_: False, **asked)["certified"] == {
+        "0.05": 0.01
+    }
+
+
+def test_the_conditions_do_not_depend_on_the_level_in_use():
+    assert conditions_of(replace(SETTINGS, level=0.01)) == conditions_of(SETTINGS)
+
+
+def test_the_table_says_what_was_driven_and_what_each_level_is_certified_for(tmp_path, monkeypatch):
+    asked = {"risks": (0.05, 0.3), "levels": (0.001, 0.01, 0.1), "drives": 100}
+    found = certified(tmp_path, monkeypatch, lambda level, i: level == 0.1 and i % 9 == 0, **asked)
+    assert found["certified"] == {"0.05": 0.01, "0.3": 0.1}
+    for entry in found["levels"]:
+        collided, drives = entry["collided"], entry["drives"]
+        assert entry["nominal_interval"] == pytest.approx(wilson(collided, drives))
+        assert entry["km"] == pytest.approx(0.02 * drives)
+        assert entry["speed"] == pytest.approx(2.0)
+    lines = learn_then_test.table(found).splitlines()[2:]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    assert [(line[0], line[-1]) for line in cells] == [
+        ("0.001", "0.05, 0.3"),
+        ("0.01", "0.05, 0.3"),
+        ("0.1", "0.3"),
+    ]

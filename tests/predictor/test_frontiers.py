@@ -208,7 +208,7 @@ def test_the_truth_tells_which_end_of_a_corridor_leads_to_the_goal():
 
 
 def test_an_exploration_makes_the_same_samples_again_and_they_are_of_its_building():
-    task = sample_task(generate("office", 7), 7, CAR)
+    task = sample_task(generate("office", 1), 1, CAR)
     for policy in range(POLICIES):
         once, again = (explore(task, policy, np.random.default_rng(1)) for _ in range(2))
         assert len(once) > 20
@@ -289,15 +289,15 @@ def test_arms_that_choose_a_route_are_not_driven_on_a_prescribed_one():
 @pytest.mark.slow
 def test_a_training_resumes_and_its_weights_predict(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    options = ["--train", "4", "--validation", "2", "--families", "office", "--jobs", "1"]
+    options = ["--train", "2", "--validation", "1", "--families", "office", "--jobs", "1"]
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
     assert "of the best constant" in capsys.readouterr().out
     # Buildings that are there are not explored again.
     monkeypatch.setattr(exploration, "explore", None)
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
     # A folder of another training is refused before anything is explored.
-    assert main([*options, "--train", "5", "--steps", "3", "--out", "whole"]) == 2
-    assert "train 4" in capsys.readouterr().err
+    assert main([*options, "--train", "3", "--steps", "3", "--out", "whole"]) == 2
+    assert "train 2" in capsys.readouterr().err
     weights = tmp_path / "whole" / "frontiers.safetensors"
     _, facts = load_weights(weights, FrontierNet)
     assert facts["samples"] == len(FrontierSamples.load(FrontiersConfig().data / "train"))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.car import DubinsCar, collides
 from sim.lidar import Lidar, LidarConfig
 from sim.world import World
@@ -80,11 +80,11 @@ def test_the_closed_form_is_the_limit_of_small_euler_steps(state, control, dt):
     x, y, yaw, v = state
     n = 2000
     for _ in range(n):
-        v_mid = float(np.clip(v + a * dt / n / 2, 0, 4))
+        v_mid = min(max(v + a * dt / n / 2, 0.0), 4.0)
         yaw_mid = yaw + kappa * v_mid * dt / n / 2
         x, y = x + v_mid * math.cos(yaw_mid) * dt / n, y + v_mid * math.sin(yaw_mid) * dt / n
         yaw += kappa * v_mid * dt / n
-        v = float(np.clip(v + a * dt / n, 0, 4))
+        v = min(max(v + a * dt / n, 0.0), 4.0)
     assert np.hypot(x - end[0], y - end[1]) < 1e-4
     assert v == pytest.approx(end[3], abs=1e-9)
 
@@ -266,3 +266,20 @@ def test_a_wall_that_a_swinging_corner_enters_by_a_fifth_of_a_millimetre_is_hit(
         # The corner of a cell of 5 cm that lies outside and behind.
         frame = GridFrame(0.05, (px - 31 * 0.05, py - (31 if side > 0 else 30) * 0.05), (60, 60))
         assert car.collides(World("cell", Grid(frame, cells)), state, control, dt)
+
+
+def test_a_car_that_passes_a_wall_at_two_centimetres_has_not_collided():
+    world = walled()
+    # The lower wall's upper side is at y = -1.95 m.
+    for gap, hit in ((0.02, False), (-0.001, True)):
+        state = (0.0, -1.95 + Body().half_width + gap, 0.0, 2.0)
+        assert CAR.collides(world, state, (0.0, 0.0), 0.5) == hit
+
+
+def test_a_car_that_drives_into_what_no_map_tells_has_collided():
+    world = walled()
+    cells = world.grid.cells.copy()
+    cells[:, 50:] = UNKNOWN
+    dark = World("dark", Grid(world.grid.frame, cells))
+    assert not CAR.collides(world, (0.5, 0.0, 0.0, 2.0), (0.0, 0.0), 0.5)
+    assert CAR.collides(dark, (0.5, 0.0, 0.0, 2.0), (0.0, 0.0), 0.5)
