@@ -104,20 +104,21 @@ def test_each_cell_is_checked_once():
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
     level = AdaptiveLevel(0.1)
     level.believe(believing(map_of(cells), level.level))
+    cells[2, :5] = FREE
     cells[2, 2] = OCCUPIED
     level.check(map_of(cells))
     fallen = level.level
-    assert fallen < 0.1
+    assert 0.0 < fallen < 0.1
     level.check(map_of(cells))
     assert level.level == fallen
 
 
-def test_what_was_believed_counts_even_when_it_no_longer_is():
+def test_what_is_believed_later_is_checked_too():
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
     level = AdaptiveLevel(0.1)
-    level.believe(believing(map_of(cells), level.level))
-    # A tick in which there is no prediction, and nothing new is observed.
+    # A tick without a prediction, and one with it.
     level.believe(RiskMap.from_prediction(map_of(cells).crop(FRAME), None, 0.2, level=0.1))
+    level.believe(believing(map_of(cells), level.level))
     cells[2, 2] = OCCUPIED
     level.check(map_of(cells))
     assert level.level < 0.1

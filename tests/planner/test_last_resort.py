@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.grid import FREE, UNKNOWN, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
@@ -63,3 +63,41 @@ def test_a_car_is_told_whether_a_last_resort_remains(mpc, room, survivable):
     assert remains is survivable
     if not remains:
         assert driven.controls[0, 0] == pytest.approx(-CAR.braking)
+
+
+def test_the_rest_of_the_last_manoeuvre_is_tried_again(mpc):
+    _, plan = onward(mpc, 2.0)
+    resort = LastResort(mpc, CHECKER)
+    resort.controls = np.column_stack(
+        [np.full(mpc.stages, -1.2), np.linspace(-0.7, 0.4, mpc.stages)]
+    )
+    assert any(np.array_equal(way, resort.controls) for way in resort.ways(plan))
+
+
+def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):
+    state, plan = onward(mpc, 3.0)
+    x, y = FRAME.centres()
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    # It stops within 3 m; half of the braking in the first step costs 15 cm.
+    cells[np.ix_(abs(y) < CAR.body.half_width + 0.1, x < CAR.body.half_length + 3.07)] = FREE
+    driven, remains = LastResort(mpc, CHECKER).begin(state, plan, risk_of(cells))
+    assert remains
+    assert driven.controls[0, 0] < -0.8 * CAR.braking
+
+
+def test_in_an_emergency_the_car_rather_leaves_what_is_safe_than_hits_a_wall(mpc):
+    state, plan = onward(mpc, 2.5)
+    x, y = FRAME.centres()
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    # A wall that straight braking hits, and earlier, beside it, what was not observed.
+    cells[np.ix_(y > 0.1, x > CAR.body.half_length + 1.0)] = OCCUPIED
+    cells[np.ix_(y < -0.2, x > CAR.body.half_length + 0.4)] = UNKNOWN
+    risk = RiskMap.from_prediction(Grid(FRAME, cells), None, 0.1)
+    straight = mpc.roll(state, plan.controls)
+    assert CHECKER.contact(straight, risk.known.occupied, FRAME) is not None
+    resort = LastResort(mpc, CHECKER)
+    stop = resort.brake(state, plan, risk)
+    assert CHECKER.contact(stop, risk.known.occupied, FRAME) is None
+    # Its rest is kept.
+    rest = mpc.roll(stop.states[1], resort.controls)
+    assert rest.states[:-1] == pytest.approx(stop.states[1:])
