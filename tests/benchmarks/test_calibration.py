@@ -257,7 +257,7 @@ def test_too_few_drives_to_certify_anything_are_refused_before_any_is_made(tmp_p
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.slow(12)
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_calibration_drives_and_takes_up_what_it_has(jobs, short_map, tmp_path, capsys):
     out = tmp_path / "run"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
@@ -50,6 +51,22 @@ def test_what_is_kept_meets_no_single_cell_that_is_uncertain(mpc, seed):
         kept = mpc.roll(driven.states[1], resort.controls)
         assert kept.states[-1, 3] == pytest.approx(0.0, abs=1e-9)
         assert CHECKER.contact(kept, ~risk.certain, FRAME) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_small_car_does_not_step_over_uncertain_cells(seed):
+    small = CarLimits(body=Body(0.04, 0.04))
+    mpc, checker = MPC(small), CollisionChecker(small, DT)
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[np.random.default_rng(seed).random(FRAME.shape) < 0.03] = UNKNOWN
+    cells[58:62, :45] = FREE
+    risk = risk_of(cells)
+    state, plan = onward(mpc, 2.5)
+    resort = LastResort(mpc, checker)
+    driven, survivable = resort.begin(state, plan, risk)
+    if survivable:
+        kept = mpc.roll(driven.states[1], resort.controls)
+        assert checker.contact(kept, ~risk.certain, FRAME) is None
 
 
 @pytest.mark.parametrize(("room", "survivable"), [(0.3, False), (3.0, True)])

@@ -53,6 +53,7 @@ def test_memory_that_is_taken_is_seen():
         assert 40 < resident() - before < 120
 
 
+@pytest.mark.slow(6)
 def test_the_peak_of_a_process_is_not_that_of_the_one_that_started_it():
     module = "benchmarks.studies.performance.throughput"
     command = f"from {module} import _peak, resident; print(_peak(), resident())"
@@ -71,7 +72,7 @@ def test_a_process_that_dies_is_told_of_in_one_line():
         driven(None, [(0, "known")], 1, lambda _: None)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(10)
 def test_drives_are_done_in_processes_of_their_own():
     told = []
     started = time.perf_counter()
