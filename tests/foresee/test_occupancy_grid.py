@@ -307,3 +307,10 @@ def test_beyond_the_observed_map_nothing_is_known():
 def test_a_frame_a_fifth_of_a_cell_off_is_on_another_lattice():
     with pytest.raises(ValueError, match="lattice"):
         FRAME.offset(GridFrame(0.1, (0.02, 0.0), (5, 5)))
+
+
+def test_marking_free_grows_the_map_under_the_whole_body():
+    known = OccupancyGrid(FRAME, 5.0)
+    # The map ends at x = 3 m, the marked cells at 3.15 m.
+    known.mark_free((2.4, 0.0, 0.0), Body(0.5, 0.3), 0.5)
+    assert known.cells[known.frame.cell(3.12, 0.0)] == FREE
