@@ -11,6 +11,16 @@ settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
 
+def pytest_collection_modifyitems(items):
+    """Run slow tests last, and of these the slowest first, so that all workers end together."""
+
+    def rank(item):
+        slow = item.get_closest_marker("slow")
+        return (0, 0) if slow is None else (1, -next(iter(slow.args), 5))
+
+    items.sort(key=rank)
+
+
 @pytest.fixture(scope="session")
 def short_map(tmp_path_factory):
     """A straight of 20 m as a map_server file."""

@@ -67,10 +67,9 @@ def test_an_argument_is_shown_escaped_and_on_one_line(command, capsys):
 
 
 def test_a_reader_that_stops_early_gets_no_complaint():
-    files = sorted(
-        str(path) for path in (Path(__file__).parents[1] / "docs/results").glob("*.json")
-    )
-    command = [sys.executable, "-m", "benchmarks.tables", *files]
+    # Its tables are longer than a pipe's buffer.
+    file = Path(__file__).parents[1] / "docs/results/risk.json"
+    command = [sys.executable, "-m", "benchmarks.tables", str(file)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""

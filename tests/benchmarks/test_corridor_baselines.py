@@ -69,6 +69,7 @@ def test_times_of_another_car_are_no_optimum(narrow, tmp_path, capsys):
         assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow(6)
 def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_path, monkeypatch):
     command = ("--world", short_map, "--episodes", 1, "--jobs", 1)
     first, second = tmp_path / "first", tmp_path / "second"

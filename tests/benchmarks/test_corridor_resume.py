@@ -159,7 +159,7 @@ def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeyp
     assert capsys.readouterr().err.splitlines()[-1].startswith("benchmarks.corridor: interrupted")
 
 
-@pytest.mark.slow
+@pytest.mark.slow(40)
 def test_one_job_two_and_a_cluster_with_a_death_give_the_same_numbers(
     short_map, tmp_path, monkeypatch
 ):

@@ -1,5 +1,6 @@
 """A predictor in a file of the user's, driven by the command."""
 
+import pytest
 from comparison import python, results
 
 PLUG_IN = '''
@@ -24,6 +25,7 @@ class MyPredictor:
 '''
 
 
+@pytest.mark.slow(11)
 def test_a_plug_in_in_a_file_of_ones_own_runs_from_any_folder(short_map, tmp_path):
     (tmp_path / "my_module.py").write_text(PLUG_IN)
     done = python(
@@ -70,6 +72,7 @@ class Student(NoPrediction):
 '''
 
 
+@pytest.mark.slow(9)
 def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_path):
     def go(fingerprint):
         text = STUDENT.format(path=str(short_map), fingerprint=fingerprint)

@@ -9,6 +9,7 @@ import pytest
 from drive_results import a_result
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binom
 
 from benchmarks.runs.statistics import (
     GAP,
@@ -263,3 +264,30 @@ def test_a_mean_by_group_is_that_of_all_and_its_interval_shrinks_with_groups():
     assert same["value"] == pytest.approx(values.mean())
     assert (same["low"], same["high"]) == (None, None)
     assert grouped_mean(np.arange(3), np.full(3, np.nan), np.ones(3)) is None
+
+
+def test_intervals_leave_out_a_fortieth_on_either_side():
+    # A resampled mean of as many zeros as ones is a binomial share: its quantiles are known.
+    zeros_and_ones = np.tile([0.0, 1.0], 20)
+    ends = binom.ppf([0.025, 0.975], 40, 0.5) / 40
+    found = success({"a": scored(zeros_and_ones.tolist())}, "a")
+    grouped = grouped_mean(np.arange(40), zeros_and_ones, np.ones(40))
+    for interval in (found, grouped):
+        assert (interval["low"], interval["high"]) == pytest.approx(ends)
+
+
+def test_a_mean_by_group_counts_each_entry_by_its_weight():
+    groups, weights = np.array([0, 0, 1, 1, 1]), np.array([1.0, 3.0, 2.0, 2.0, 8.0])
+    values = np.array([0.0, 4.0, 6.0, 9.0, 12.0])
+    found = grouped_mean(groups, values * weights, weights)
+    assert found["value"] == pytest.approx(np.average(values, weights=weights))
+    # Of two groups, a quarter of the resamplings hold the first one alone, another the second.
+    of_groups = [np.average(values[groups == g], weights=weights[groups == g]) for g in (0, 1)]
+    assert [found["low"], found["high"]] == pytest.approx(of_groups)
+
+
+def test_the_interval_of_an_sct_is_over_buildings_not_over_episodes():
+    # Ten episodes in each building, all alike: they say no more than one.
+    many = [replace(result(f"w{i}"), sct=float(i % 2)) for i in range(8) for _ in range(10)]
+    few = scored([float(i % 2) for i in range(8)])
+    assert success({"a": many}, "a") == pytest.approx(success({"a": few}, "a"))

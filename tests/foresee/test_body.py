@@ -119,3 +119,20 @@ def test_a_pose_that_reaches_off_the_grid_is_a_contact(pose):
 def test_the_circle_around_a_body_reaches_its_corners():
     assert Body(0.8, 0.6).radius == pytest.approx(0.5)
     assert Body(0.8, 0.6).inflated(0.1) == Body(1.0, 0.8)
+
+
+@given(st.floats(0.1, 2.0), st.floats(0.1, 2.0), st.sampled_from([None, 1, 2, 3]))
+def test_the_circles_of_a_body_cover_it(length, width, count):
+    body = Body(length, width)
+    offsets, radius = body.circles(count)
+    along = np.linspace(-body.half_length, body.half_length, 41)
+    # The long sides are farthest from the centres.
+    distance = np.hypot(along[:, None] - offsets, body.half_width).min(axis=1)
+    assert distance.max() <= radius + 1e-9
+    assert radius <= body.radius + 1e-9
+
+
+def test_the_circles_are_no_longer_than_the_body_is_wide():
+    offsets, radius = Body(0.8, 0.3).circles()
+    assert len(offsets) == 3
+    assert radius == pytest.approx(math.hypot(0.8 / 6, 0.15))

@@ -93,7 +93,8 @@ def test_a_scan_crosses_what_its_beams_cross_one_by_one(x, y, first, step, range
     trace_beams(together, x, y, first, step, np.array(ranges), longest)
     for beam, length in enumerate(ranges):
         marks = np.zeros((40, 40), np.uint8)
-        trace_beams(marks, x, y, first + beam * step, 0.0, np.array([length]), longest)
+        # A step of -0 leaves even a direction of -0 as it is, which decides between two cells.
+        trace_beams(marks, x, y, first + beam * step, -0.0, np.array([length]), longest)
         np.maximum(one_by_one, marks, out=one_by_one)
     assert np.array_equal(together, one_by_one)
 
@@ -290,3 +291,50 @@ def test_a_cell_holds_its_own_centre():
     assert FRAME.contains(0.0, 0.0)
     assert not FRAME.contains(3.05, 0.0)
     assert FRAME.size == pytest.approx((6.0, 6.0))
+
+
+@pytest.mark.parametrize("beams", [181, 541, 1081])
+@pytest.mark.parametrize("start", [(100.3, 99.6), (12.5, 150.2)])
+def test_a_scan_of_a_wide_room_leaves_out_no_cell_between_its_beams(beams, start):
+    first, step = math.radians(-135.0), math.radians(270.0) / (beams - 1)
+    together, one_by_one = np.zeros((2, 200, 200), np.uint8)
+    trace_beams(together, *start, first, step, np.full(beams, math.inf), 150.0)
+    for beam in range(beams):
+        trace_beams(one_by_one, *start, first + beam * step, 0.0, np.array([math.inf]), 150.0)
+    assert np.array_equal(together, one_by_one)
+
+
+def test_the_log_odds_are_those_of_octomap():
+    def log_odds(p):
+        return math.log(p / (1.0 - p))
+
+    # Hornung et al. 2013: probabilities of a hit and a miss, and the bounds of clamping.
+    steps = [HIT, MISS, LOWEST, HIGHEST]
+    wanted = [log_odds(p) for p in (0.7, 0.4, 0.12, 0.97)]
+    assert [0.05 * step for step in steps] == pytest.approx(wanted, abs=0.03)
+
+
+@pytest.mark.parametrize(("log_odds", "cell"), [(-1, FREE), (0, UNKNOWN), (1, OCCUPIED)])
+def test_a_single_step_of_log_odds_decides_what_a_cell_is(log_odds, cell):
+    known = OccupancyGrid(FRAME, 5.0)
+    known.log_odds[:] = log_odds
+    assert (known.cells == cell).all()
+
+
+def test_beyond_the_observed_map_nothing_is_known():
+    known = OccupancyGrid.from_grid(Grid(FRAME, np.full(FRAME.shape, FREE, np.int8)), 5.0)
+    wider = known.crop(GridFrame(0.1, (-4.0, -4.0), (80, 80)))
+    assert wider.free[10:70, 10:70].all()
+    assert wider.unknown.sum() == 80 * 80 - 60 * 60
+
+
+def test_a_frame_a_fifth_of_a_cell_off_is_on_another_lattice():
+    with pytest.raises(ValueError, match="lattice"):
+        FRAME.offset(GridFrame(0.1, (0.02, 0.0), (5, 5)))
+
+
+def test_marking_free_grows_the_map_under_the_whole_body():
+    known = OccupancyGrid(FRAME, 5.0)
+    # The map ends at x = 3 m, the marked cells at 3.15 m.
+    known.mark_free((2.4, 0.0, 0.0), Body(0.5, 0.3), 0.5)
+    assert known.cells[known.frame.cell(3.12, 0.0)] == FREE

@@ -162,7 +162,11 @@ def test_a_scheduler_without_the_package_is_named(cluster):
         list(finished(partial(square, Absent()), [1], 1, cluster.scheduler_address))
 
 
-def test_a_scheduler_that_is_not_there_is_named(distributed):
+def test_a_scheduler_that_is_not_there_is_named(distributed, monkeypatch):
+    patient = distributed.Client
+    monkeypatch.setattr(
+        distributed, "Client", lambda *words, **rest: patient(*words, **rest | {"timeout": 0.5})
+    )
     with pytest.raises(WorkersError, match="no Dask scheduler answers at tcp"):
         list(finished(square, [1], 1, "tcp://127.0.0.1:9"))
 

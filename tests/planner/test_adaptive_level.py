@@ -98,3 +98,27 @@ def test_without_a_level_nothing_is_believed():
     level = AdaptiveLevel(0.0)
     level.update(1.0)
     assert level.level == 0.0
+
+
+def test_each_cell_is_checked_once():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    level = AdaptiveLevel(0.1)
+    level.believe(believing(map_of(cells), level.level))
+    cells[2, :5] = FREE
+    cells[2, 2] = OCCUPIED
+    level.check(map_of(cells))
+    fallen = level.level
+    assert 0.0 < fallen < 0.1
+    level.check(map_of(cells))
+    assert level.level == fallen
+
+
+def test_what_is_believed_later_is_checked_too():
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    level = AdaptiveLevel(0.1)
+    # A tick without a prediction, and one with it.
+    level.believe(RiskMap.from_prediction(map_of(cells).crop(FRAME), None, 0.2, level=0.1))
+    level.believe(believing(map_of(cells), level.level))
+    cells[2, 2] = OCCUPIED
+    level.check(map_of(cells))
+    assert level.level < 0.1

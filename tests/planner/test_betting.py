@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.risk.betting import capital
+from planner.risk.betting import LOST, capital, decided_after
 
 
 @given(st.lists(st.floats(0, 1), max_size=60), st.floats(0.001, 0.999))
@@ -55,3 +55,27 @@ def test_a_rate_far_below_the_bound_is_nearly_always_certified():
     rng = np.random.default_rng(1)
     found = sum((capital(rng.random(500) < 0.015, 0.05) >= 10).any() for _ in range(200))
     assert found > 190
+
+
+def test_a_test_is_decided_after_its_last_drive_and_not_before_if_it_may_still_succeed():
+    clean = np.zeros(60)
+    best = capital(clean, 0.05)[-1]
+    assert decided_after(clean, 0.05, 60, 1.001 * best) == 60
+    assert decided_after(clean[:-1], 0.05, 60, 0.999 * best) is None
+
+
+def test_a_test_that_no_clean_drives_can_save_is_given_up():
+    # One collision, and 20 drives to come.
+    losses = [0.0, 1.0, *np.zeros(18)]
+    assert capital([*losses, *np.zeros(20)], 0.05)[-1] < 10
+    assert decided_after(losses, 0.05, 40, 10) is not None
+
+
+@given(st.lists(st.sampled_from([0.0, 0.0, 0.0, 1.0]), min_size=1, max_size=80))
+def test_only_lost_capital_ends_a_test_that_clean_drives_could_still_win(losses):
+    most, wanted, bound = 120, 10.0, 0.2
+    end = decided_after(losses, bound, most, wanted)
+    if end is not None:
+        money = capital(losses[:end], bound)
+        won = capital([*losses[:end], *np.zeros(most - end)], bound)[-1] >= wanted
+        assert money[-1] >= wanted or money[-1] < LOST or not won

@@ -4,13 +4,16 @@ import math
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_dilation
 
+from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from planner.motion.dynamics import rollout
 from planner.motion.plan import Plan
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
-from planner.safety.collision import CollisionChecker
+from planner.safety.collision import CollisionChecker, swept_cells
 
 CAR, DT = CarLimits(), 0.1
 CHECKER = CollisionChecker(CAR, DT)
@@ -115,3 +118,73 @@ def test_a_car_leads_on_from_where_some_arc_has_room(gap, leads):
     y = FRAME.centres()[1]
     cells[abs(y) > CAR.body.half_width + 0.1] = OCCUPIED
     assert CHECKER.leads_on(np.zeros(3), risk_of(cells)) is leads
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_cell_that_only_a_swinging_corner_enters_is_met(side):
+    # A long car, whose rear swings out far in a tight turn.
+    car = CarLimits(turning_radius=0.4, body=Body(1.0, 0.3))
+    controls = np.array([[0.0, side * car.max_curvature]] * 4 + [[-car.braking, 0.0]] * 10)
+    start = np.array([0.0, 0.0, 0.0, 0.77])
+    driving = (*car.driving, car.max_curvature)
+    plan = Plan(*rollout(start, controls, DT, *driving))
+    checker = CollisionChecker(car, DT)
+    # The rear corner on the outside of the turn, half a millimetre inside the body.
+    back, out = car.body.half_length - 5e-4, car.body.half_width - 5e-4
+    blocked = np.zeros((120, 120), dtype=bool)
+    blocked[60, 60] = True
+    poses = plan.poses(DT, 5e-4)
+    for x, y, yaw in poses[np.abs(poses[:, 2]) < 0.5]:
+        px = x - back * math.cos(yaw) + side * out * math.sin(yaw)
+        py = y - back * math.sin(yaw) - side * out * math.cos(yaw)
+        # The corner of a cell of 5 cm that lies outside and behind.
+        frame = GridFrame(0.05, (px - 61 * 0.05, py - (61 if side > 0 else 60) * 0.05), (120, 120))
+        assert checker.contact(plan, blocked, frame) is not None
+
+
+def test_a_plan_that_does_not_end_at_rest_is_not_safe(mpc):
+    controls = np.zeros((5, 2))
+    plan = mpc.roll(np.array([0.0, 0.0, 0.0, 0.3]), controls)
+    assert CHECKER.contact(plan, ~risk_of(room()).safe, FRAME) is None
+    assert not CHECKER.is_safe(plan, risk_of(room()))
+
+
+@pytest.mark.parametrize("cell", [UNKNOWN, OCCUPIED])
+def test_a_plan_into_what_was_not_observed_free_is_not_safe(mpc, cell):
+    straight = np.column_stack([np.full(mpc.stages, -CAR.braking), np.zeros(mpc.stages)])
+    plan = mpc.roll(np.array([0.0, 0.0, 0.0, 3.0]), straight)
+    cells = room()
+    assert CHECKER.is_safe(plan, risk_of(cells))
+    cells[:, FRAME.centres()[0] > 2.0] = cell
+    assert not CHECKER.is_safe(plan, risk_of(cells))
+
+
+def test_a_car_leads_on_into_what_was_not_observed_but_not_towards_a_wall_near_or_far():
+    x, y = FRAME.centres()
+    for far in (0.4, 1.0):
+        cells = room()
+        cells[:, x > CAR.body.half_length + far] = OCCUPIED
+        cells[abs(y) > CAR.body.half_width + 0.1] = OCCUPIED
+        assert not CHECKER.leads_on(np.zeros(3), risk_of(cells))
+        cells[:, x > CAR.body.half_length + far] = UNKNOWN
+        assert CHECKER.leads_on(np.zeros(3), risk_of(cells))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_car_leads_on_around_a_wall_ahead(side):
+    cells, (x, y) = room(), FRAME.centres()
+    # A wall across, with room for a turn to one side of it alone.
+    cells[:, x > CAR.body.half_length + 0.9] = OCCUPIED
+    cells[-side * y > CAR.body.half_width + 0.1] = OCCUPIED
+    assert CHECKER.leads_on(np.zeros(3), risk_of(cells))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_swept_cells_are_nearly_all_that_the_body_touches(mpc, seed):
+    plan = some_plan(mpc, seed)
+    every, swept = np.ones(FRAME.shape, bool), np.zeros(FRAME.shape, bool)
+    swept[swept_cells(plan, DT, CAR.body, FRAME, every)] = True
+    hit = touched(plan)
+    assert (hit & swept).sum() > 0.97 * hit.sum()
+    # Cells that the body only touches at its outline count too.
+    assert (swept & ~binary_dilation(hit)).sum() == 0

@@ -177,6 +177,7 @@ def test_buildings_that_a_predictor_has_learned_from_are_told(maps, monkeypatch)
     assert facts["learned_by"] == [names[1]]
 
 
+@pytest.mark.slow(12)
 def test_families_that_were_learned_from_are_scored_together_too(tmp_path):
     command = (
         "--world",

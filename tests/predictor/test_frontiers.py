@@ -207,8 +207,9 @@ def test_the_truth_tells_which_end_of_a_corridor_leads_to_the_goal():
     assert 3.0 < truth.depths(found)[np.argsort(right)][0] < 10.0
 
 
+@pytest.mark.slow(12)
 def test_an_exploration_makes_the_same_samples_again_and_they_are_of_its_building():
-    task = sample_task(generate("office", 7), 7, CAR)
+    task = sample_task(generate("office", 1), 1, CAR)
     for policy in range(POLICIES):
         once, again = (explore(task, policy, np.random.default_rng(1)) for _ in range(2))
         assert len(once) > 20
@@ -274,6 +275,7 @@ def test_the_card_beside_the_shipped_weights_is_theirs():
         assert metric["value"] == pytest.approx(facts["validation"][metric["type"]], abs=5e-4)
 
 
+@pytest.mark.slow(7)
 def test_the_shipped_weights_steer_a_drive():
     settings = {"arms": ("known", "known+frontiers"), "vehicle": "reeds-shepp"}
     run = compare("office", seed=5, **settings)
@@ -286,18 +288,18 @@ def test_arms_that_choose_a_route_are_not_driven_on_a_prescribed_one():
         Settings(route="fixed", arms=("known", "known+frontiers"))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(8)
 def test_a_training_resumes_and_its_weights_predict(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    options = ["--train", "4", "--validation", "2", "--families", "office", "--jobs", "1"]
+    options = ["--train", "2", "--validation", "1", "--families", "office", "--jobs", "1"]
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
     assert "of the best constant" in capsys.readouterr().out
     # Buildings that are there are not explored again.
     monkeypatch.setattr(exploration, "explore", None)
     assert main([*options, "--steps", "3", "--out", "whole"]) == 0
     # A folder of another training is refused before anything is explored.
-    assert main([*options, "--train", "5", "--steps", "3", "--out", "whole"]) == 2
-    assert "train 4" in capsys.readouterr().err
+    assert main([*options, "--train", "3", "--steps", "3", "--out", "whole"]) == 2
+    assert "train 2" in capsys.readouterr().err
     weights = tmp_path / "whole" / "frontiers.safetensors"
     _, facts = load_weights(weights, FrontierNet)
     assert facts["samples"] == len(FrontierSamples.load(FrontiersConfig().data / "train"))

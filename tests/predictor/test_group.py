@@ -66,7 +66,7 @@ def save_steps(group, path):
     torch.save({arch: stepped(group, arch) for arch in ARCHS}, path / f"{group.rank}.pt")
 
 
-@pytest.mark.slow
+@pytest.mark.slow(9)
 def test_two_processes_take_the_step_of_one(tmp_path):
     two(save_steps, tmp_path)
     for arch in ARCHS:

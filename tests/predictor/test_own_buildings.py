@@ -114,7 +114,7 @@ def test_one_building_is_trained_on_and_validation_is_on_generated_ones(maps, tm
         make(DrivesConfig(out=tmp_path, world=world, share=1.0), 1)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(10)
 def test_fine_tuning_on_own_maps_prints_scores_of_held_out_ones(maps, tmp_path, capsys):
     start = tmp_path / "start.safetensors"
     save_weights(start, CompactNet(), {"worlds": [], "validation_worlds": []})

@@ -110,6 +110,7 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
     assert 0 < count <= way / APART + ways
 
 
+@pytest.mark.slow(7)
 def test_logs_and_drives_do_not_share_a_folder(tmp_path):
     make(DrivesConfig(tmp_path, train=1, validation=1, simulated_logs=1.0), 1)
     with pytest.raises(UsageError, match="holds a run with"):

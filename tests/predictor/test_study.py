@@ -39,7 +39,7 @@ def test_all_twenty_are_there_and_what_is_worth_most_comes_first():
     assert {expansion for _, expansion in ORDER} == set(EXPANSIONS)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(10)
 def test_one_command_trains_them_all_and_passes_over_them_the_next_time(data, tmp_path, capsys):
     command = [
         "--data",
@@ -70,7 +70,7 @@ def test_one_command_trains_them_all_and_passes_over_them_the_next_time(data, tm
     assert [path.stat().st_mtime_ns for path in weights] == made
 
 
-@pytest.mark.slow
+@pytest.mark.slow(15)
 def test_a_failure_is_shown_and_stops_no_other(data, tmp_path, capsys):
     bad = tmp_path / "mlp-1.1"
     bad.mkdir()
@@ -107,7 +107,7 @@ class Endless(Training):
         time.sleep(600)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(15)
 def test_when_time_is_up_it_stops_and_goes_on_another_time(data, tmp_path):
     trainings = [training_of(data, tmp_path, expansion=expansion) for expansion in (1.1, 1.3)]
     endless = Endless(**vars(trainings[0]))
@@ -129,7 +129,7 @@ class Dying(Training):
         os.kill(os.getpid(), 9)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(12)
 def test_a_process_that_dies_is_shown_and_stops_no_other(data, tmp_path):
     one, other = training_of(data, tmp_path), training_of(data, tmp_path, expansion=1.3)
     dying = Dying(**vars(one))

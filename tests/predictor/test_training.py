@@ -79,6 +79,7 @@ def trainer(data, out, config=CONFIG, note_every=4):
     return one
 
 
+@pytest.mark.slow(7)
 def test_a_killed_training_ends_as_if_it_had_not_been(data, tmp_path, small, monkeypatch):
     monkeypatch.setattr(training_loop, "SAVE_EVERY", 0.0)
     trainer(data, tmp_path / "whole").run()
@@ -212,7 +213,7 @@ def test_weights_are_not_validated_on_what_they_have_learned(data, tmp_path, sma
         CompactTrainer(config, train_set, validation, tmp_path / "two", start)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(30)
 def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_warning(tmp_path):
     data = tmp_path / "data"
     command = [

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.car import DubinsCar, collides
 from sim.lidar import Lidar, LidarConfig
 from sim.world import World
@@ -82,11 +82,11 @@ def test_the_closed_form_is_the_limit_of_small_euler_steps(state, control, dt):
     x, y, yaw, v = state
     n = 2000
     for _ in range(n):
-        v_mid = float(np.clip(v + a * dt / n / 2, 0, 4))
+        v_mid = min(max(v + a * dt / n / 2, 0.0), 4.0)
         yaw_mid = yaw + kappa * v_mid * dt / n / 2
         x, y = x + v_mid * math.cos(yaw_mid) * dt / n, y + v_mid * math.sin(yaw_mid) * dt / n
         yaw += kappa * v_mid * dt / n
-        v = float(np.clip(v + a * dt / n, 0, 4))
+        v = min(max(v + a * dt / n, 0.0), 4.0)
     assert np.hypot(x - end[0], y - end[1]) < 1e-4
     assert v == pytest.approx(end[3], abs=1e-9)
 
@@ -252,3 +252,38 @@ def test_the_papers_car_drives_the_same_arc_as_the_other(yaw, v, dt):
     x = 1 + v / turn * (math.sin(end) - math.sin(yaw))
     y = 2 - v / turn * (math.cos(end) - math.cos(yaw))
     assert same_pose((x, y, end), CAR.step((1, 2, yaw, v), Control(0, 0.3), dt)[:3])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_wall_that_a_swinging_corner_enters_by_a_fifth_of_a_millimetre_is_hit(side):
+    car, dt = DubinsCar(), 0.1
+    body = car.limits.body
+    state, control = (0.0, 0.0, 0.0, 1.0), Control(0.0, side * car.limits.max_curvature)
+    back, out = body.half_length - 2e-4, body.half_width - 2e-4
+    cells = np.full((60, 60), FREE, np.int8)
+    cells[30, 30] = OCCUPIED
+    # Its first centimetre belongs to the end of the step before, which was tested too.
+    for x, y, yaw in car.motion(state, control, dt, 5e-4)[20:]:
+        # The rear corner on the outside of the turn.
+        px = x - back * math.cos(yaw) + side * out * math.sin(yaw)
+        py = y - back * math.sin(yaw) - side * out * math.cos(yaw)
+        # The corner of a cell of 5 cm that lies outside and behind.
+        frame = GridFrame(0.05, (px - 31 * 0.05, py - (31 if side > 0 else 30) * 0.05), (60, 60))
+        assert car.collides(World("cell", Grid(frame, cells)), state, control, dt)
+
+
+def test_a_car_that_passes_a_wall_at_two_centimetres_has_not_collided():
+    world = walled()
+    # The lower wall's upper side is at y = -1.95 m.
+    for gap, hit in ((0.02, False), (-0.001, True)):
+        state = (0.0, -1.95 + Body().half_width + gap, 0.0, 2.0)
+        assert CAR.collides(world, state, Control(0.0, 0.0), 0.5) == hit
+
+
+def test_a_car_that_drives_into_what_no_map_tells_has_collided():
+    world = walled()
+    cells = world.grid.cells.copy()
+    cells[:, 50:] = UNKNOWN
+    dark = World("dark", Grid(world.grid.frame, cells))
+    assert not CAR.collides(world, (0.5, 0.0, 0.0, 2.0), Control(0.0, 0.0), 0.5)
+    assert CAR.collides(dark, (0.5, 0.0, 0.0, 2.0), Control(0.0, 0.0), 0.5)

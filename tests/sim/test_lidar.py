@@ -220,3 +220,43 @@ def test_a_disc_is_met_where_a_beam_enters_its_circle_and_not_through_a_wall():
     # As many beams as the circle's angle takes.
     wide = 2 * math.asin(2.0 / math.hypot(3.5, 0.5))
     assert met.sum() == pytest.approx(wide / AROUND.angle_increment, abs=1)
+
+
+def room_of_nine_metres():
+    cells = np.full((11, 11), FREE, np.int8)
+    cells[:, [0, -1]] = cells[[0, -1], :] = OCCUPIED
+    return world_of(cells)
+
+
+def test_noise_never_makes_a_range_negative_or_too_long_for_the_sensor():
+    world = room_of_nine_metres()
+    noisy = Lidar(LidarConfig(beams=720, range_max=5.0, range_noise=3.0, mount=(0, 0, 0)))
+    exact = Lidar(LidarConfig(beams=720, range_max=5.0, mount=(0, 0, 0)))
+    ranges = noisy.scan(world, (5.5, 5.5, 0.0), np.random.default_rng(0)).ranges
+    returned = np.isfinite(exact.scan(world, (5.5, 5.5, 0.0)).ranges)
+    assert ranges[returned].min() == 0.0
+    assert 4.99 < ranges[returned].max() < 5.0
+    assert np.isinf(ranges[~returned]).all()
+
+
+def test_a_disc_is_met_ahead_alone_and_only_within_range():
+    world, lidar = room_of_nine_metres(), Lidar(LidarConfig(beams=3, fov=0.01, mount=(0, 0, 0)))
+    pose = (5.5, 5.5, 0.0)
+    behind = np.array([[3.0, 5.5, 0.5]])
+    assert np.array_equal(
+        lidar.scan(world, pose, discs=behind).ranges, lidar.scan(world, pose).ranges
+    )
+    # A sensor that stands in a disc measures nothing less than 0.
+    ahead = np.array([[5.6, 5.5, 0.5]])
+    assert (lidar.scan(world, pose, discs=ahead).ranges == 0.0).all()
+    short = Lidar(LidarConfig(beams=3, fov=0.01, range_max=2.0, mount=(0, 0, 0)))
+    far = np.array([[8.5, 5.5, 0.5]])
+    assert np.isinf(short.scan(world, pose, discs=far).ranges).all()
+
+
+def test_a_beam_that_says_nothing_says_nothing_of_discs():
+    cells = np.full((11, 11), FREE, np.int8)
+    cells[:, 9:] = UNKNOWN
+    lidar = Lidar(LidarConfig(beams=3, fov=0.01, mount=(0, 0, 0)))
+    disc = np.array([[7.0, 5.5, 0.5]])
+    assert np.isnan(lidar.scan(world_of(cells), (2.5, 5.5, 0.0), discs=disc).ranges).all()

@@ -64,6 +64,7 @@ CORRIDOR_TASKS = (
 """Start x, y, yaw, goal x, y, and length of the way of seeds 0 to 11, as they were published."""
 
 
+@pytest.mark.slow(6)
 def test_the_tasks_of_published_drives_stay_what_they_were():
     for seed, expected in enumerate(CORRIDOR_TASKS):
         task = sample_task(generate("corridor", seed), seed, CAR)

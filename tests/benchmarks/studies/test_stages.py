@@ -96,7 +96,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(throughput, "driven", driven)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(20)
 def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     tmp_path, monkeypatch, capsys, quick
 ):

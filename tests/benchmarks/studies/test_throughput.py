@@ -40,6 +40,7 @@ def test_the_peak_of_memory_is_the_largest_of_all_drives(monkeypatch):
     }
 
 
+@pytest.mark.slow(6)
 def test_the_peak_of_a_process_is_its_own_and_grows_with_what_it_takes():
     module = "benchmarks.studies.performance.throughput"
     command = f"from {module} import peak; print(peak()); x = b'1' * (200 << 20); print(peak())"
@@ -59,7 +60,7 @@ def test_a_process_that_dies_is_told_of_in_one_line():
         driven(None, [(0, "known")], 1, lambda _: None)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(10)
 def test_drives_are_done_in_processes_of_their_own():
     reports = []
     started = time.perf_counter()

@@ -1,0 +1,120 @@
+"""The manoeuvre that stops the car within certain cells, in every tick."""
+
+import numpy as np
+import pytest
+
+from foresee.mapping.body import Body
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import Prediction
+from planner.mpc.mpc import MPC
+from planner.risk.risk_map import RiskMap
+from planner.safety.collision import CollisionChecker
+from planner.safety.last_resort import LastResort
+
+CAR, DT = CarLimits(), 0.1
+CHECKER = CollisionChecker(CAR, DT)
+FRAME = GridFrame(0.05, (-2.0, -3.0), (120, 160))
+
+
+@pytest.fixture(scope="module")
+def mpc() -> MPC:
+    return MPC(CAR)
+
+
+def risk_of(cells) -> RiskMap:
+    """The risk map of a prediction that all unobserved cells are free: safe, but not certain."""
+    ones = np.ones(FRAME.shape, np.float32)
+    return RiskMap.from_prediction(Grid(FRAME, cells), Prediction(FRAME, ones, 0 * ones, ones), 0.1)
+
+
+def onward(mpc, speed):
+    """A car at the origin, and a plan that accelerates before it stops."""
+    controls = np.zeros((mpc.stages, 2))
+    controls[:, 0] = -CAR.braking
+    controls[:4, 0] = 1.0
+    state = np.array([0.0, 0.0, 0.0, speed])
+    return state, mpc.roll(state, controls)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_kept_meets_no_single_cell_that_is_uncertain(mpc, seed):
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[np.random.default_rng(seed).random(FRAME.shape) < 0.004] = UNKNOWN
+    cells[50:70, :50] = FREE
+    risk = risk_of(cells)
+    state, plan = onward(mpc, 2.0)
+    resort = LastResort(mpc, CHECKER)
+    driven, survivable = resort.begin(state, plan, risk)
+    assert CHECKER.is_safe(driven, risk)
+    if survivable:
+        kept = mpc.roll(driven.states[1], resort.controls)
+        assert kept.states[-1, 3] == pytest.approx(0.0, abs=1e-9)
+        assert CHECKER.contact(kept, ~risk.certain, FRAME) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_small_car_does_not_step_over_uncertain_cells(seed):
+    small = CarLimits(body=Body(0.04, 0.04))
+    mpc, checker = MPC(small), CollisionChecker(small, DT)
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[np.random.default_rng(seed).random(FRAME.shape) < 0.03] = UNKNOWN
+    cells[58:62, :45] = FREE
+    risk = risk_of(cells)
+    state, plan = onward(mpc, 2.5)
+    resort = LastResort(mpc, checker)
+    driven, survivable = resort.begin(state, plan, risk)
+    if survivable:
+        kept = mpc.roll(driven.states[1], resort.controls)
+        assert checker.contact(kept, ~risk.certain, FRAME) is None
+
+
+@pytest.mark.parametrize(("room", "survivable"), [(0.3, False), (3.0, True)])
+def test_a_car_is_told_whether_a_last_resort_remains(mpc, room, survivable):
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[:, FRAME.centres()[0] > CAR.body.half_length + room] = UNKNOWN
+    risk = risk_of(cells)
+    state, plan = onward(mpc, 3.0)
+    assert CHECKER.contact(plan, ~risk.certain, FRAME) is not None
+    driven, remains = LastResort(mpc, CHECKER).begin(state, plan, risk)
+    assert remains is survivable
+    if not remains:
+        assert driven.controls[0, 0] == pytest.approx(-CAR.braking)
+
+
+def test_the_rest_of_the_last_manoeuvre_is_tried_again(mpc):
+    _, plan = onward(mpc, 2.0)
+    resort = LastResort(mpc, CHECKER)
+    resort.controls = np.column_stack(
+        [np.full(mpc.stages, -1.2), np.linspace(-0.7, 0.4, mpc.stages)]
+    )
+    assert any(np.array_equal(way, resort.controls) for way in resort.ways(plan))
+
+
+def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):
+    state, plan = onward(mpc, 3.0)
+    x, y = FRAME.centres()
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    # It stops within 3 m; half of the braking in the first step costs 15 cm.
+    cells[np.ix_(abs(y) < CAR.body.half_width + 0.1, x < CAR.body.half_length + 3.07)] = FREE
+    driven, remains = LastResort(mpc, CHECKER).begin(state, plan, risk_of(cells))
+    assert remains
+    assert driven.controls[0, 0] < -0.8 * CAR.braking
+
+
+def test_in_an_emergency_the_car_rather_leaves_what_is_safe_than_hits_a_wall(mpc):
+    state, plan = onward(mpc, 2.5)
+    x, y = FRAME.centres()
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    # A wall that straight braking hits, and earlier, beside it, what was not observed.
+    cells[np.ix_(y > 0.1, x > CAR.body.half_length + 1.0)] = OCCUPIED
+    cells[np.ix_(y < -0.2, x > CAR.body.half_length + 0.4)] = UNKNOWN
+    risk = RiskMap.from_prediction(Grid(FRAME, cells), None, 0.1)
+    straight = mpc.roll(state, plan.controls)
+    assert CHECKER.contact(straight, risk.known.occupied, FRAME) is not None
+    resort = LastResort(mpc, CHECKER)
+    stop = resort.brake(state, plan, risk)
+    assert CHECKER.contact(stop, risk.known.occupied, FRAME) is None
+    # Its rest is kept.
+    rest = mpc.roll(stop.states[1], resort.controls)
+    assert rest.states[:-1] == pytest.approx(stop.states[1:])
