@@ -279,7 +279,7 @@ def test_a_file_that_is_older_than_a_setting_is_continued(tmp_path):
 
 
 def test_the_shipped_drives_are_of_the_default_tasks_and_not_quicker_than_their_bounds():
-    path = Path(__file__).parents[1] / "docs/results/optimum-corridor.json"
+    path = Path(__file__).parents[2] / "docs/results/optimum-corridor.json"
     times = optimum_of(path, Settings())
     assert len(times) == 100
     task = task_of(Settings(), 1)
