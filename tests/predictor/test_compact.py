@@ -12,11 +12,11 @@ from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.mapping.resampling import resampled
 from foresee.prediction import View
 from predictor.compact import LOGS, PAPER, SHIPPED, Compact
-from predictor.networks.compact_net import CompactNet
+from predictor.networks.compact_net import CompactNet, room_masks
 from predictor.provenance import fingerprint_of
 from predictor.registry import load_predictor
 from predictor.runtime import RUNTIMES, runner
-from predictor.training.compact_targets import known_of, losses, question, room_of
+from predictor.training.compact_targets import known_of, losses, room_of
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +221,7 @@ def test_squares_that_reach_out_of_the_map_are_not_asked_for():
 def test_what_was_seen_settles_the_question_of_room():
     seen = torch.zeros(1, 30, 30, dtype=torch.uint8)
     seen[0, :, 20:], seen[0, 5, 5] = 2, 1
-    barred, asked = question(seen)
+    barred, asked = room_masks(seen)
     assert barred[0, 5, 8]
     assert not asked[0, 5, 8]
     assert not asked[0, 15, 10]

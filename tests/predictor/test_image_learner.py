@@ -9,10 +9,11 @@ from torch import nn
 
 from predictor.networks.gan import Discriminator, judged
 from predictor.networks.grey_net import GreyNet
-from predictor.networks.image_config import ImageConfig, ImageTraining
+from predictor.networks.image_config import ImageConfig
 from predictor.networks.resnet_ff import BLOCKS, Block
 from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
+from predictor.training.settings import ImageTraining
 
 ALONE = Group(0, 1, torch.device("cpu"))
 
