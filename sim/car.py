@@ -12,12 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from foresee.mapping.body import Body, first_contact
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.car_limits import JUDGE_MARGIN, CarLimits
 from foresee.mapping.control import Control
 from sim.world import World
-
-SPACING = 0.2
-"""Maximum distance that a corner of the body moves between poses tested for collision [cells]."""
 
 REST = 1e-6
 """Speed below which a car stands, since braking may leave a rounding error of its speed [m/s]."""
@@ -71,9 +68,8 @@ class DubinsCar:
 
     def collides(self, world: World, state: ArrayLike, control: Control, dt: float) -> bool:
         """Return whether the body meets a solid cell anywhere along a step."""
-        spacing = SPACING * world.grid.frame.resolution
-        poses = self.motion(state, control, dt, spacing)
-        return collides(world, poses, self.limits.body, spacing)
+        poses = self.motion(state, control, dt, 2.0 * JUDGE_MARGIN)
+        return collides(world, poses, self.limits.body, JUDGE_MARGIN)
 
     def _arc(
         self, state: ArrayLike, control: Control, dt: float
@@ -146,11 +142,11 @@ def wrap(angle: float) -> float:
     return math.pi if wrapped <= -math.pi else wrapped
 
 
-def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -> bool:
+def collides(world: World, poses: ArrayLike, body: Body, margin: float = 0.0) -> bool:
     """Return whether a body meets a solid cell at any of the poses, or between them.
 
-    The body is grown by half of `spacing`: all that the body covers between two poses is covered
-    at one of the two as well, so nothing is missed.
+    The body is grown by a margin. If a point of the body moves by at most twice the margin from
+    pose to pose, all that it covers between two poses is covered at one of the two as well.
 
     This test judges the planner, and is independent of the planner's own in
     `planner.safety.collision`: it reads the true map, its poses are those of the simulator's
@@ -162,9 +158,9 @@ def collides(world: World, poses: ArrayLike, body: Body, spacing: float = 0.0) -
         world: the true map.
         poses: x, y, yaw of the poses, (n, 3) [m, m, rad].
         body: rectangle of the car.
-        spacing: maximum distance that a point of the body moves from pose to pose [m].
+        margin: margin by which the body is grown [m].
     """
     frame = world.grid.frame
-    grown = body.inflated(0.5 * spacing)
+    grown = body.inflated(margin)
     array = np.atleast_2d(np.asarray(poses, dtype=np.float64))
     return bool(first_contact(world.solid, *frame.lattice, array, *grown.halves) >= 0)

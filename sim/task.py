@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from foresee.infra.errors import LineError
+from foresee.mapping.body import Body, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from foresee.mapping.polyline import arc_length
@@ -20,6 +21,8 @@ from sim.world import World
 
 START_CLEARANCE = 0.3
 """Free space around the body at the start and around the goal [m]."""
+START_MARGINS = (0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
+"""Margins around the body at the start that a driver may be told are free [m], see `Task`."""
 WAY_CLEARANCE = 0.05
 """Free space around the body along the way [m]."""
 COMFORT = 0.4
@@ -60,6 +63,18 @@ class Task:
     waypoints: NDArray[np.float64]
     path_length: float
     seed: int
+
+    def start_margin(self, body: Body) -> float:
+        """Return the margin around a body at the start that is free, of `START_MARGINS` [m].
+
+        A driver counts these cells as observed, since the LIDAR does not see all of them.
+        """
+        place, world = np.array([self.start]), self.world
+        for margin in START_MARGINS:
+            halves = body.inflated(margin).halves
+            if first_contact(world.solid, *world.grid.frame.lattice, place, *halves) < 0:
+                return margin
+        return 0.0
 
     def blank(self, window: float) -> OccupancyGrid:
         """Return an occupancy grid around start and goal in which nothing is observed yet.

@@ -130,7 +130,7 @@ def map_image(cells: NDArray[np.int8], largest: int = 1200) -> NDArray[np.float6
     """Return the image of a map, (rows, columns, 3).
 
     Args:
-        cells: values of the cells, as in `predictor.Grid`.
+        cells: values of the cells, as in `foresee.mapping.grid.Grid`.
         largest: longest side of the image [pixels]; a larger map is shrunk so that thin walls stay
             visible.
     """

@@ -170,7 +170,10 @@ def navigator_for(
         frontiers: predictor of frontiers of the arm; None: it has none.
     """
     truth, window = task.world.grid, settings.window
-    config = replace(navigator_config(settings, arm, truth.frame.resolution), deadline=deadline)
+    config = navigator_config(settings, arm, truth.frame.resolution)
+    # The driver is told no more free space around the start than there is.
+    start_margin = min(config.start_margin, task.start_margin(config.car.body))
+    config = replace(config, deadline=deadline, start_margin=start_margin)
     known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
     waypoints = task.waypoints if settings.route == "fixed" else None
     start = np.array(task.start)

@@ -18,10 +18,18 @@ class Body:
     Attributes:
         length: extent along the heading [m].
         width: extent across it [m].
+
+    Raises:
+        ValueError: if the length or the width is not positive and finite.
     """
 
     length: float = 0.5
     width: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("length", "width"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)} m, it must be positive")
 
     @property
     def half_length(self) -> float:

@@ -7,6 +7,17 @@ from dataclasses import dataclass, field
 
 from foresee.mapping.body import Body
 
+CONTACT_MARGIN = 0.015
+"""Margin by which the planner grows the body in collision tests [m], at every resolution."""
+JUDGE_MARGIN = 0.001
+"""Margin by which the simulator, which judges the planner, grows the body [m].
+
+Both test poses that lie apart, and the margin covers what the body sweeps between them. The
+planner's margin covers the simulator's as well, so that what the planner calls free never counts as
+a collision."""
+TIGHTEST = 4.0
+"""Largest ratio of the body's half diagonal to the turning radius."""
+
 
 @dataclass(frozen=True)
 class CarLimits:
@@ -22,7 +33,8 @@ class CarLimits:
         reverse: top speed in reverse [m/s]; 0: the car has no reverse gear.
 
     Raises:
-        ValueError: if a limit is not finite, or not positive; `reverse` may be 0.
+        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if the car turns
+            on a radius below a quarter of the body's half diagonal.
     """
 
     v_max: float = 4.0
@@ -38,6 +50,11 @@ class CarLimits:
             self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
         )
         check_finite(self, "reverse", zero=True)
+        if self.body.radius > TIGHTEST * self.turning_radius:
+            raise ValueError(
+                f"turning_radius is {self.turning_radius} m, it must be at least "
+                f"{self.body.radius / TIGHTEST:g} m for this body"
+            )
 
     @property
     def planned_cornering(self) -> float:
@@ -56,6 +73,21 @@ class CarLimits:
     def max_curvature(self) -> float:
         """Curvature of the tightest arc [1/m]."""
         return 1.0 / self.turning_radius
+
+    def spacing(self, margin: float) -> float:
+        """Return how far apart poses may be tested so that a margin covers the motion between them.
+
+        While the car moves by s, a corner of the body moves by at most (1 + κ·r) s, with the
+        tightest curvature κ and the body's half diagonal r. Half of that is the farthest that any
+        point is from its place at the nearer of two tested poses.
+
+        Args:
+            margin: margin by which the body is grown [m].
+
+        Returns:
+            Distance along the path [m].
+        """
+        return 2.0 * margin / (1.0 + self.max_curvature * self.body.radius)
 
     @property
     def stopping_distance(self) -> float:

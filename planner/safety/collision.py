@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.body import Body, covered
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
 from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
 from planner.motion.plan import Plan
@@ -19,7 +19,7 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.contact import first_meeting, leads_on
 
 CONTACT_SPACING = 0.02
-"""Distance between the poses at which a plan is tested [m]."""
+"""Largest distance between the poses at which a plan is tested [m]."""
 ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
@@ -40,6 +40,11 @@ class CollisionChecker:
 
     car: CarLimits
     dt: float
+
+    @property
+    def spacing(self) -> float:
+        """Distance between the poses at which a plan is tested [m]."""
+        return min(CONTACT_SPACING, self.car.spacing(CONTACT_MARGIN - JUDGE_MARGIN))
 
     def is_safe(self, plan: Plan, risk: RiskMap) -> bool:
         """Return whether a plan ends stopped, with the body in the safe set all along it."""
@@ -62,13 +67,12 @@ class CollisionChecker:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
         place = self.body_in(blocked, frame)
-        along, speed = first_meeting(plan.states, plan.controls, self.dt, CONTACT_SPACING, *place)
+        along, speed = first_meeting(plan.states, plan.controls, self.dt, self.spacing, *place)
         return None if along < 0.0 else (along, speed)
 
     def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
         """Return the argument `place` of `planner.safety.contact`: blocked cells and the body."""
-        # The margin is half the spacing of tested poses, and what a corner swings out between them.
-        return blocked, *frame.lattice, *self.car.body.inflated(0.75 * CONTACT_SPACING).halves
+        return blocked, *frame.lattice, *self.car.body.inflated(CONTACT_MARGIN).halves
 
     def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
         """Return the arguments of `planner.safety.contact.leads_on` besides the pose.

@@ -9,7 +9,7 @@ from planner.motion.plan import Plan
 from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
-from planner.safety.collision import CONTACT_SPACING, CollisionChecker
+from planner.safety.collision import CollisionChecker
 from planner.safety.contact import first_free, swerves
 
 ACCELERATIONS = 16
@@ -98,7 +98,7 @@ class LastResort:
 
         def way_after(level: int) -> int:
             first, driving = np.array([accelerations[level], curvature]), self.mpc.driving
-            way = first_free(state, first, ways, driving, CONTACT_SPACING, place, onward, arcs)
+            way = first_free(state, first, ways, driving, self.checker.spacing, place, onward, arcs)
             return int(way)
 
         way = way_after(0)

@@ -1,9 +1,9 @@
 """Which levels a calibration certifies, and for which planner."""
 
-import json
 from dataclasses import replace
 
 import pytest
+from calibrations import written
 
 from benchmarks.calibration import certificate, learn_then_test
 from benchmarks.calibration.certificate import at_risk, conditions_of
@@ -57,16 +57,8 @@ def test_a_risk_stays_certified_while_a_smaller_one_is_still_tested(tmp_path, mo
 
 @pytest.mark.parametrize("part", ["mpc", "guide", "car"])
 def test_a_calibration_of_a_planner_with_other_settings_is_refused(part, tmp_path, monkeypatch):
-    path = tmp_path / "calibration.json"
-    found = {
-        "kind": "calibration",
-        "conditions": conditions_of(SETTINGS),
-        "confidence": 0.9,
-        "certified": {"0.05": 0.01},
-        "seed": 100,
-        "levels": [],
-    }
-    path.write_text(json.dumps(found))
+    conditions = conditions_of(SETTINGS)
+    path = written(tmp_path / "c.json", conditions=conditions, certified={"0.05": 0.01})
     asked = replace(SETTINGS, risk=0.05)
     assert at_risk(asked, path).level == 0.01
     usual = certificate.navigator_config

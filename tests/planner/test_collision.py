@@ -7,13 +7,16 @@ import pytest
 from scipy.ndimage import binary_dilation
 
 from foresee.mapping.body import Body
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
+from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from planner.motion.dynamics import rollout
 from planner.motion.plan import Plan
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker, swept_cells
+from sim.car import DubinsCar
+from sim.world import World
 
 CAR, DT = CarLimits(), 0.1
 CHECKER = CollisionChecker(CAR, DT)
@@ -188,3 +191,69 @@ def test_the_swept_cells_are_nearly_all_that_the_body_touches(mpc, seed):
     assert (hit & swept).sum() > 0.97 * hit.sum()
     # Cells that the body only touches at its outline count too.
     assert (swept & ~binary_dilation(hit)).sum() == 0
+
+
+BODIES = (
+    CarLimits(),
+    CarLimits(turning_radius=0.5, body=Body(2.0, 0.8)),
+    CarLimits(turning_radius=0.3, body=Body(2.0, 0.8)),
+    CarLimits(turning_radius=0.2, body=Body(0.4, 0.4)),
+)
+"""Cars; the body of the second and third swings out far for their turning radius."""
+
+
+@pytest.mark.parametrize("car", BODIES)
+@pytest.mark.parametrize("resolution", [0.01, 0.05, 0.15, 0.25, 0.5])
+def test_what_is_safe_to_the_planner_is_no_collision_to_the_simulator(car, resolution):
+    checker, judge = CollisionChecker(car, DT), DubinsCar(car)
+    rng = np.random.default_rng(0)
+    size = math.ceil(8.0 / resolution)
+    frame = GridFrame(resolution, (-4.0, -4.0), (size, size))
+    tight = 0.999 * car.max_curvature
+    passed = 0
+    for _ in range(100):
+        speed = min(1.5, math.sqrt(0.99 * car.lateral_acceleration / tight))
+        state = np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi), speed])
+        controls = np.tile([-0.3, rng.choice([-tight, tight])], (8, 1))
+        states = np.array([state] * 9)
+        for k, (a, curvature) in enumerate(controls):
+            states[k + 1] = judge.step(states[k], Control(a, curvature), DT)
+        plan = Plan(states, controls)
+        cells = np.full(frame.shape, FREE, np.int8)
+        # A wall of one cell, about as far away as a corner of the body reaches.
+        away = car.body.radius * rng.uniform(0.6, 1.2) + 0.5 * resolution
+        x, y = states[rng.integers(9), :2] + away * unit(rng)
+        row, col = (round((v + 4.0) / resolution - 0.5) for v in (y, x))
+        cells[row, col] = OCCUPIED
+        blocked = cells == OCCUPIED
+        if checker.contact(plan, blocked, frame) is not None:
+            continue
+        passed += 1
+        world = World("cell", Grid(frame, cells))
+        for k, (a, curvature) in enumerate(controls):
+            assert not judge.collides(world, states[k], Control(a, curvature), DT)
+    assert passed > 5
+
+
+def unit(rng) -> np.ndarray:
+    angle = rng.uniform(-math.pi, math.pi)
+    return np.array([math.cos(angle), math.sin(angle)])
+
+
+def test_the_planners_margin_covers_what_the_body_sweeps_and_the_simulators_margin():
+    for car in BODIES:
+        checker = CollisionChecker(car, DT)
+        # While the car moves by the spacing, a corner moves by at most so much.
+        corner = checker.spacing * (1.0 + car.max_curvature * car.body.radius)
+        assert 0.5 * corner + JUDGE_MARGIN <= CONTACT_MARGIN + 1e-12
+
+
+@pytest.mark.parametrize("size", [(-1.0, -1.0), (0.0, 0.3), (0.5, math.nan), (math.inf, 0.3)])
+def test_a_body_has_a_size(size):
+    with pytest.raises(ValueError, match="must be positive"):
+        Body(*size)
+
+
+def test_a_car_that_turns_far_inside_its_own_body_is_refused():
+    with pytest.raises(ValueError, match=r"turning_radius is 0\.2 m, it must be at least 0\.2"):
+        CarLimits(turning_radius=0.2, body=Body(2.0, 0.8))

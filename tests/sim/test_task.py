@@ -6,11 +6,21 @@ import pytest
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.family_names import FAMILIES
-from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
+from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, marks_of
 from sim.arc_search import HEADINGS, arc_ways
 from sim.car import along_arc, collides
 from sim.families import empty_straight, generate
-from sim.task import NEW, NO_TRIP, SLACK, START_CLEARANCE, NoTaskError, prolonged, sample_task
+from sim.lidar import Lidar
+from sim.task import (
+    NEW,
+    NO_TRIP,
+    SLACK,
+    START_CLEARANCE,
+    START_MARGINS,
+    NoTaskError,
+    prolonged,
+    sample_task,
+)
 from sim.world import World
 
 CAR = CarLimits()
@@ -155,3 +165,33 @@ def test_a_world_without_a_way_says_so():
         sample_task(solid, 0, CAR)
     with pytest.raises(ValueError, match="min_length"):
         sample_task(room, 0, CAR, min_length=9, max_length=3)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_space_that_a_driver_is_told_to_be_free_at_the_start_is_free(family):
+    for seed in range(6):
+        try:
+            task = sample_task(generate(family, seed), seed, min_length=10.0)
+        except NoTaskError:
+            continue
+        truth, window = task.world.grid, 5.0
+        margin = task.start_margin(CAR.body)
+        assert 0.2 <= margin <= START_MARGINS[0]
+        known = task.blank(window)
+        known.mark_free(task.start, CAR.body, margin)
+        told = known.crop(truth.frame).free
+        assert told.any()
+        assert not (told & task.world.solid).any()
+
+
+def test_what_the_lidar_sees_overrules_what_was_assumed_of_the_start():
+    world = empty_straight(20.0, 1.0)
+    frame, pose = world.grid.frame, (3.0, 1.0, 0.0)
+    known = OccupancyGrid(frame, 5.0)
+    known.mark_free(pose, CAR.body, 0.8)
+    assumed = known.crop(frame).free & world.solid
+    scan = Lidar().scan(world, pose)
+    known.integrate(scan, pose)
+    hits = assumed & (marks_of(scan, pose, frame) == 2)
+    assert hits.any()
+    assert known.crop(frame).occupied[hits].all()

@@ -51,7 +51,9 @@ def test_a_change_of_the_code_changes_its_fingerprint(tmp_path, monkeypatch):
     for package in measurements.PACKAGES:
         (tmp_path / package).mkdir()
     monkeypatch.setattr(
-        measurements, "__file__", str(tmp_path / "benchmarks" / "timing" / "measurements.py")
+        measurements,
+        "__file__",
+        str(tmp_path / "benchmarks" / "studies" / "performance" / "measurements.py"),
     )
     found = set()
     for text in ("a = 1", "a = 2"):
