@@ -8,6 +8,7 @@ from typing import Any
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, option
+from foresee.mapping.conventions import LONGEST_STOP
 from foresee.mapping.family_names import FAMILIES
 
 
@@ -191,6 +192,12 @@ class Settings(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        stop = self.v_max**2 / (2.0 * self.braking)
+        if stop > LONGEST_STOP:
+            raise UsageError(
+                f"--braking {self.braking:g}: a stop from --v-max {self.v_max:g} takes {stop:.0f} "
+                f"m, at most {LONGEST_STOP:g} m are planned"
+            )
         for arm in self.arms:
             if arm not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from foresee.mapping.body import Body
+from foresee.mapping.conventions import LONGEST_STOP
 
 CONTACT_MARGIN = 0.015
 """Margin by which the planner grows the body in collision tests [m], at every resolution."""
@@ -33,8 +34,9 @@ class CarLimits:
         reverse: top speed in reverse [m/s]; 0: the car has no reverse gear.
 
     Raises:
-        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if the car turns
-            on a radius below a quarter of the body's half diagonal.
+        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if a stop from top
+            speed takes more than `LONGEST_STOP`; if the car turns on a radius below a quarter of the
+            body's half diagonal.
     """
 
     v_max: float = 4.0
@@ -50,6 +52,11 @@ class CarLimits:
             self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
         )
         check_finite(self, "reverse", zero=True)
+        if self.stopping_distance > LONGEST_STOP:
+            raise ValueError(
+                f"braking is {self.braking} m/s²: a stop from {self.v_max} m/s takes "
+                f"{self.stopping_distance:.0f} m, at most {LONGEST_STOP:g} m are planned"
+            )
         if self.body.radius > TIGHTEST * self.turning_radius:
             raise ValueError(
                 f"turning_radius is {self.turning_radius} m, it must be at least "

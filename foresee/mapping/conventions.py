@@ -10,3 +10,5 @@ CROP_SIDE = 5.0
 """Side of the crop [m], the square around the car that the paper's networks expand."""
 CROP_CELLS = round(CROP_SIDE / RESOLUTION)
 """Side of the crop [cells]."""
+LONGEST_STOP = 35.0
+"""Longest stopping distance of a car [m]: a drive's memory and time grow with its square."""

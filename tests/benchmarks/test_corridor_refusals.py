@@ -24,6 +24,7 @@ from comparison import run
         ("--episodes", "-3"),
         ("--v-max", "0"),
         ("--v-max", "inf"),
+        ("--v-max", "10", "--braking", "0.3"),
         ("--window", "0"),
         ("--expansion", "0.5"),
         ("--jobs", "0"),
