@@ -34,9 +34,9 @@ class CarLimits:
         reverse: top speed in reverse [m/s]; 0: the car has no reverse gear.
 
     Raises:
-        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if a stop from top
-            speed takes more than `LONGEST_STOP`; if the car turns on a radius below a quarter of the
-            body's half diagonal.
+        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if a stop from
+            top speed takes more than `LONGEST_STOP`; if the car turns on a radius below a quarter
+            of the body's half diagonal.
     """
 
     v_max: float = 4.0
