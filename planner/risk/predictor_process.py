@@ -25,7 +25,7 @@ from foresee.prediction import (
     checked,
 )
 from planner.risk.ask_predictor import FIRST_DEADLINE, LateError
-from planner.risk.serve_predictor import LONGEST, shared_arrays
+from planner.risk.serve_predictor import LONGEST, SharedMemory
 
 STARTING = 60.0
 """Longest time from the start of a new process to its first answer [s]."""
@@ -173,16 +173,17 @@ class _Server:
         self.limit = self.first_limit = time.monotonic() + patience
         self.is_busy, self.is_killed = True, False
         with contextlib.ExitStack() as opened, contextlib.ExitStack() as given:
-            self._memory = os.memfd_create("predictor")
-            opened.callback(os.close, self._memory)
-            os.pwrite(self._memory, recipe, 0)
+            memory = os.memfd_create("predictor")
+            opened.callback(os.close, memory)
+            os.pwrite(memory, recipe, 0)
+            self._memory = SharedMemory(memory)
             self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             opened.callback(self._socket.close)
             given.callback(theirs.close)
             lifeline, our_end = os.pipe()
             opened.callback(os.close, our_end)
             given.callback(os.close, lifeline)
-            descriptors = self._memory, theirs.fileno(), lifeline
+            descriptors = memory, theirs.fileno(), lifeline
             self._process = subprocess.Popen(
                 [sys.executable, "-c", CODE, *map(str, descriptors), *sys.path],
                 stdin=subprocess.DEVNULL,
@@ -196,7 +197,7 @@ class _Server:
         """Send a question, which may take some time [s]."""
         grids = [view.known] if view.around is view.known else [view.known, view.around]
         frames = [grid.frame for grid in grids]
-        self.fields, cells = shared_arrays(self._memory, frames)
+        self.fields, cells = self._memory.arrays(frames)
         for shared, grid in zip(cells, grids, strict=True):
             shared[:] = grid.cells
         self.limit = max(time.monotonic() + max(patience, STUCK), self.first_limit)

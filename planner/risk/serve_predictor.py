@@ -32,30 +32,43 @@ LONGEST = 1 << 16
 """Largest question or reply [bytes]."""
 
 
-def shared_arrays(
-    memory: int, frames: Sequence[GridFrame]
-) -> tuple[NDArray[np.float32], list[NDArray[np.int8]]]:
-    """Map the memory that the two processes share; it grows if it is too small.
+class SharedMemory:
+    """Memory that the two processes share: a file without a name, which ends with them.
 
     Args:
-        memory: file descriptor of the memory.
-        frames: frame of the predicted square, and of the larger square if there is one.
-
-    Returns:
-        p_free, p_occupied and confidence of an answer, (3, rows, columns), and the cells of the map
-        on each frame.
+        descriptor: file descriptor of the memory.
     """
-    sizes = [frame.shape[0] * frame.shape[1] for frame in frames]
-    answer, needed = 12 * sizes[0], 12 * sizes[0] + sum(sizes)
-    if os.fstat(memory).st_size < needed:
-        os.ftruncate(memory, needed)
-    buffer = mmap.mmap(memory, needed)
-    ends = answer + np.cumsum(sizes)
-    cells = [
-        np.frombuffer(buffer, np.int8, size, end - size).reshape(frame.shape)
-        for frame, size, end in zip(frames, sizes, ends.tolist(), strict=True)
-    ]
-    return np.frombuffer(buffer, np.float32, 3 * sizes[0]).reshape(3, *frames[0].shape), cells
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._buffer: mmap.mmap | bytes = b""
+
+    def arrays(
+        self, frames: Sequence[GridFrame]
+    ) -> tuple[NDArray[np.float32], list[NDArray[np.int8]]]:
+        """Return the arrays for a question and its answer; the memory grows if it is too small.
+
+        Args:
+            frames: frame of the predicted square, and of the larger square if there is one.
+
+        Returns:
+            p_free, p_occupied and confidence of the answer, (3, rows, columns), and the cells of
+            the map on each frame.
+        """
+        sizes = [frame.shape[0] * frame.shape[1] for frame in frames]
+        needed = 12 * sizes[0] + sum(sizes)
+        if len(self._buffer) < needed:
+            # Kept for later questions, since the first access to each page takes time.
+            if os.fstat(self._descriptor).st_size < needed:
+                os.ftruncate(self._descriptor, needed)
+            self._buffer = mmap.mmap(self._descriptor, needed)
+        ends = 12 * sizes[0] + np.cumsum(sizes)
+        cells = [
+            np.frombuffer(self._buffer, np.int8, size, end - size).reshape(frame.shape)
+            for frame, size, end in zip(frames, sizes, ends.tolist(), strict=True)
+        ]
+        fields = np.frombuffer(self._buffer, np.float32, 3 * sizes[0])
+        return fields.reshape(3, *frames[0].shape), cells
 
 
 def serve(memory: int, connection: int, lifeline: int) -> None:
@@ -80,9 +93,10 @@ def serve(memory: int, connection: int, lifeline: int) -> None:
     except (Exception, SystemExit) as error:
         reply = "failed", one_line(error)
     planner.send(json.dumps(reply).encode())
+    shared = SharedMemory(memory)
     while question := planner.recv(LONGEST):
         pose, frames = pickle.loads(question)
-        fields, cells = shared_arrays(memory, frames)
+        fields, cells = shared.arrays(frames)
         grids = list(map(Grid, frames, cells))
         try:
             # The view that the predictor gets is a copy, which lies in its own memory.

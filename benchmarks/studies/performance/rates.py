@@ -155,7 +155,6 @@ def asking(seed: int) -> dict[str, Measure]:
                 task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1
             )
         ]
-
         askers: dict[str, Asker | PredictorProcess] = {
             "in a thread": in_thread,
             "in a process of its own": in_process,
