@@ -20,6 +20,7 @@ _HOMES = {
     "NavigatorConfig": "planner.navigator",
     "Prediction": "foresee.prediction",
     "Predictor": "foresee.prediction",
+    "PredictorProcess": "planner.risk.predictor_process",
     "Scan": "foresee.mapping.scan",
     "View": "foresee.prediction",
     "check_predictor": "foresee.checking",

@@ -22,14 +22,13 @@ from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
 from planner.risk.adaptive_level import AdaptiveLevel
-from planner.risk.ask_predictor import Asker, LateError
+from planner.risk.ask_predictor import FIRST_DEADLINE, Asker, LateError
+from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
 
-FIRST_DEADLINE = 180.0
-"""Longest wait for the first prediction, for which code may have to be loaded and compiled [s]."""
 BESIDE = 5.0
 """Side of the square around each waypoint that the map covers from the start [m]."""
 AHEAD = 2.5
@@ -142,7 +141,8 @@ class Navigator:
 
     Args:
         config: settings.
-        predictor: predicts the map beyond what has been seen; None: no predictions.
+        predictor: predicts the map beyond what has been seen; None: no predictions. It runs in a
+            thread, or in its own process if it is a `PredictorProcess`.
         start: x, y, yaw of the car at the start, (3,) or more [m, m, rad].
         goal: x, y of the goal [m].
         known: occupancy grid at the start; the navigator adds the scans to it.
@@ -176,7 +176,11 @@ class Navigator:
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
         # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
-        self._asker = Asker(predictor) if predictor is not None and heard else None
+        self._asker: Asker | PredictorProcess | None = None
+        if heard and isinstance(predictor, PredictorProcess):
+            self._asker = predictor
+        elif heard and predictor is not None:
+            self._asker = Asker(predictor)
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
             known.cover(known.frame.square(float(x), float(y), BESIDE))

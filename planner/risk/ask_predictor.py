@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import queue
 import threading
-from copy import deepcopy
+import time
 
 from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, RaisedError, View
+
+FIRST_DEADLINE = 180.0
+"""Longest wait for the first prediction, for which code may have to be loaded and compiled [s]."""
 
 
 class LateError(Exception):
@@ -18,6 +21,11 @@ class Asker:
 
     It uses a daemon thread, not a pool: a pool waits for its threads when the program ends, so a
     call that hangs would keep the program from ending.
+
+    What a predictor makes is also destroyed in its thread, since a `__del__` may take any time. Two
+    things can still delay the caller: compiled code that does not release the interpreter's lock,
+    and reference cycles with a `__del__`, which Python collects in any thread. A
+    `planner.risk.predictor_process.PredictorProcess` can do neither.
 
     Args:
         predictor: predictor to call.
@@ -38,7 +46,7 @@ class Asker:
         """Ask for a prediction, and check it.
 
         Args:
-            view: what was observed.
+            view: what was observed; the predictor gets a copy, since it may write into it.
             patience: time to wait for the prediction [s].
 
         Raises:
@@ -48,29 +56,33 @@ class Asker:
         """
         if self._thread is not None and self._thread.is_alive():
             raise LateError
-        # A copy, since a plug-in may write into its arguments, even later from its own thread.
-        given = deepcopy(view)
+        deadline = time.monotonic() + patience
         answers: queue.SimpleQueue[Prediction | BadPredictionError] = queue.SimpleQueue()
-
-        def work() -> None:
-            # The answer is checked in this thread, since reading it may run code of the plug-in.
-            try:
-                answers.put(self._caller.ask(view, given))
-            except BadPredictionError as error:
-                answers.put(error)
-            except BaseException as error:
-                raised = RaisedError(f"the predictor raised {type(error).__name__}")
-                raised.__cause__ = error
-                answers.put(raised)
-
-        self._thread = threading.Thread(target=work, name="predictor", daemon=True)
+        self._thread = threading.Thread(
+            target=lambda: answers.put(self._answer(view)), name="predictor", daemon=True
+        )
         self._thread.start()
         try:
             answer = answers.get(timeout=patience)
         except queue.Empty:
             raise LateError from None
         # The thread is about to end; without this, the next call might still find it alive.
-        self._thread.join()
+        self._thread.join(max(0.0, deadline - time.monotonic()))
         if isinstance(answer, BadPredictionError):
             raise answer
         return answer
+
+    def _answer(self, view: View) -> Prediction | BadPredictionError:
+        """Return the predictor's answer, checked, or the error; it runs in the thread.
+
+        The error is a new one: the traceback of the predictor's own error refers to its objects,
+        which would then be destroyed by the caller.
+        """
+        try:
+            return self._caller.ask(view)
+        except RaisedError as error:
+            return RaisedError(str(error))
+        except BadPredictionError as error:
+            return BadPredictionError(str(error))
+        except BaseException as error:
+            return RaisedError(f"the predictor raised {type(error).__name__}")

@@ -1,11 +1,13 @@
 """Nothing bad that reaches the navigator reaches the wheels, whoever it comes from."""
 
+import contextlib
 import dataclasses
 import functools
 import math
 import re
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -14,10 +16,11 @@ import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
 from foresee.mapping.scan import Scan
-from foresee.prediction import Prediction
+from foresee.prediction import BadPredictionError, Prediction, View
 from planner.fault import Fault
 from planner.motion.plan import Plan
 from planner.mpc.mpc import Solution, Status
+from planner.risk.ask_predictor import Asker, LateError
 from sim import DubinsCar
 from sim.episode import EpisodeConfig, Outcome
 
@@ -175,6 +178,125 @@ def test_a_car_whose_predictor_hangs_drives_on_and_counts_it():
     assert max(speeds) > 0.5
     assert driver.faults["predictor_late"] >= len(speeds) - 2
     assert time.monotonic() - started < 10.0
+
+
+SLEEP = 30.0
+"""Longer than these tests take [s], so that nobody can have waited for it."""
+
+
+class Sleeper:
+    """An object whose destruction takes long; it records in which thread that happens."""
+
+    def __init__(self, woken, threads):
+        self.woken, self.threads = woken, threads
+
+    def __del__(self):
+        self.threads.append(threading.current_thread())
+        self.woken.wait(SLEEP)
+
+
+def in_the_answer(sleeper, view):
+    answer = Misbehaving(lambda good: good).predict(view)
+    object.__setattr__(answer, "sleeper", sleeper)
+    return answer
+
+
+def in_a_bad_answer(sleeper, view):
+    return sleeper
+
+
+def in_an_error(sleeper, view):
+    raise RuntimeError(sleeper)
+
+
+def in_the_frame_of_an_error(sleeper, view):
+    raise RuntimeError("the traceback refers to this call, and so to the sleeper")
+
+
+class Unreadable:
+    def __init__(self, sleeper):
+        self.sleeper = sleeper
+
+    def __array__(self, *_args, **_kwargs):
+        raise ValueError("the traceback refers to this object")
+
+
+def in_an_error_from_reading(sleeper, view):
+    return dataclasses.replace(in_the_answer(None, view), p_free=Unreadable(sleeper))
+
+
+def in_the_view(sleeper, view):
+    view.known.__dict__["sleeper"] = sleeper
+    return in_the_answer(None, view)
+
+
+@pytest.fixture
+def woken():
+    event = threading.Event()
+    yield event
+    event.set()
+
+
+def late_answers(asker, count):
+    """Ask several times, and count the answers that are late."""
+    grid = straight().world.grid
+    late = 0
+    for _ in range(count):
+        with contextlib.suppress(BadPredictionError):
+            try:
+                asker.ask(View(grid, np.zeros(3)), 0.05)
+            except LateError:
+                late += 1
+    return late
+
+
+@pytest.mark.parametrize(
+    "keep",
+    [
+        in_the_answer,
+        in_a_bad_answer,
+        in_an_error,
+        in_the_frame_of_an_error,
+        in_an_error_from_reading,
+        in_the_view,
+    ],
+)
+def test_what_a_predictor_makes_is_destroyed_in_its_thread_and_nobody_waits(keep, woken):
+    threads = []
+
+    class Leaves:
+        def predict(self, view):
+            return keep(Sleeper(woken, threads), view)
+
+    started = time.monotonic()
+    assert late_answers(Asker(Leaves()), 5) >= 4
+    assert time.monotonic() - started < SLEEP / 2
+    assert [thread.name for thread in threads] == ["predictor"]
+
+
+@pytest.mark.parametrize("part", ["property", "__array__"])
+def test_nobody_waits_for_an_answer_that_takes_long_to_be_read(part, woken):
+    class Slow(Prediction):
+        @property
+        def p_free(self):
+            woken.wait(SLEEP)
+
+    class SlowArray:
+        def __array__(self, *_args, **_kwargs):
+            woken.wait(SLEEP)
+
+    class Answers:
+        def predict(self, view):
+            good = Misbehaving(lambda good: good).predict(view)
+            if part == "__array__":
+                return dataclasses.replace(good, p_free=SlowArray())
+            slow = object.__new__(Slow)
+            slow.__dict__["frame"] = good.frame
+            return slow
+
+    started = time.monotonic()
+    assert late_answers(Asker(Answers()), 5) == 5
+    assert time.monotonic() - started < SLEEP / 2
 
 
 HANGS_FOR_GOOD = """

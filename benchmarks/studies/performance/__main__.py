@@ -100,7 +100,7 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
     seed = settings.seed
     for name in ARMS:
         add(f"arms/{name}", partial(arm, name), drives=settings.drives, seed=seed)
-    for name in ("rays", "mapping", "distance", "risk"):
+    for name in ("rays", "mapping", "distance", "risk", "asking"):
         add(f"measures/{name}", partial(getattr(rates, name), seed), seed=seed)
     for jobs in (1, 2):
         measure = partial(throughput.throughput, settings.episodes, seed, jobs, report)

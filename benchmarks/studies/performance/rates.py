@@ -1,9 +1,11 @@
-"""Rates and times of single kernels: ray casting, mapping, distance transform, risk map."""
+"""Rates and times of single kernels and calls: ray casting, mapping, risk map, prediction."""
 
 from __future__ import annotations
 
+import os
 import time
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +16,13 @@ from benchmarks.studies.performance.growth import believing
 from benchmarks.studies.performance.stage_times import Measure, measure, timed
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.kernels import njit
+from foresee.prediction import Prediction, View
+from planner.risk.ask_predictor import FIRST_DEADLINE, Asker
 from planner.risk.distance_transform import distance_field
-from sim import Lidar
+from planner.risk.predictor_process import PredictorProcess
+from predictor.recording.replay import replayed_with
+from predictor.registry import load_predictor
+from sim import Lidar, LidarConfig
 from sim.buildings import task_in
 from sim.lidar import cast_rays
 from sim.world import World
@@ -28,6 +35,8 @@ ROUNDS = 25
 """Number of rounds, whose median time is used."""
 REPEATS = 500
 """Number of calls of a kernel that is timed call by call."""
+VIEWS = 50
+"""Number of views about which a predictor is asked."""
 
 
 def maps(seed: int) -> dict[str, World]:
@@ -126,6 +135,41 @@ def risk(seed: int) -> dict[str, Measure]:
     """Time the computation of the risk map from the observed map and the prediction."""
     task = task_in("corridor", seed)
     return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
+
+
+def asking(seed: int) -> dict[str, Measure]:
+    """Time a prediction of `compact` as the planner asks for it, in a thread and in a process.
+
+    All run on one core. The views are those of a drive, and each is used several times.
+    """
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    in_process = PredictorProcess(load_predictor, "compact")
+    try:
+        in_thread = Asker(load_predictor("compact"))
+        task = task_in("corridor", seed)
+        states = np.column_stack([places.along(task, VIEWS), np.zeros(VIEWS)])
+        views = [
+            View.of(known, state[:3], 10.0, in_thread.context_side)
+            for known, state in replayed_with(
+                task, states, 5.0, LidarConfig(), np.random.default_rng(0), 1
+            )
+        ]
+        askers: dict[str, Asker | PredictorProcess] = {
+            "in a thread": in_thread,
+            "in a process of its own": in_process,
+        }
+        return {
+            f"prediction, {name}": _time(timed(partial(_ask, asker, views), REPEATS))
+            for name, asker in askers.items()
+        }
+    finally:
+        in_process.close()
+        os.sched_setaffinity(0, cores)
+
+
+def _ask(asker: Asker | PredictorProcess, views: list[View], i: int) -> Prediction:
+    return asker.ask(views[i % len(views)], FIRST_DEADLINE)
 
 
 def _time(spread: dict[str, float]) -> Measure:

@@ -79,6 +79,7 @@ def quick(monkeypatch):
         ("SCANS", 3),
         ("ROUNDS", 1),
         ("REPEATS", 3),
+        ("VIEWS", 3),
     ):
         monkeypatch.setattr(rates, name, few)
     plain = stage_times.closed_loop
@@ -133,6 +134,7 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     assert [entry["value"] for entry in results["growth"]["beams"]] == [90, 180]
     measures = results["measures"]
     assert measures["rays, on ways, corridor 1000², 1 thread"]["value"] > 0
+    assert measures["prediction, in a process of its own"]["value"] > 0
     assert measures["throughput, 2 processes"]["value"] == pytest.approx(10.0)
     assert measures["1,000 episodes of 3 arms, 2 processes"]["value"] == pytest.approx(75.0)
     assert results["peak_memory_mib"] == 900.0
