@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.performance import sized_maps as places
-from benchmarks.studies.performance.growth import believing
 from benchmarks.studies.performance.stage_times import Measure, measure, timed
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.kernels import njit
+from foresee.prediction import View
+from planner.navigator import NavigatorConfig
 from planner.risk.distance_transform import distance_field
-from sim import Lidar
+from planner.risk.risk_map import RiskMap
+from predictor.compact import Compact
+from predictor.recording.replay import replayed_with
+from sim import Lidar, LidarConfig
 from sim.buildings import task_in
 from sim.lidar import cast_rays
 from sim.world import World
@@ -28,6 +32,8 @@ ROUNDS = 25
 """Number of rounds, whose median time is used."""
 REPEATS = 500
 """Number of calls of a kernel that is timed call by call."""
+RISK_MAPS = 200
+"""Number of risk maps that are timed."""
 
 
 def maps(seed: int) -> dict[str, World]:
@@ -124,8 +130,23 @@ def distance(seed: int) -> dict[str, Measure]:
 
 def risk(seed: int) -> dict[str, Measure]:
     """Time the computation of the risk map from the observed map and the prediction."""
+    config = NavigatorConfig(reliance=0.05)
     task = task_in("corridor", seed)
-    return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
+    poses = np.column_stack([places.along(task, RISK_MAPS), np.zeros(RISK_MAPS)])
+    rng = np.random.default_rng(0)
+    (*_, (known, _)) = replayed_with(task, poses, config.window, LidarConfig(), rng, 1)
+    squares = [known.frame.square(x, y, config.predicted_side) for x, y in poses[:, :2]]
+    views = [
+        View(known.crop(square), pose[:3]) for square, pose in zip(squares, poses, strict=True)
+    ]
+    predictor = Compact()
+    beliefs = [predictor.predict(view) for view in views]
+    near = [known.crop(known.frame.square(x, y, config.risk_side)) for x, y in poses[:, :2]]
+
+    def build(i: int) -> RiskMap:
+        return RiskMap.from_prediction(near[i], beliefs[i], config.reliance)
+
+    return {"risk map 200²": _time(timed(build, RISK_MAPS))}
 
 
 def _time(spread: dict[str, float]) -> Measure:
