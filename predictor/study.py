@@ -6,7 +6,7 @@
 
 The most important trainings come first, so that a study can be stopped at any time. Interrupted, it
 continues when the same command is given again: finished trainings are skipped, interrupted ones are
-resumed. OUT/status.txt lists the state of each training. Exit status: 1 if a training failed.
+resumed. OUT/status.txt lists how each training ended. Exit status: 1 if a training failed.
 """
 
 from __future__ import annotations

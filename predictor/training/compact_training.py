@@ -17,8 +17,7 @@ from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_targets import NEAR, batch_of, contexts_of, known_of, losses
-from predictor.training.group import Group
-from predictor.training.optimisation import cosine, descend, deterministic
+from predictor.training.optimisation import cosine, descend, deterministic, fastest_device
 from predictor.training.settings import CompactTraining
 from predictor.training.trainer import Trainer, common_facts, spread
 from predictor.weights import save_weights
@@ -63,8 +62,7 @@ class CompactTrainer(Trainer):
         start: tuple[CompactNet, dict[str, Any]] | None = None,
     ) -> None:
         self.config, self.train, self.validation = config, train, validation
-        group = Group.alone()
-        self.device = group.device
+        self.device = fastest_device()
         self.brief = self.device.type == "cuda" or bool(
             torch.cpu.get_capabilities().get("avx512_bf16")
         )
@@ -100,7 +98,7 @@ class CompactTrainer(Trainer):
         for name in ("worlds", "validation_worlds"):
             facts[name] = sorted({*facts[name], *before.get(name, ())})
         note_every = max(1, min(500, config.steps // 10))
-        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, group)
+        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, self.device)
 
     def smoothed(self) -> CompactNet:
         """Return the network with averaged weights, which is validated and exported."""
