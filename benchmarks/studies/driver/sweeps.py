@@ -12,14 +12,10 @@ distance beyond the observed space at the best threshold.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.studies.driver.analysis import RunsSettings, analyse
-from foresee.infra.command_line import Command
+from benchmarks.studies.driver.analysis import command
 from foresee.infra.markdown import interval, records
-from foresee.infra.options import option
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -50,18 +46,7 @@ def table(results: dict[str, Any]) -> str:
     )
 
 
-@dataclass(frozen=True)
-class SweepsSettings(RunsSettings):
-    """Saved runs that are analysed, and the file of the results."""
-
-    out: Path = option(Path("results/sweeps.json"), "file of the results", "FILE")
-
-
-def _run(settings: SweepsSettings) -> None:
-    analyse("sweeps", settings, settings.out, distances, table)
-
-
-main = Command("benchmarks.studies.driver.sweeps", __doc__, _run)
+main = command("sweeps", __doc__, distances, table)
 
 if __name__ == "__main__":
     sys.exit(main())
