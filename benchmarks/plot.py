@@ -4,11 +4,8 @@
 
 For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
 trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one
-tick). For several DIRs also speed_profiles.png: all runs in one speed profile.
-
-Without --out, the figures of a run are written into its DIR, and speed_profiles.png into the first
-DIR. With --out, the figures of one run are written into OUT, those of several runs into OUT/NAME,
-and speed_profiles.png into OUT.
+tick). Without --out, the figures of a run are written into its DIR. With --out, the figures of one
+run are written into OUT, those of several runs into OUT/NAME.
 """
 
 from __future__ import annotations
@@ -31,12 +28,7 @@ class PlotSettings(Options):
         None, "arm that moment.png and the video show; by default one that uses a prediction"
     )
     out: Path | None = option(None, "folder for the figures", "OUT")
-    animate: bool = option(False, "also write the drive as a video, in real time")
-    format: str = option(
-        "auto",
-        "format of the video; auto: MP4 if there is ffmpeg, else GIF",
-        choices=("auto", "gif", "mp4"),
-    )
+    animate: bool = option(False, "also write the drive as a video, a GIF in real time")
     stride: int | None = option(
         None,
         "draw every N-th tick in the video; by default every tick, or as many as give at most 400 "
@@ -48,31 +40,25 @@ class PlotSettings(Options):
 
 def _run(settings: PlotSettings) -> None:
     # Imported here, so that --help does not wait for slow imports.
-    from benchmarks.figures.video import kind_for, write_video
     from benchmarks.runs.saved_run import Run
 
     runs = [Run.load(directory) for directory in dict.fromkeys(settings.runs)]
     # Imported after loading, so that a bad run is reported without waiting for slow imports.
     from benchmarks.figures.animation import Animation
     from benchmarks.figures.run_figures import draw_run
-    from benchmarks.figures.speed_profile import speed_profile
-    from foresee.infra.drawing import save_figures
+    from benchmarks.figures.video import write_gif
 
     out, episode, arm = settings.out, settings.episode, settings.arm
     if out is not None and len({run.label for run in runs}) < len(runs):
         raise UsageError("--out: the figures of runs of the same name would overwrite each other")
-    kind = kind_for(settings.format) if settings.animate else ""
     paths: list[Path] = []
     for run in runs:
         folder = run.directory if out is None else out / run.label if len(runs) > 1 else out
         paths += draw_run(run, folder, episode, arm)
         if settings.animate:
             drive = Animation(run, episode, arm, settings.stride)
-            paths.append(folder / f"drive-{drive.index}-{drive.arm}.{kind}")
-            write_video(drive.frame, len(drive), drive.rate, paths[-1])
-    if len(runs) > 1:
-        together = ("speed_profiles.png", lambda: speed_profile(runs, episode))
-        paths += save_figures([together], out or runs[0].directory)
+            paths.append(folder / f"drive-{drive.index}-{drive.arm}.gif")
+            write_gif(drive.frame, len(drive), drive.rate, paths[-1])
     print(*paths, sep="\n")
 
 

@@ -39,7 +39,7 @@ class Fused:
     def __init__(self, weights: Sequence[Path]) -> None:
         made = sorted(
             ((ImagePredictor(path), path) for path in weights),
-            key=lambda one: one[0].config.expansion,
+            key=lambda pair: pair[0].config.expansion,
         )
         self.parts = [part for part, _ in made]
         self.weights = [path for _, path in made]

@@ -126,12 +126,12 @@ def _imported(spec: str) -> Any:
     path, _, attribute = spec.partition(":")
     if not path or not attribute or path.startswith("."):
         raise PredictorError(f"{spec!r} is not of the form package.module:Class")
-    found: Any = _module(path, spec)
+    factory: Any = _module(path, spec)
     for name in attribute.split("."):
-        if not hasattr(found, name):
+        if not hasattr(factory, name):
             raise PredictorError(f"predictor {spec!r}: module {path} has no {attribute}")
-        found = getattr(found, name)
-    return found
+        factory = getattr(factory, name)
+    return factory
 
 
 def _module(path: str, spec: str) -> ModuleType:

@@ -6,7 +6,7 @@
 
 The most important trainings come first, so that a study can be stopped at any time. Interrupted, it
 continues when the same command is given again: finished trainings are skipped, interrupted ones are
-resumed. OUT/status.txt lists the state of each training. Exit status: 1 if a training failed.
+resumed. OUT/status.txt lists how each training ended. Exit status: 1 if a training failed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class StudySettings(Options):
     data: Path = option(SIMULATED, "folder of frames that predictor.dataset has made", "DIR")
     out: Path | None = option(
         None,
-        "folder of results, with a folder for each training: checkpoint, log, curve, weights "
+        "folder of results, with a folder for each training: checkpoint, log, weights "
         "(default: results/study-PRESET)",
         "DIR",
     )

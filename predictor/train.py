@@ -5,7 +5,6 @@
     python -m predictor.train --start predictor/compact.safetensors --world my_maps/
                                                    fine-tuning on your own buildings
     python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
-    torchrun --nproc-per-node 4 -m predictor.train --arch unet_ff --batch 16      on 4 GPUs
 
 Interrupted, it continues when the same command is given again. compact is trained on samples of
 simulated drives, which are made first. The maps and logs of --world are split into training and
@@ -14,7 +13,6 @@ validation.
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,7 +55,7 @@ class TrainSettings(Options):
     )
     out: Path | None = option(
         None,
-        f"folder of checkpoint, log, curve and weights (default: {TRAINED}; with --start: "
+        f"folder of checkpoint, log and weights (default: {TRAINED}; with --start: "
         f"{TUNED[1]}; or results/networks/ARCH-EXPANSION)",
         "DIR",
     )
@@ -146,9 +144,7 @@ def _run(
         path = _train_compact(settings, compact, drives)
     else:
         path = _train_network(settings, network)
-    # Only the first process of torchrun prints.
-    if os.environ.get("RANK", "0") == "0":
-        print(path)
+    print(path)
 
 
 def _train_network(settings: TrainSettings, network: NetworkOptions) -> Path:

@@ -20,7 +20,6 @@ COMMANDS = {
     "benchmarks.studies.driver.stuck": "benchmarks",
     "benchmarks.tables": "benchmarks",
     "benchmarks.studies.driver.weave": "benchmarks",
-    "benchmarks.studies.driver.sweeps": "benchmarks",
     "predictor.check": "predictor",
     "predictor.dataset": "predictor",
     "predictor.drives": "predictor",

@@ -1,6 +1,5 @@
 """Figures of saved runs and of predictors' scores.
 
 `run_figures` lists the plots of `benchmarks.corridor`, each drawn by a module of its name;
-`animation` and `video` make the video, `palette` has the common styles, and `scores` has the plots
-of `predictor.evaluate` and `benchmarks.studies.katyal2018`.
+`animation` and `video` make the video, `palette` has the common styles.
 """

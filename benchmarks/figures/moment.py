@@ -82,8 +82,8 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
             draw_image(ax, map_image(now.known.cells), now.known.frame)
             style: dict[str, Any] = {"xycoords": "axes fraction", "ha": "center", "va": "center"}
             box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8}
-            told = f"{arm} drives without a prediction"
-            note(ax, told, (0.5, 0.5), fontsize=10, zorder=9, bbox=box, **style)
+            text = f"{arm} drives without a prediction"
+            note(ax, text, (0.5, 0.5), fontsize=10, zorder=9, bbox=box, **style)
     _safe(axes[1, 0], now)
     _planned(axes[1, 1], now, v_max)
     _stop(axes[1, 2], now, v_max)

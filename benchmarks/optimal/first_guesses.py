@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from benchmarks.optimal.minimum_time import Guess
-from benchmarks.optimal.shortest_way import NoWayError, shortest_way
+from benchmarks.optimal.shortest_path import NoPathError, shortest_path
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.polyline import arc_length
 from sim.arc_search import arc_ways
@@ -38,7 +38,9 @@ DETOUR = 1.8
 """Longest path of arcs to follow, divided by the length of the task's route."""
 
 
-def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, NDArray[Any]]]:
+def candidate_paths(
+    task: Task, car: CarLimits, goal_radius: float
+) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the name and the points (n, 2) [m] of paths to near the goal.
 
     First come the shortest paths of discs, which ignore the heading at the start, and the first of
@@ -52,8 +54,8 @@ def ways(task: Task, car: CarLimits, goal_radius: float) -> Iterator[tuple[str, 
     """
     for radius, sigma in TAUT:
         try:
-            path = shortest_way(task.world, task.start[:2], task.goal, radius)
-        except NoWayError:
+            path = shortest_path(task.world, task.start[:2], task.goal, radius)
+        except NoPathError:
             continue
         even = _evenly(path, goal_radius)
         yield f"taut {radius:g} m", _smooth(even, sigma)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from benchmarks.optimal.first_guesses import timed, ways
+from benchmarks.optimal.first_guesses import candidate_paths, timed
 from benchmarks.optimal.minimum_time import AROUND, MinimumTime, TimeOptimalDrive
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import TICK
@@ -33,14 +33,14 @@ def time_optimal(
     Returns:
         The drive, or None if none was found, and the number of first guesses.
     """
-    known = list(ways(task, car, goal_radius))
+    known = list(candidate_paths(task, car, goal_radius))
     if not known:
         return None, 0
-    points = np.vstack([task.start[:2], task.goal, *(way for _, way in known)])
+    points = np.vstack([task.start[:2], task.goal, *(path for _, path in known)])
     box = np.stack([points.min(axis=0) - AROUND, points.max(axis=0) + AROUND])
     problem, tried = MinimumTime(task, car, goal_radius, box), 0
     for share, iterations in ((1.0, ITERATIONS), (GENTLE, 2 * ITERATIONS)):
-        guesses = [timed(name, way, task.start[2], car, TICK, share) for name, way in known]
+        guesses = [timed(name, path, task.start[2], car, TICK, share) for name, path in known]
         drives = [problem.solve(guess, iterations) for guess in guesses]
         tried += len(guesses)
         valid = [drive for drive in drives if drive.valid]

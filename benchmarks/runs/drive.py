@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.optimal.shortest_way import time_bound
+from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings

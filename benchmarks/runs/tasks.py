@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from benchmarks.optimal.shortest_way import NoWayError, shortest_way, way_length
+from benchmarks.optimal.shortest_path import NoPathError, path_length, shortest_path
 from benchmarks.runs.settings import Settings
 from foresee.mapping.car_limits import CarLimits
 from sim.buildings import sources, task_in
@@ -29,13 +29,13 @@ def shortest_length(task: Task) -> float | None:
     """Return the length of the shortest path of a task with the whole map known [m].
 
     Returns:
-        None if no path was found: `benchmarks.optimal.shortest_way` may miss a gap that is hardly
+        None if no path was found: `benchmarks.optimal.shortest_path` may miss a gap that is hardly
         wider than the car.
     """
     radius = CarLimits().body.half_width
     try:
-        return way_length(shortest_way(task.world, task.start[:2], task.goal, radius))
-    except NoWayError:
+        return path_length(shortest_path(task.world, task.start[:2], task.goal, radius))
+    except NoPathError:
         return None
 
 

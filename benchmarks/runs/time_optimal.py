@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.optimal.search import time_optimal
-from benchmarks.optimal.shortest_way import time_bound
+from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import facts_of, shortest_length, task_of

@@ -75,10 +75,10 @@ class FrameSet:
             manifest = read_manifest(folder)
             kept = {Path(facts["file"]).stem: facts for facts in manifest["trajectories"]}
             if kept:
-                theirs = manifest.get("settings")
-                theirs = theirs if isinstance(theirs, dict) else {"settings": theirs}
-                theirs |= {"kind": manifest.get("kind")}
-                refuse_other_settings(folder, {"kind": kind} | settings, theirs)
+                earlier = manifest.get("settings")
+                earlier = earlier if isinstance(earlier, dict) else {"settings": earlier}
+                earlier |= {"kind": manifest.get("kind")}
+                refuse_other_settings(folder, {"kind": kind} | settings, earlier)
             self.done = {name: kept[name] for name in names if self._is_whole(name, kept)}
             self._write()
 

@@ -168,7 +168,7 @@ class PackedSamples:
     def _read(cls, path: Path) -> Part:
         """Read the facts of a file, and its arrays by name."""
         try:
-            facts, found = read_part(path, "about")
+            facts, arrays = read_part(path, "about")
             if not cls.HEAD.items() <= facts.items():
                 raise SamplesError(
                     f"{path} is of format {facts.get('format')}, not {cls.HEAD['format']}: make "
@@ -176,7 +176,7 @@ class PackedSamples:
                 )
             if not set(cls.NEEDED) <= facts.keys():
                 raise ValueError("it does not name its building")
-            block, ends = found[cls.NAME], found["ends"]
+            block, ends = arrays[cls.NAME], arrays["ends"]
             if block.dtype != np.uint8 or block.ndim != 1:
                 raise ValueError(f"{cls.NAME} are {block.dtype} {block.shape}, not bytes")
             if ends.dtype.kind not in "iu" or ends.ndim != 1:
@@ -184,12 +184,12 @@ class PackedSamples:
             if len(ends) and (ends[-1] > len(block) or ends[0] <= 0 or (np.diff(ends) <= 0).any()):
                 raise ValueError("ends do not increase, or lie beyond the bytes")
             for name, shape in cls.ARRAYS.items():
-                values = found[name]
+                values = arrays[name]
                 if values.dtype != np.float32 or values.shape != (len(ends), *shape):
                     raise ValueError(f"{name} are {values.dtype} {values.shape}")
                 if not np.isfinite(values).all():
                     raise ValueError(f"{name} are not finite")
-            return facts, found
+            return facts, arrays
         except SamplesError:
             raise
         except UNREADABLE as error:

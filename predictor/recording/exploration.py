@@ -85,14 +85,14 @@ class Truth:
             goal: row and column of the goal.
         """
         beyond = self._beyond(frontier_map)
-        leads, way = np.zeros((2, len(frontier_map.frontiers)))
+        leads, lengths = np.zeros((2, len(frontier_map.frontiers)))
         if np.isfinite(beyond[goal]):
             to_goal = costs_from(beyond, frontier_map.frame.resolution, goal)
             for number, cells in enumerate(_cells(frontier_map, beyond)):
                 least = float(to_goal[cells[:, 0], cells[:, 1]].min(initial=math.inf))
                 if least < math.inf:
-                    leads[number], way[number] = 1.0, least
-        return leads, way
+                    leads[number], lengths[number] = 1.0, least
+        return leads, lengths
 
     def depths(self, frontier_map: FrontierMap) -> NDArray[np.float64]:
         """Return the column `beyond` (see `COLUMNS`) of each frontier, (n,)."""
@@ -101,8 +101,8 @@ class Truth:
         for number, cells in enumerate(_cells(frontier_map, beyond)):
             if len(cells):
                 row, col = (int(n) for n in cells[len(cells) // 2])
-                ways = costs_from(beyond, frontier_map.frame.resolution, (row, col))
-                depths[number] = ways[np.isfinite(ways)].max()
+                costs = costs_from(beyond, frontier_map.frame.resolution, (row, col))
+                depths[number] = costs[np.isfinite(costs)].max()
         return depths
 
     def _beyond(self, frontier_map: FrontierMap) -> NDArray[np.float32]:
@@ -137,12 +137,12 @@ class Informed:
         self, known: Grid, goal: tuple[float, float], frontiers: Sequence[Frontier]
     ) -> FrontierValues:
         """Return where the frontiers truly lead."""
-        leads, way = self.truth.ways(self.frontier_map, self.frontier_map.goal)
+        leads, lengths = self.truth.ways(self.frontier_map, self.frontier_map.goal)
         noisy = (1.0 - self.noise) * leads + self.noise * self.rng.random(len(leads))
         straight = [float(np.hypot(*(f.middle - goal))) for f in frontiers]
         return FrontierValues(
             noisy,
-            np.where(leads > 0, way, straight),
+            np.where(leads > 0, lengths, straight),
             way_back(self.truth.depths(self.frontier_map)),
         )
 

@@ -72,8 +72,8 @@ def simulated_log(
         )
     )
     apart = float(rng.uniform(*config.apart))
-    ways = [np.vstack([task.start[:2], task.waypoints]) for task in tasks]
-    poses = np.concatenate([poses_along(way, apart) for way in ways])
+    routes = [np.vstack([task.start[:2], task.waypoints]) for task in tasks]
+    poses = np.concatenate([poses_along(route, apart) for route in routes])
     world = tasks[0].world
     crowd = People(world, float(rng.choice(config.people)), poses[0, :2], rng)
     pause = apart / ROBOT.v_max

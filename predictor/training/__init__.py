@@ -3,7 +3,6 @@
 For all networks:
 
 - `settings`: settings that decide the weights.
-- `group`: the processes that train one network together.
 - `checkpoint`: the state of a training on disk.
 - `optimisation`: a step of an optimiser, and its learning rate.
 - `trainer`: the training loop.

@@ -17,8 +17,7 @@ from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_targets import NEAR, batch_of, contexts_of, known_of, losses
-from predictor.training.group import Group
-from predictor.training.optimisation import cosine, descend, deterministic
+from predictor.training.optimisation import cosine, descend, deterministic, fastest_device
 from predictor.training.settings import CompactTraining
 from predictor.training.trainer import Trainer, common_facts, spread
 from predictor.weights import save_weights
@@ -44,15 +43,13 @@ class CompactTrainer(Trainer):
         config: settings of the training.
         train: training samples.
         validation: validation samples.
-        out: folder of checkpoint, log, curve and weights.
+        out: folder of checkpoint, log and weights.
         start: network to start from, and the facts of its training; None: random weights.
 
     Raises:
         TrainError: if the folder holds another training, or the weights to start from have learned
             from buildings of the validation samples.
     """
-
-    CURVES = (("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"))
 
     def __init__(
         self,
@@ -63,8 +60,7 @@ class CompactTrainer(Trainer):
         start: tuple[CompactNet, dict[str, Any]] | None = None,
     ) -> None:
         self.config, self.train, self.validation = config, train, validation
-        group = Group.alone()
-        self.device = group.device
+        self.device = fastest_device()
         self.brief = self.device.type == "cuda" or bool(
             torch.cpu.get_capabilities().get("avx512_bf16")
         )
@@ -100,7 +96,7 @@ class CompactTrainer(Trainer):
         for name in ("worlds", "validation_worlds"):
             facts[name] = sorted({*facts[name], *before.get(name, ())})
         note_every = max(1, min(500, config.steps // 10))
-        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, group)
+        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, self.device)
 
     def smoothed(self) -> CompactNet:
         """Return the network with averaged weights, which is validated and exported."""

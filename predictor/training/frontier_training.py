@@ -15,8 +15,7 @@ from torch import Tensor
 from foresee.infra.markdown import records
 from predictor.data.frontier_samples import COLUMNS, GOALS, FrontierSamples, way_back
 from predictor.networks.frontier_net import SCALE, FrontierNet
-from predictor.training.group import Group
-from predictor.training.optimisation import cosine, descend, deterministic
+from predictor.training.optimisation import cosine, descend, deterministic, fastest_device
 from predictor.training.settings import FrontierTraining
 from predictor.training.trainer import Trainer, common_facts
 from predictor.weights import save_weights
@@ -32,14 +31,13 @@ class FrontierTrainer(Trainer):
         config: settings of the training.
         train: training samples.
         validation: validation samples.
-        out: folder of checkpoint, log, curve and weights.
+        out: folder of checkpoint, log and weights.
 
     Raises:
         TrainError: if the folder holds another training.
     """
 
     LOSSES = ("loss", "of_leads")
-    CURVES = (("loss",), ("of_leads", "validation_of_leads"), ("validation_of_ways",))
 
     def __init__(
         self,
@@ -49,8 +47,7 @@ class FrontierTrainer(Trainer):
         out: Path,
     ) -> None:
         self.config, self.train, self.validation = config, train, validation
-        group = Group.alone()
-        self.device = group.device
+        self.device = fastest_device()
         deterministic(config.seed)
         self.net = FrontierNet().to(self.device)
         self.optimizer = torch.optim.AdamW(
@@ -60,7 +57,9 @@ class FrontierTrainer(Trainer):
         facts = common_facts(config, self.net, self.device, train, validation)
         facts |= {"buildings": len(train.about)}
         note_every = max(1, min(500, config.steps // 6))
-        super().__init__(out / "frontiers.safetensors", facts, config.steps, note_every, group)
+        super().__init__(
+            out / "frontiers.safetensors", facts, config.steps, note_every, self.device
+        )
 
     def _batch(self, step: int) -> tuple[Tensor, ...]:
         rng = np.random.default_rng([self.config.seed, step])

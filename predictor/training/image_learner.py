@@ -10,7 +10,6 @@ from torch import Tensor, nn
 
 from predictor.networks.gan import L1_WEIGHT, Discriminator, judged
 from predictor.networks.grey_net import GreyNet
-from predictor.training.group import Group
 from predictor.training.optimisation import descend, restore, states
 from predictor.training.settings import ImageTraining
 
@@ -24,29 +23,27 @@ class Learner:
     Args:
         net: network, whose weights are initialised here.
         training: settings of the training.
-        group: processes that train together.
     """
 
     LOSSES: tuple[str, ...] = ("l1",)
     """Names of the losses that `learn` returns."""
 
-    def __init__(self, net: GreyNet, training: ImageTraining, group: Group) -> None:
-        self.net, self.training, self.group = net, training, group
+    def __init__(self, net: GreyNet, training: ImageTraining) -> None:
+        self.net, self.training = net, training
         self.parts: dict[str, nn.Module] = {"net": net.net}
         initialise(net.net, training.sigma)
-        self._generate = group.shared(net.net)
         self.optimizers = {"net": self._adam(net.net)}
 
     def learn(self, given: Tensor, wanted: Tensor, rate: float) -> Tensor:
         """Make one optimiser step, and return the losses before it, (len(LOSSES),).
 
         Args:
-            given: input images of this process's share of the batch, (B, 1, side, side).
+            given: input images, (B, 1, side, side).
             wanted: true images of the same frames, (B, 1, side, side).
             rate: learning rate.
         """
         with self._brief():
-            claimed = self._generate(given)
+            claimed = self.net.net(given)
         loss = F.l1_loss(claimed.to(wanted.dtype), wanted)
         descend(self.optimizers["net"], loss, rate)
         return loss.detach()[None]
@@ -64,7 +61,8 @@ class Learner:
         return torch.optim.Adam(part.parameters(), self.training.rate, BETAS)
 
     def _brief(self) -> torch.autocast:
-        return torch.autocast(self.group.device.type, torch.bfloat16, enabled=self.training.brief)
+        device = next(self.net.parameters()).device
+        return torch.autocast(device.type, torch.bfloat16, enabled=self.training.brief)
 
 
 class Adversary(Learner):
@@ -73,34 +71,32 @@ class Adversary(Learner):
     Args:
         net: generator, whose weights are initialised here.
         training: settings of the training.
-        group: processes that train together.
     """
 
     LOSSES = ("l1", "adversarial", "discriminator")
 
-    def __init__(self, net: GreyNet, training: ImageTraining, group: Group) -> None:
-        super().__init__(net, training, group)
+    def __init__(self, net: GreyNet, training: ImageTraining) -> None:
+        super().__init__(net, training)
         config = net.config
         like = next(net.net.parameters())
         self.judge = Discriminator(config.side, config.width, config.over).to(like)
         initialise(self.judge, training.sigma)
         self.parts["judge"] = self.judge
-        self._judge = group.shared(self.judge)
         self.optimizers["judge"] = self._adam(self.judge)
 
     def learn(self, given: Tensor, wanted: Tensor, rate: float) -> Tensor:
         """Make one step of the discriminator, then one of the generator; see `Learner.learn`."""
         with self._brief():
-            claimed = self._generate(given)
+            claimed = self.net.net(given)
             self.judge.requires_grad_(True)
-            of_claimed = self._judge(given, claimed.detach())
-            of_wanted = self._judge(given, wanted)
+            of_claimed = self.judge(given, claimed.detach())
+            of_wanted = self.judge(given, wanted)
         # Halved, so that the discriminator learns more slowly than the generator (pix2pix).
         doubt = 0.5 * (
             judged(of_claimed.to(wanted.dtype), False) + judged(of_wanted.to(wanted.dtype), True)
         )
         descend(self.optimizers["judge"], doubt, rate)
-        # Without the wrapper `_judge`, since this loss has no gradients of the discriminator.
+        # This loss has no gradients of the discriminator.
         self.judge.requires_grad_(False)
         with self._brief():
             of_claimed = self.judge(given, claimed)

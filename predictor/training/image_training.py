@@ -6,7 +6,7 @@ import dataclasses
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,36 +20,29 @@ from predictor.data.splits import check_apart
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import TrainError, is_trained
-from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
 from predictor.training.image_validation import fit, images_alike, images_of
-from predictor.training.optimisation import deterministic
+from predictor.training.optimisation import deterministic, fastest_device
 from predictor.training.settings import ImageTraining, described
 from predictor.training.trainer import Trainer
 from predictor.weights import save_weights
-
-if TYPE_CHECKING:
-    from threading import Event
-
 
 NOTES = 20
 """Smallest number of validations in a training; there is also at least one in each epoch."""
 
 
 class ImageTrainer(Trainer):
-    """A training of one of the paper's networks, by one process or several.
+    """A training of one of the paper's networks.
 
     Args:
         config: settings of the network.
         training: settings of the training.
         train: training frames.
         validation: validation frames, on which the greys are also calibrated.
-        out: folder of checkpoint, log, curve and weights, visible to all processes.
-        group: processes that train together.
+        out: folder of checkpoint, log and weights.
 
     Raises:
-        TrainError: if the folder holds another training, or the batch cannot be shared by the
-            processes.
+        TrainError: if the folder holds another training.
         SplitError: if a building is in both splits.
     """
 
@@ -60,27 +53,19 @@ class ImageTrainer(Trainer):
         train: Frames | Samples,
         validation: Frames | Samples,
         out: Path,
-        group: Group,
     ) -> None:
         self.config, self.training = config, training
         self.train, self.validation = train, validation
-        if training.batch % group.size:
-            raise TrainError(
-                f"a batch of {training.batch} cannot be shared by {group.size} processes: "
-                "choose a multiple by --batch"
-            )
         check_apart({"train": train.worlds, "validation": validation.worlds})
         steps = max(1, round(training.epochs * len(self.train) / training.batch))
         deterministic(training.seed)
-        net = GreyNet(config).to(group.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.learner = (Adversary if config.arch == "gan" else Learner)(net, training, group)
+        device = fastest_device()
+        net = GreyNet(config).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.learner = (Adversary if config.arch == "gan" else Learner)(net, training)
         self.LOSSES = self.learner.LOSSES
-        self.CURVES = (("l1", "validation_l1"), ("ssim",))
-        if len(self.LOSSES) > 1:
-            self.CURVES += (self.LOSSES[1:],)
         facts = described(config, training, (train.digest, validation.digest)) | {
-            # Device, threads and processes decide the rounding of sums.
-            "arithmetic": [group.device.type, torch.get_num_threads(), group.size],
+            # Device, threads and processes (always 1) decide the rounding of sums.
+            "arithmetic": [device.type, torch.get_num_threads(), 1],
             "frames": len(self.train),
             "steps": steps,
             "worlds": sorted(train.worlds),
@@ -88,7 +73,7 @@ class ImageTrainer(Trainer):
         }
         an_epoch = math.ceil(len(self.train) / training.batch)
         note_every = max(1, min(an_epoch, steps // NOTES))
-        super().__init__(out / f"{config.arch}.safetensors", facts, steps, note_every, group)
+        super().__init__(out / f"{config.arch}.safetensors", facts, steps, note_every, device)
 
     def _state(self) -> dict[str, Any]:
         return self.learner.state()
@@ -97,9 +82,8 @@ class ImageTrainer(Trainer):
         self.learner.load(state)
 
     def _batch(self, step: int) -> tuple[Tensor, ...]:
-        share = self.training.batch // self.group.size
-        first = step * self.training.batch + self.group.rank * share
-        places = [divmod(at, len(self.train)) for at in range(first, first + share)]
+        first = step * self.training.batch
+        places = [divmod(first + i, len(self.train)) for i in range(self.training.batch)]
         chosen = [int(self._order(epoch)[place]) for epoch, place in places]
         squares = [self.train.square(index, self.config.expansion) for index in chosen]
         given, wanted = images_of(squares, self.config)
@@ -112,14 +96,13 @@ class ImageTrainer(Trainer):
         return rng.permutation(len(self.train))
 
     def _learn(self, *batch: Tensor) -> list[float]:
-        given, wanted = (images.to(self.group.device).float() for images in batch)
-        key = [self.training.seed, self.step, self.group.rank]
+        given, wanted = (images.to(self.device).float() for images in batch)
+        key = [self.training.seed, self.step, 0]
         torch.manual_seed(int(np.random.SeedSequence(key).generate_state(1)[0]))
         self.learner.net.train()
         rate = self.training.rate * min(1.0, 2.0 - 2.0 * self.step / self.steps)
-        losses = self.learner.learn(given, wanted, rate)
-        means: list[float] = self.group.mean(losses).tolist()
-        return means
+        losses: list[float] = self.learner.learn(given, wanted, rate).tolist()
+        return losses
 
     def _measures(self) -> dict[str, float]:
         epoch = self.step * self.training.batch / len(self.train)
@@ -137,7 +120,7 @@ def train_images(
     data: Path,
     out: Path,
     threads: int,
-    stopping: Event | None = None,
+    end: float = math.inf,
 ) -> Path:
     """Train a network unless its weights exist, and return the path of its weights.
 
@@ -145,13 +128,13 @@ def train_images(
         config: settings of the network; `turned` is replaced by what the data need.
         training: settings of the training.
         data: folder that `predictor.dataset` or `predictor.drives` has made.
-        out: folder of checkpoint, log, curve and weights.
+        out: folder of checkpoint, log and weights.
         threads: number of threads of this process.
-        stopping: see `Trainer.run`.
+        end: see `Trainer.run`.
 
     Raises:
         TrainError: if the data cannot be read, or the folder holds another training.
-        Stopped: if `stopping` ended the training before its last step.
+        Stopped: if the time was over before the last step of the training.
     """
     torch.set_num_threads(threads)
     of_drives = (data / RECIPE).exists()
@@ -160,11 +143,7 @@ def train_images(
     weights = out / f"{config.arch}.safetensors"
     if is_trained(weights, described(config, training, (train.digest, validation.digest))):
         return weights
-    group = Group.join()
-    try:
-        return ImageTrainer(config, training, train, validation, out, group).run(stopping)
-    finally:
-        group.leave()
+    return ImageTrainer(config, training, train, validation, out).run(end)
 
 
 def frames_of(data: Path) -> list[Frames]:

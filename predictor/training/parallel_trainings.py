@@ -1,38 +1,27 @@
-"""Several trainings in parallel, each in a process of its own; a failure stops no other one."""
+"""Several trainings in parallel; a failure of one stops no other."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-import multiprocessing
-import os
-import signal
 import sys
-import threading
 import time
 import traceback
 from dataclasses import dataclass
-from multiprocessing.connection import wait
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import loads
-from foresee.infra.workers import follow_parent, interrupts_blocked
+from foresee.infra.workers import LostError, finished
 from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import is_trained
 from predictor.training.image_training import train_images
 from predictor.training.settings import ImageTraining, described
 from predictor.training.trainer import Stopped, summary_of
-
-if TYPE_CHECKING:
-    from multiprocessing.context import SpawnProcess
-
-LOOK_EVERY = 2.0
-"""Time between two looks at the logs of the trainings [s]."""
 
 
 @dataclass(frozen=True)
@@ -67,46 +56,33 @@ class Training:
         facts = described(self.config, self.training, self.digests)
         return is_trained(self.out / f"{self.config.arch}.safetensors", facts)
 
-    def train(self, parent: int) -> None:
-        """Train in this process; on failure write one line to failed.txt.
+    def train(self, end: float) -> str:
+        """Train to the end, or until the time is over; the output goes to output.txt.
 
         Args:
-            parent: process number of the study, with which this process ends.
+            end: see `Trainer.run`.
+
+        Returns:
+            The state: "finished", "stopped", "waiting" if the time was over before, or "failed: "
+            and the reason.
         """
-        follow_parent(parent)
-        stopping = threading.Event()
-        signal.signal(signal.SIGTERM, lambda *_: stopping.set())
+        if time.monotonic() > end:
+            return "waiting"
         try:
+            self.out.mkdir(parents=True, exist_ok=True)
             with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
                 try:
                     # One thread each: the sums are the same, however many train at a time.
-                    train_images(self.config, self.training, self.data, self.out, 1, stopping)
+                    train_images(self.config, self.training, self.data, self.out, 1, end)
+                    return "finished"
                 except Stopped:
-                    pass
+                    return "stopped"
                 except Exception as error:
                     traceback.print_exc()
-                    self._failure.write_text(one_line(error).removeprefix("TrainError: "))
-        except OSError:
-            # On a full disk the failure cannot be written; the study reports that the process died.
-            raise SystemExit(1) from None
-
-    def start(self) -> SpawnProcess:
-        """Start or resume the training in a process of its own."""
-        self.out.mkdir(parents=True, exist_ok=True)
-        self._failure.unlink(missing_ok=True)
-        # Spawned, since a fork would copy threads and locks of libraries in an undefined state.
-        context = multiprocessing.get_context("spawn")
-        process = context.Process(target=self.train, args=(os.getpid(),))
-        with interrupts_blocked():
-            process.start()
-        return process
-
-    def outcome(self, process: SpawnProcess) -> str:
-        """Wait for the process to end; return "finished", or "failed: " and the reason."""
-        process.join()
-        if self._failure.exists():
-            return f"failed: {self._failure.read_text()}"
-        return "finished" if self.finished() else f"failed: its process died ({process.exitcode})"
+                    return f"failed: {one_line(error).removeprefix('TrainError: ')}"
+        except OSError as error:
+            # On a full disk, the output cannot be written.
+            return f"failed: {one_line(error)}"
 
     def last(self) -> str:
         """Return the last entry of its log as one line; empty if there is none yet."""
@@ -115,13 +91,9 @@ class Training:
         except (OSError, ValueError, IndexError):
             return ""
 
-    @property
-    def _failure(self) -> Path:
-        return self.out / "failed.txt"
-
 
 class Study:
-    """Several trainings, a few at a time, each in a process of its own.
+    """Several trainings, a few at a time.
 
     Args:
         trainings: trainings, in the order in which they start.
@@ -139,41 +111,24 @@ class Study:
         }
 
     def train(self, jobs: int, minutes: float = math.inf) -> None:
-        """Train what is missing, with a progress bar and a line for each start and end.
+        """Train what is missing, with a progress bar and a line for each end.
 
         Args:
             jobs: number of trainings at a time.
             minutes: time after which running trainings are stopped; they can be resumed.
         """
         todo = [training for training in self.trainings if self.state[training] == "waiting"]
-        running: dict[Any, tuple[Training, SpawnProcess]] = {}
         done, end = len(self.trainings) - len(todo), time.monotonic() + 60 * minutes
         with tqdm(total=len(self.trainings), initial=done, unit="network") as bar:
-
-            def enter(training: Training, state: str) -> None:
-                self.state[training] = state
-                bar.write(self.line(training), file=sys.stderr)
-
             try:
-                while (todo or running) and time.monotonic() < end:
-                    while todo and len(running) < jobs:
-                        training = todo.pop(0)
-                        process = training.start()
-                        running[process.sentinel] = training, process
-                        enter(training, "running")
-                    for sentinel in wait(list(running), timeout=LOOK_EVERY):
-                        training, process = running.pop(sentinel)
-                        enter(training, training.outcome(process))
-                        bar.update()
-                    lasts = (f"{now.name} {now.last()}" for now, _ in running.values())
-                    bar.set_postfix_str(" | ".join(lasts))
+                for training, state in finished(partial(_trained, end), todo, jobs):
+                    self.state[training] = state
+                    bar.write(self.line(training), file=sys.stderr)
+                    bar.update()
                     self._note()
-            finally:
-                for training, process in running.values():
-                    process.terminate()
-                    process.join()
-                    self.state[training] = "finished" if training.finished() else "stopped"
-                self._note()
+            except LostError as error:
+                self.state |= dict.fromkeys(error.items, "failed: its process died")
+        self._note()
 
     def line(self, training: Training) -> str:
         """Return state, epoch and losses of a training as one line."""
@@ -189,3 +144,7 @@ class Study:
 
     def _note(self) -> None:
         write_whole(self.out / "status.txt", (self.table() + "\n").encode())
+
+
+def _trained(end: float, training: Training) -> str:
+    return training.train(end)

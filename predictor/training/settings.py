@@ -74,7 +74,7 @@ class ImageTraining:
 
     Attributes:
         epochs: number of passes over the frames; need not be whole.
-        batch: frames per step, over all processes.
+        batch: frames per step.
         rate: learning rate of Adam; it falls linearly to zero over the second half.
         sigma: standard deviation of the first weights.
         brief: whether to compute in bfloat16 where torch's autocast allows it.

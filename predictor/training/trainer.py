@@ -7,20 +7,18 @@ with the same weights as one that was not killed, on a CPU to the last bit.
 
 from __future__ import annotations
 
-import io
 import json
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
@@ -28,11 +26,7 @@ from tqdm import tqdm
 from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.environment import commit
 from predictor.training.checkpoint import read_checkpoint, write_checkpoint
-from predictor.training.group import Group
 from predictor.training.optimisation import restore, states
-
-if TYPE_CHECKING:
-    from threading import Event
 
 SAVE_EVERY = 60.0
 """Time between two checkpoints [s]; one also follows each entry of the log."""
@@ -51,7 +45,7 @@ SHOWN = (
 
 
 class Stopped(Exception):
-    """A training was told to stop before its end; it can be resumed."""
+    """The time of a training was over before its last step; it can be resumed."""
 
 
 class Trainer(ABC):
@@ -61,13 +55,12 @@ class Trainer(ABC):
     the checkpoint if there is one.
 
     Args:
-        weights: file of the weights; its folder also contains the checkpoint, the log and the
-            curve, and must be visible to all processes.
+        weights: file of the weights; its folder also contains the checkpoint and the log.
         facts: plain data that identify this training.
         steps: number of optimiser steps.
         note_every: number of steps from one validation to the next; the last step is always
             followed by one.
-        group: processes that train together.
+        device: device that computes.
 
     Attributes:
         step: number of steps made so far.
@@ -83,25 +76,27 @@ class Trainer(ABC):
 
     LOSSES: tuple[str, ...] = ("loss",)
     """Names of the training losses that `_learn` returns."""
-    CURVES: tuple[tuple[str, ...], ...]
-    """Names of the values drawn in each panel of curve.png."""
 
     parts: dict[str, Any]
     """Networks and optimisers by name, whose state is in the checkpoint; set by the subclass."""
 
     def __init__(
-        self, weights: Path, facts: dict[str, Any], steps: int, note_every: int, group: Group
+        self,
+        weights: Path,
+        facts: dict[str, Any],
+        steps: int,
+        note_every: int,
+        device: torch.device,
     ) -> None:
-        self.weights, self.steps, self.note_every, self.group = weights, steps, note_every, group
+        self.weights, self.steps, self.note_every, self.device = weights, steps, note_every, device
         self.step, self.seconds = 0, 0.0
         self.log: list[dict[str, float]] = []
         self.losses: list[list[float]] = []
         self.commits: set[str] = set()
         self._facts = facts
-        if group.first:
-            weights.parent.mkdir(parents=True, exist_ok=True)
-            clear(weights.parent)
-        state = read_checkpoint(self.checkpoint, facts, group.device)
+        weights.parent.mkdir(parents=True, exist_ok=True)
+        clear(weights.parent)
+        state = read_checkpoint(self.checkpoint, facts, device)
         if state is not None:
             self._load(state["learner"])
             self.step, self.seconds = state["step"], state["seconds"]
@@ -113,14 +108,14 @@ class Trainer(ABC):
         """Path of the checkpoint."""
         return self.weights.with_name("checkpoint.pt")
 
-    def run(self, stopping: Event | None = None) -> Path:
+    def run(self, end: float = math.inf) -> Path:
         """Train to the end with a progress bar, export, and return the path of the weights.
 
         Args:
-            stopping: event that ends the training after its next step, with a checkpoint.
+            end: time on the clock `time.monotonic` after which one more step is made [s].
 
         Raises:
-            Stopped: if `stopping` ended the training before its last step.
+            Stopped: if the time was over before the last step; there is a checkpoint.
         """
         code = commit() or "no checkout"
         saved = begun = time.monotonic()
@@ -132,7 +127,6 @@ class Trainer(ABC):
                 unit="step",
                 smoothing=0.05,
                 mininterval=0.5,
-                disable=not self.group.first,
             ) as bar,
             ThreadPoolExecutor(1) as ahead,
         ):
@@ -144,21 +138,17 @@ class Trainer(ABC):
                 last = self.step == self.steps
                 noted = self.step % self.note_every == 0 or last
                 if noted:
-                    if self.group.first:
-                        self._note()
-                        bar.set_postfix_str(summary_of(self.log[-1]))
+                    self._note()
+                    bar.set_postfix_str(summary_of(self.log[-1]))
                     self.losses = []
-                stop = stopping is not None and stopping.is_set() and not last
-                due = time.monotonic() - saved > SAVE_EVERY or noted or stop
-                if self.group.first and due:
+                stop = time.monotonic() > end and not last
+                if time.monotonic() - saved > SAVE_EVERY or noted or stop:
                     self.seconds = before + time.monotonic() - begun
                     self.save()
                     saved = time.monotonic()
                 if stop:
                     raise Stopped
-        if self.group.first:
-            self._export(self._facts | {"commit": " ".join(sorted(self.commits))})
-            draw_curve(self.log, self.weights.with_name("curve.png"), self.CURVES)
+        self._export(self._facts | {"commit": " ".join(sorted(self.commits))})
         return self.weights
 
     def save(self) -> None:
@@ -243,29 +233,3 @@ def summary_of(entry: dict[str, float]) -> str:
         f"{name.replace('_', ' ')} {value:.3f}" for name, value in entry.items() if name in SHOWN
     )
     return f"epoch {entry['epoch']:g}: {shown}" if "epoch" in entry else shown
-
-
-def draw_curve(
-    log: list[dict[str, float]], path: Path, panels: tuple[tuple[str, ...], ...]
-) -> None:
-    """Draw losses and validation measures over the steps.
-
-    Args:
-        log: entries, each with its "step".
-        path: path of the picture.
-        panels: names of the values drawn in each panel.
-    """
-    figure = Figure(figsize=(4 * len(panels), 3.4), layout="constrained")
-    axes = figure.subplots(1, len(panels), squeeze=False)[0]
-    steps = [entry["step"] for entry in log]
-    for axis, names in zip(axes, panels, strict=True):
-        for name in names:
-            label = name.replace("_", " ") + (" (training)" if name == "loss" else "")
-            axis.plot(steps, [entry[name] for entry in log], label=label)
-        axis.set_xlabel("step")
-        axis.grid(alpha=0.3)
-        axis.legend(frameon=False)
-    FigureCanvasAgg(figure)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=130)
-    write_whole(path, buffer.getvalue())

@@ -142,7 +142,7 @@ def test_a_change_of_gear_is_found_where_the_car_turns_back(tmp_path):
 def test_driving_backwards_is_shown_in_every_figure(tmp_path):
     run = Run.load(backed_up(tmp_path / "run"))
     assert len(draw_all(tmp_path / "run")) == 3
-    profile = speed_profile([run]).axes[0]
+    profile = speed_profile(run).axes[0]
     assert profile.get_ylim()[0] < -0.5
     assert "in reverse" in [text.get_text() for text in profile.texts]
     legend = trajectories(run).legends[0]
@@ -155,7 +155,7 @@ def test_driving_backwards_is_shown_in_every_figure(tmp_path):
 
 def test_drives_without_a_reverse_gear_look_as_before(tmp_path):
     run = Run.load(write_run(tmp_path / "run"))
-    assert speed_profile([run]).axes[0].get_ylim()[0] == 0
+    assert speed_profile(run).axes[0].get_ylim()[0] == 0
     legend = trajectories(run).legends[0]
     assert "change of gear" not in [text.get_text() for text in legend.get_texts()]
 
@@ -164,7 +164,7 @@ def test_figures_lead_with_time_and_sct(tmp_path):
     run = Run.load(write_run(tmp_path / "run"))
     texts = [text.get_text() for ax in trajectories(run).axes for text in ax.texts]
     assert {"reached · 1.2 s · SCT 0.25", "reached · 1.2 s · SCT 0.50"} <= set(texts)
-    profile = speed_profile([run])
+    profile = speed_profile(run)
     texts = [text.get_text().strip() for ax in profile.axes for text in ax.texts]
     assert {"1.2 s · SCT 0.25", "1.2 s · SCT 0.50"} <= set(texts)
     assert not any("m/s" in text for text in texts)
@@ -181,7 +181,7 @@ def test_a_run_without_sct_is_drawn_with_what_it_has(tmp_path):
             episode["sct"] = None
     (run / "results.json").write_text(json.dumps(results))
     assert len(draw_all(run)) == 3
-    profile = speed_profile([Run.load(run)])
+    profile = speed_profile(Run.load(run))
     assert "1.2 s" in [text.get_text().strip() for ax in profile.axes for text in ax.texts]
 
 
@@ -208,14 +208,13 @@ def test_the_episode_shown_is_the_first_that_all_arms_reached(tmp_path):
     assert Run.load(write_run(tmp_path / "c", outcomes=crash)).showcase == 0
 
 
-def test_two_runs_share_one_speed_profile(tmp_path, capsys):
+def test_two_runs_have_a_folder_each(tmp_path, capsys):
     first, second = write_run(tmp_path / "a"), write_run(tmp_path / "b", arms=("known", "oracle"))
     out = tmp_path / "out"
     assert plot.main([str(first), str(second), "--out", str(out), "--episode", "1"]) == 0
     printed = capsys.readouterr().out.split()
-    assert str(out / "speed_profiles.png") in printed
     assert all((out / run / name).is_file() for run in "ab" for name in FIGURES)
-    assert len(printed) == 7
+    assert len(printed) == 6
 
 
 def test_runs_of_the_same_name_are_not_written_over_each_other(tmp_path, capsys):
@@ -235,7 +234,7 @@ def test_figures_of_one_arm_show_one_that_uses_a_prediction(tmp_path):
 @pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 4)])
 def test_a_gif_has_a_frame_for_every_stride_of_ticks_and_one_for_the_last(tmp_path, stride, frames):
     run = write_run(tmp_path / "run", episodes=1)
-    command = [str(run), "--animate", "--format", "gif", "--stride", str(stride)]
+    command = [str(run), "--animate", "--stride", str(stride)]
     assert plot.main(command) == 0
     with Image.open(run / "drive-0-predicted.gif") as image:
         assert getattr(image, "n_frames", 1) == frames
@@ -328,7 +327,7 @@ def test_arrays_of_the_wrong_kind_are_named(tmp_path, capsys, name, value):
         arrays = {key: file[key] for key in file.files}
     assert name in arrays
     np.savez_compressed(run / "traces.npz", **(arrays | {name: value}))
-    assert plot.main([str(run), "--animate", "--format", "gif"]) == 2
+    assert plot.main([str(run), "--animate"]) == 2
     said = capsys.readouterr().err.strip()
     assert len(said.splitlines()) == 1
     assert "broken" in said

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.optimal.first_guesses import STEP, timed, ways
+from benchmarks.optimal.first_guesses import STEP, candidate_paths, timed
 from benchmarks.optimal.minimum_time import MARGINS, signed_distance
 from benchmarks.optimal.search import time_optimal
-from benchmarks.optimal.shortest_way import shortest_way, time_bound, way_length
+from benchmarks.optimal.shortest_path import path_length, shortest_path, time_bound
 from benchmarks.optimum import main
 from benchmarks.runs.drive_file import DriveFile, read_drives
 from benchmarks.runs.settings import Settings
@@ -43,8 +43,8 @@ def corner() -> Task:
 
 
 def bound(task: Task) -> float:
-    way = shortest_way(task.world, task.start[:2], task.goal, CAR.body.half_width)
-    return time_bound(way_length(way), CAR, GOAL_RADIUS)
+    way = shortest_path(task.world, task.start[:2], task.goal, CAR.body.half_width)
+    return time_bound(path_length(way), CAR, GOAL_RADIUS)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_a_slower_car_takes_longer(around):
 
 def test_guesses_begin_at_the_start_and_turn_to_either_side():
     task = corner()
-    found = dict(ways(task, CAR, GOAL_RADIUS))
+    found = dict(candidate_paths(task, CAR, GOAL_RADIUS))
     assert {"left turn", "right turn"} <= found.keys()
     for name, way in found.items():
         assert way[0] == pytest.approx(task.start[:2], abs=0.01), name
@@ -142,7 +142,7 @@ def test_the_first_margin_is_more_than_the_simulator_grows_a_body_by():
 def test_nothing_of_it_needs_the_planner():
     code = (
         "import sys\n"
-        "from benchmarks.optimal import first_guesses, minimum_time, shortest_way\n"
+        "from benchmarks.optimal import first_guesses, minimum_time, shortest_path\n"
         "print(sorted(name for name in sys.modules if name.split('.')[0] == 'planner'))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

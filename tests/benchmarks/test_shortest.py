@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.optimal.shortest_way import NoWayError, shortest_way, time_bound, way_length
+from benchmarks.optimal.shortest_path import NoPathError, path_length, shortest_path, time_bound
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from sim.buildings import task_in
@@ -42,23 +42,23 @@ def around(start, goal, corner):
 
 
 def test_in_an_empty_room_the_way_is_straight():
-    way = shortest_way(room(), (0.61, 0.52), (7.33, 5.17), RADIUS)
+    way = shortest_path(room(), (0.61, 0.52), (7.33, 5.17), RADIUS)
     assert way.tolist() == [[0.61, 0.52], [7.33, 5.17]]
 
 
 def test_around_a_wall_the_way_is_tangents_and_arcs():
     start, goal, world = (1.0, 1.0), (7.0, 1.5), room((3.0, 0.0, 4.0, 4.0))
-    way = shortest_way(world, start, goal, RADIUS)
+    way = shortest_path(world, start, goal, RADIUS)
     above = 4.0 + RADIUS
     left = around(start, (3.0, above), (3.0, 4.0))
     right = around((4.0, above), goal, (4.0, 4.0))
-    assert way_length(way) == pytest.approx(left + 1.0 + right, abs=1e-3)
+    assert path_length(way) == pytest.approx(left + 1.0 + right, abs=1e-3)
 
 
 def test_the_way_takes_the_shorter_side():
     world = room((3.0, 1.0, 4.0, 4.8))
-    below = shortest_way(world, (1.0, 2.0), (6.0, 2.0), RADIUS)
-    above = shortest_way(world, (1.0, 4.0), (6.0, 4.0), RADIUS)
+    below = shortest_path(world, (1.0, 2.0), (6.0, 2.0), RADIUS)
+    above = shortest_path(world, (1.0, 4.0), (6.0, 4.0), RADIUS)
     assert below[:, 1].min() < 1.0
     assert above[:, 1].max() > 4.8
 
@@ -66,30 +66,30 @@ def test_the_way_takes_the_shorter_side():
 def test_the_way_is_no_shorter_than_the_straight_line_and_no_longer_than_the_tasks():
     for seed in (0, 2):
         task = task_in("corridor", seed)
-        length = way_length(shortest_way(task.world, task.start[:2], task.goal, RADIUS))
+        length = path_length(shortest_path(task.world, task.start[:2], task.goal, RADIUS))
         straight = math.dist(task.start[:2], task.goal)
         assert straight - 1e-9 <= length <= task.path_length + 1e-6
 
 
 def test_the_way_is_the_same_length_backwards():
     task = task_in("trap", 2)
-    there = shortest_way(task.world, task.start[:2], task.goal, RADIUS)
-    back = shortest_way(task.world, task.goal, task.start[:2], RADIUS)
-    assert way_length(there) == pytest.approx(way_length(back), abs=2e-3)
+    there = shortest_path(task.world, task.start[:2], task.goal, RADIUS)
+    back = shortest_path(task.world, task.goal, task.start[:2], RADIUS)
+    assert path_length(there) == pytest.approx(path_length(back), abs=2e-3)
 
 
 def test_a_gap_narrower_than_the_disc_is_no_way():
     apart = room((3.0, 0.0, 4.0, 2.9), (3.0, 3.1, 4.0, 6.0))
-    with pytest.raises(NoWayError, match="no path for a disc"):
-        shortest_way(apart, (1.0, 3.0), (6.0, 3.0), RADIUS)
-    assert len(shortest_way(apart, (1.0, 3.0), (6.0, 3.0), 0.07)) == 2
+    with pytest.raises(NoPathError, match="no path for a disc"):
+        shortest_path(apart, (1.0, 3.0), (6.0, 3.0), RADIUS)
+    assert len(shortest_path(apart, (1.0, 3.0), (6.0, 3.0), 0.07)) == 2
 
 
 def test_what_cannot_be_asked_for_is_named():
-    with pytest.raises(NoWayError, match="does not fit at the goal"):
-        shortest_way(room(), (1.0, 1.0), (7.99, 1.0), RADIUS)
+    with pytest.raises(NoPathError, match="does not fit at the goal"):
+        shortest_path(room(), (1.0, 1.0), (7.99, 1.0), RADIUS)
     with pytest.raises(ValueError, match="radius is nan m"):
-        shortest_way(room(), (1.0, 1.0), (7.0, 1.0), math.nan)
+        shortest_path(room(), (1.0, 1.0), (7.0, 1.0), math.nan)
 
 
 @given(st.floats(0.0, 100.0), st.floats(0.1, 50.0))
@@ -110,4 +110,4 @@ def test_the_bound_is_that_of_accelerating_and_then_top_speed():
 
 def test_a_straight_corridor_is_driven_along_its_axis():
     world = empty_straight(20.0, 2.0)
-    assert way_length(shortest_way(world, (2.0, 1.5), (18.0, 1.5), RADIUS)) == pytest.approx(16.0)
+    assert path_length(shortest_path(world, (2.0, 1.5), (18.0, 1.5), RADIUS)) == pytest.approx(16.0)

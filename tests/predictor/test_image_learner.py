@@ -11,11 +11,8 @@ from predictor.networks.gan import Discriminator, judged
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.networks.resnet_ff import BLOCKS, Block
-from predictor.training.group import Group
 from predictor.training.image_learner import Adversary, Learner
 from predictor.training.settings import ImageTraining
-
-ALONE = Group(0, 1, torch.device("cpu"))
 
 
 def small(arch):
@@ -71,7 +68,7 @@ def test_the_discriminators_rectifiers_leak_a_fifth():
 
 @pytest.mark.parametrize("learner", [Learner, Adversary])
 def test_adam_has_the_momentum_of_the_paper(learner):
-    made = learner(small("unet_ff"), ImageTraining(), ALONE)
+    made = learner(small("unet_ff"), ImageTraining())
     for adam in made.optimizers.values():
         assert [group["betas"] for group in adam.param_groups] == [(0.5, 0.999)]
         assert [group["lr"] for group in adam.param_groups] == [2e-4]
@@ -80,7 +77,7 @@ def test_adam_has_the_momentum_of_the_paper(learner):
 def test_without_a_discriminator_it_descends_on_the_mean_absolute_error():
     torch.manual_seed(0)
     net = small("unet_ff").eval()
-    learner = Learner(net, ImageTraining(), ALONE)
+    learner = Learner(net, ImageTraining())
     before = deepcopy(net)
     (loss,) = learner.learn(images(0), images(1), 1e-3)
     error = (before(images(0)) - images(1)).abs().mean()
@@ -92,7 +89,7 @@ def test_without_a_discriminator_it_descends_on_the_mean_absolute_error():
 def test_the_generator_weighs_the_absolute_error_a_hundredfold():
     torch.manual_seed(0)
     net = small("gan").eval()
-    learner = Adversary(net, ImageTraining(), ALONE)
+    learner = Adversary(net, ImageTraining())
     before = deepcopy(net)
     learner.learn(images(0), images(1), 1e-3)
     # The discriminator makes its step first.
@@ -105,7 +102,7 @@ def test_the_generator_weighs_the_absolute_error_a_hundredfold():
 def test_the_discriminator_descends_on_half_of_its_error():
     torch.manual_seed(0)
     net = small("gan").eval()
-    learner = Adversary(net, ImageTraining(), ALONE)
+    learner = Adversary(net, ImageTraining())
     before, claimed = deepcopy(learner.judge), net(images(0)).detach()
     learner.learn(images(0), images(1), 1e-3)
     of_claimed, of_wanted = (before(images(0), each) for each in (claimed, images(1)))
@@ -116,7 +113,7 @@ def test_the_discriminator_descends_on_half_of_its_error():
 def test_a_training_starts_from_the_first_weights_of_pix2pix():
     torch.manual_seed(0)
     net = GreyNet(ImageConfig("unet_ff", width=0.25, side=64))
-    Learner(net, ImageTraining(), ALONE)
+    Learner(net, ImageTraining())
     weights = [
         m.weight.detach().flatten()
         for m in net.modules()

@@ -10,17 +10,14 @@ search is that of sim.task, not the planner's; it keeps about 0.1 m from walls.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.studies.driver.analysis import RunsSettings, analyse
-from foresee.infra.command_line import Command, UsageError
+from benchmarks.studies.driver.analysis import command
+from foresee.infra.command_line import UsageError
 from foresee.infra.markdown import records
-from foresee.infra.options import option
 
 if TYPE_CHECKING:
     from benchmarks.runs.drive_result import DriveResult
@@ -106,18 +103,7 @@ def table(results: dict[str, Any]) -> str:
     return records(rows)
 
 
-@dataclass(frozen=True)
-class StuckSettings(RunsSettings):
-    """Saved runs that are analysed, and the file of the results."""
-
-    out: Path = option(Path("results/stuck.json"), "file of the results", "FILE")
-
-
-def _run(settings: StuckSettings) -> None:
-    analyse("stuck", settings, settings.out, causes, table)
-
-
-main = Command("benchmarks.studies.driver.stuck", __doc__, _run)
+main = command("stuck", __doc__, causes, table)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -10,17 +10,14 @@ ignored.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.studies.driver.analysis import RunsSettings, analyse
-from foresee.infra.command_line import Command, UsageError
+from benchmarks.studies.driver.analysis import command
+from foresee.infra.command_line import UsageError
 from foresee.infra.markdown import DASH, records
-from foresee.infra.options import option
 from foresee.mapping.polyline import arc_length
 
 if TYPE_CHECKING:
@@ -109,18 +106,7 @@ def table(results: dict[str, Any]) -> str:
     return records(rows)
 
 
-@dataclass(frozen=True)
-class WeaveSettings(RunsSettings):
-    """Saved runs that are analysed, and the file of the results."""
-
-    out: Path = option(Path("results/weave.json"), "file of the results", "FILE")
-
-
-def _run(settings: WeaveSettings) -> None:
-    analyse("weave", settings, settings.out, counts, table)
-
-
-main = Command("benchmarks.studies.driver.weave", __doc__, _run)
+main = command("weave", __doc__, counts, table)
 
 if __name__ == "__main__":
     sys.exit(main())

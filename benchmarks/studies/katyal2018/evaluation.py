@@ -129,8 +129,8 @@ class Evaluation:
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 
-        def name(stretch: Stretch, one: Contestant) -> str:
-            return _scores_name(stretch, sha256[stretch.folder, stretch.drive], one)
+        def name(stretch: Stretch, contestant: Contestant) -> str:
+            return _scores_name(stretch, sha256[stretch.folder, stretch.drive], contestant)
 
         def answers(stretches: list[Stretch]) -> int:
             return sum(len(stretch.frames) * len(stretch.contestants) for stretch in stretches)
@@ -145,25 +145,29 @@ class Evaluation:
         todo = []
         for stretch in every:
             asked = stretch.contestants
-            left = [one for one in asked if self.store.read(name(stretch, one)) is None]
+            left = [
+                contestant
+                for contestant in asked
+                if self.store.read(name(stretch, contestant)) is None
+            ]
             if left:
                 todo.append(replace(stretch, contestants=tuple(left)))
         total = answers(every)
         done = total - answers(todo)
         with tqdm(total=total, initial=done, unit="answer", smoothing=0.05) as bar:
             for stretch, kept in finished(score, todo, jobs):
-                for one, arrays in kept.items():
-                    self.store.write(name(stretch, one), {"commit": commit()}, arrays)
+                for contestant, arrays in kept.items():
+                    self.store.write(name(stretch, contestant), {"commit": commit()}, arrays)
                 bar.update(answers([stretch]))
 
-    def kept(self, drive: ScoredDrive, expansion: float, one: Contestant) -> Iterator[Part]:
+    def kept(self, drive: ScoredDrive, expansion: float, contestant: Contestant) -> Iterator[Part]:
         """Yield facts and scores of a contestant for each stretch of a drive, in order.
 
         Raises:
             FileNotFoundError: if a stretch has not been scored.
         """
         for stretch in self.stretches(drive, expansion):
-            name = _scores_name(stretch, drive.about["sha256"], one)
+            name = _scores_name(stretch, drive.about["sha256"], contestant)
             part = self.store.read(name)
             if part is None:
                 raise FileNotFoundError(
@@ -186,10 +190,10 @@ def hashed(kind: str, *decided_by: Any) -> str:
     return f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
 
 
-def _scores_name(stretch: Stretch, sha256: str, one: Contestant) -> str:
+def _scores_name(stretch: Stretch, sha256: str, contestant: Contestant) -> str:
     """Return the name of the scores of a contestant on a stretch of the drive with a checksum."""
-    own = stretch.rates if one.name in BASELINES else one.expansion
-    key = hashed("scores", sha256, stretch.frames, stretch.expansion, one.identity, own)
+    own = stretch.rates if contestant.name in BASELINES else contestant.expansion
+    key = hashed("scores", sha256, stretch.frames, stretch.expansion, contestant.identity, own)
     return f"{key}.npz"
 
 

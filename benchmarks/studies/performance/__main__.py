@@ -1,12 +1,11 @@
-"""Time the stages of the control cycle, their growth with sizes, and the throughput of drives.
+"""Time the stages of the control cycle, and measure the throughput of kernels and of drives.
 
     python -m benchmarks.studies.performance --drives 4 --peers
 
-Every stage is timed in simulated drives, on one thread and after a warm-up. Then follow the growth
-of these times with sensor, map, window and horizon, and the throughput of kernels and of parallel
-drives. The machine should be idle otherwise. Interrupted, it continues when the same command is
-given again. Measurements by other code, on another machine, with other packages or with other
-settings are repeated.
+Every stage is timed in simulated drives, on one thread and after a warm-up. Then follows the
+throughput of kernels and of parallel drives. The machine should be idle otherwise. Interrupted, it
+continues when the same command is given again. Measurements by other code, on another machine, with
+other packages or with other settings are repeated.
 """
 
 from __future__ import annotations
@@ -22,18 +21,13 @@ from foresee.infra.command_line import Command, UsageError
 from foresee.infra.options import Options, option
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
     from benchmarks.studies.performance.measurements import Measurement
 
 ARMS = ("predicted", "known", "oracle")
-PEERS = {
-    "octomap": "octomap-python",
-    "raycast2D": "raycast2D",
-    "cv2": "opencv-python-headless",
-    "pytorch_mppi": "pytorch-mppi",
-}
-"""Module that `--peers` needs → package that contains it."""
+PEER, PEER_PACKAGE = "pytorch_mppi", "pytorch-mppi"
+"""Module that `--peers` needs, and the package that contains it."""
 COMPILER = "gcc"
 """C compiler that casadi calls by default."""
 THREADS = 1
@@ -69,8 +63,8 @@ class StageSettings(Options):
     seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
     peers: bool = option(
         False,
-        "also time other libraries for the same tasks, which takes some minutes, mostly for "
-        "compiling; needs pip install 'foresee[peers]'",
+        "also time another runtime of the network and other solvers of the MPC's problem, which "
+        "takes some minutes, mostly for compiling; needs pip install 'foresee[peers]'",
     )
 
 
@@ -82,7 +76,7 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
         report: function that shows what is being measured.
     """
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.studies.performance import growth, rates, throughput
+    from benchmarks.studies.performance import rates, throughput
     from benchmarks.studies.performance.measurements import Measurement, installed
     from benchmarks.studies.performance.stage_times import closed_loop, spread
 
@@ -107,14 +101,11 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
         add(f"measures/throughput {jobs}", measure, episodes=settings.episodes, seed=seed)
     measure = partial(throughput.memory, settings.memory, seed, report)
     add("measures/memory", measure, drives=settings.memory, seed=seed)
-    for axis in growth.AXES:
-        add(f"growth/{axis}", partial(growth.grown, axis, seed, report), seed=seed)
     if settings.peers:
         from benchmarks.studies.performance import peers, peers_mpc
 
-        packages = installed(PEERS.values())
-        for name in peers.STAGES:
-            add(f"peers/{name}", partial(peers.beside, name, seed), seed=seed, packages=packages)
+        packages = installed([PEER_PACKAGE])
+        add("peers/prediction", partial(peers.predictions, seed), seed=seed, packages=packages)
         drives = {"halls": HALLS, "ticks": HALL_TICKS, "packages": packages}
         for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
             compare = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
@@ -127,14 +118,12 @@ class Place(Options):
     """Where the results are written."""
 
     out: Path = option(
-        Path("results/stages"),
-        "folder of results.json, growth.png, and finished measurements",
-        "DIR",
+        Path("results/stages"), "folder of results.json and of finished measurements", "DIR"
     )
 
 
-def _ask_for(modules: Iterable[str]) -> None:
-    """Check, before anything is measured, that modules and the C compiler are installed.
+def _check_peers() -> None:
+    """Check, before anything is measured, that the peer and the C compiler are installed.
 
     Raises:
         UsageError: if one is missing.
@@ -142,46 +131,43 @@ def _ask_for(modules: Iterable[str]) -> None:
     import shutil
     from importlib.util import find_spec
 
-    missing = [name for name in modules if find_spec(name) is None]
-    if missing:
-        raise UsageError(f"--peers needs {', '.join(missing)}: pip install 'foresee[peers]'")
+    if find_spec(PEER) is None:
+        raise UsageError(f"--peers needs {PEER}: pip install 'foresee[peers]'")
     if shutil.which(COMPILER) is None:
         raise UsageError(f"--peers needs {COMPILER}, to compile the problems of other solvers")
 
 
 def _run(settings: StageSettings, place: Place) -> None:
     if settings.peers:
-        _ask_for(PEERS)
+        _check_peers()
     # Set before numpy is imported, and regardless of the user's environment.
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
     from tqdm import tqdm
 
-    from benchmarks.studies.performance.growth import draw
-    from benchmarks.studies.performance.measurements import RUNTIME, KeptMeasurements, installed
+    from benchmarks.studies.performance.measurements import RUNTIME, installed
     from benchmarks.studies.performance.tables import tables
     from foresee.infra.environment import commit, machine
     from foresee.infra.results_file import write_results
+    from foresee.infra.resumable import ResumableFolder
 
     torch.set_num_threads(THREADS)
-    kept = KeptMeasurements(place.out / "parts")
-    groups: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "growth": {}, "peers": {}}
+    folder = ResumableFolder(place.out / "parts")
+    groups: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "peers": {}}
     with tqdm(unit="part", smoothing=0.0) as bar:
         todo = measurements(settings, lambda what: bar.set_postfix_str(what))
         bar.reset(len(todo))
         for measurement in todo:
             group, name = measurement.name.split("/", 1)
             bar.set_description_str(" ".join(measurement.name.split()))
-            measured = kept.find(measurement)
-            if measured is None:
-                measured = kept.measure(measurement)
+            measured = folder.once(measurement.file, measurement.measure)
             # A measurement of the group "measures" is a dictionary of several measures.
             groups[group] |= measured if group == "measures" else {name: measured}
             bar.set_postfix_str("")
             bar.update()
     here = machine()
-    here["packages"] |= installed([RUNTIME, *(PEERS.values() if settings.peers else ())])
+    here["packages"] |= installed([RUNTIME, *([PEER_PACKAGE] if settings.peers else [])])
     results = {
         "machine": here,
         "commit": commit(),
@@ -193,7 +179,6 @@ def _run(settings: StageSettings, place: Place) -> None:
         **groups,
     }
     write_results(place.out / "results.json", "stages", results)
-    draw(groups["growth"]).savefig(place.out / "growth.png")
     print(tables(results), "", place.out / "results.json", sep="\n")
 
 

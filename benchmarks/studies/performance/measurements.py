@@ -1,4 +1,4 @@
-"""Measurements that are stored in a folder, so that an interrupted command can continue."""
+"""Measurements, and the names under which they are stored."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from foresee.infra.environment import machine
-from foresee.infra.resumable import ResumableFolder
 
 PACKAGES = ("benchmarks", "foresee", "planner", "predictor", "sim")
 RUNTIME = "openvino"
@@ -34,56 +33,26 @@ class Measurement:
     settings: dict[str, Any]
     measure: Callable[[], Any]
 
+    @property
+    def file(self) -> str:
+        """Name of its file.
 
-class KeptMeasurements:
-    """A folder of finished measurements.
-
-    A measurement by other code, on another machine, with other packages or with other settings
-    counts as missing.
-
-    Args:
-        folder: folder; made if it is missing.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = ResumableFolder(folder)
-
-    def find(self, one: Measurement) -> Any:
-        """Return the stored result of a measurement; None if there is none."""
-        kept = self._folder.read(_file(one))
-        return kept[0]["measured"] if kept is not None and kept[0].get("of") == _of(one) else None
-
-    def measure(self, one: Measurement) -> Any:
-        """Measure, store the result, and return it."""
-        measured = one.measure()
-        self._folder.write(_file(one), {"of": _of(one), "measured": measured}, {})
-        return measured
-
-
-def _file(one: Measurement) -> str:
-    return "".join(c if c.isalnum() else "-" for c in one.name) + ".npz"
-
-
-def _of(one: Measurement) -> dict[str, Any]:
-    """Return all that identifies a measurement, converted to JSON and back for comparisons."""
-    of = {
-        "name": one.name,
-        "code": code(),
-        "machine": machine(),
-        "runtime": installed([RUNTIME]),
-        "settings": one.settings,
-    }
-    plain: dict[str, Any] = json.loads(json.dumps(of))
-    return plain
+        It contains a hash of all that decides the measurement, so that measurements by other code,
+        on another machine, with other packages or with other settings are repeated.
+        """
+        decisive = [self.name, self.settings, code(), machine(), installed([RUNTIME])]
+        digest = hashlib.sha256(json.dumps(decisive).encode()).hexdigest()
+        words = "".join(c if c.isalnum() else "-" for c in self.name)
+        return f"{words}-{digest[:16]}.json"
 
 
 def installed(packages: Iterable[str]) -> dict[str, str]:
     """Return package → version for those of some packages that are installed."""
-    found = {}
+    versions = {}
     for package in packages:
         with contextlib.suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
+            versions[package] = version(package)
+    return versions
 
 
 @lru_cache(maxsize=1)

@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.performance import sized_maps as places
-from benchmarks.studies.performance.growth import believing
 from benchmarks.studies.performance.stage_times import Measure, measure, timed
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.kernels import njit
 from foresee.prediction import Prediction, View
+from planner.navigator import NavigatorConfig
 from planner.risk.ask_predictor import FIRST_DEADLINE, Asker
 from planner.risk.distance_transform import distance_field
 from planner.risk.predictor_process import PredictorProcess
+from planner.risk.risk_map import RiskMap
+from predictor.compact import Compact
 from predictor.recording.replay import replayed_with
 from predictor.registry import load_predictor
 from sim import Lidar, LidarConfig
@@ -37,6 +39,8 @@ REPEATS = 500
 """Number of calls of a kernel that is timed call by call."""
 VIEWS = 50
 """Number of views about which a predictor is asked."""
+RISK_MAPS = 200
+"""Number of risk maps that are timed."""
 
 
 def maps(seed: int) -> dict[str, World]:
@@ -133,8 +137,23 @@ def distance(seed: int) -> dict[str, Measure]:
 
 def risk(seed: int) -> dict[str, Measure]:
     """Time the computation of the risk map from the observed map and the prediction."""
+    config = NavigatorConfig(reliance=0.05)
     task = task_in("corridor", seed)
-    return {"risk map 200²": _time(believing(task, 5.0, 2.0)["risk"])}
+    poses = np.column_stack([places.along(task, RISK_MAPS), np.zeros(RISK_MAPS)])
+    rng = np.random.default_rng(0)
+    (*_, (known, _)) = replayed_with(task, poses, config.window, LidarConfig(), rng, 1)
+    squares = [known.frame.square(x, y, config.predicted_side) for x, y in poses[:, :2]]
+    views = [
+        View(known.crop(square), pose[:3]) for square, pose in zip(squares, poses, strict=True)
+    ]
+    predictor = Compact()
+    beliefs = [predictor.predict(view) for view in views]
+    near = [known.crop(known.frame.square(x, y, config.risk_side)) for x, y in poses[:, :2]]
+
+    def build(i: int) -> RiskMap:
+        return RiskMap.from_prediction(near[i], beliefs[i], config.reliance)
+
+    return {"risk map 200²": _time(timed(build, RISK_MAPS))}
 
 
 def asking(seed: int) -> dict[str, Measure]:

@@ -75,19 +75,18 @@ def timed(call: Callable[[int], Any], repeats: int) -> dict[str, float]:
     return spread(taken)
 
 
-def closed_loop(arm: str, drives: int, seed: int, v_max: float = 4.0) -> dict[str, list[float]]:
+def closed_loop(arm: str, drives: int, seed: int) -> dict[str, list[float]]:
     """Time each stage in each tick of drives through corridors.
 
     Args:
         arm: arm, a key of `benchmarks.runs.settings.ARMS`.
         drives: number of drives that are counted; one before them is not.
         seed: seed of the first drive.
-        v_max: top speed [m/s].
 
     Returns:
         Stage → its times [ms].
     """
-    settings = Settings(arms=(arm,), seed=seed, v_max=v_max)
+    settings = Settings(arms=(arm,), seed=seed)
     times: dict[str, list[float]] = {}
     drive(settings, 0, arm)
     for index in range(drives):

@@ -67,16 +67,18 @@ def drive_all(
                 lambda drive: str(drive["outcome"]),
                 lambda: time.monotonic() > end,
             )
-    found = {
+    drives = {
         series.name: files[series.name].unbroken(series.settings.episodes) for series in all_series
     }
-    missing = sum(settings.episodes - len(found[series.name]) for settings, series in leads.items())
-    return found, missing
+    missing = sum(
+        settings.episodes - len(drives[series.name]) for settings, series in leads.items()
+    )
+    return drives, missing
 
 
 def _file(series: Series, out: Path) -> DriveFile:
-    told = asdict(series.settings) | {"weights": weights_of(series.settings)}
-    return DriveFile(out / f"{series.name}.json", KIND, told, "episodes", OLDER)
+    conditions = asdict(series.settings) | {"weights": weights_of(series.settings)}
+    return DriveFile(out / f"{series.name}.json", KIND, conditions, "episodes", OLDER)
 
 
 def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from benchmarks.studies.performance import __main__ as stages
-from benchmarks.studies.performance import growth, rates, stage_times, throughput
+from benchmarks.studies.performance import rates, stage_times, throughput
 from benchmarks.studies.performance import sized_maps as places
 from benchmarks.studies.performance.__main__ import main
 from benchmarks.studies.performance.stage_times import spread, timed
@@ -67,28 +67,19 @@ def test_measures_are_told_with_their_intervals_and_tails():
 def quick(monkeypatch):
     """Everything small, and no processes."""
     for name, few in (
-        ("BEAMS", (90, 180)),
-        ("MAP_SIDES", (100, 200)),
-        ("WINDOWS", (5.0,)),
-        ("EXPANSIONS", (1.0, 2.0)),
-        ("HORIZONS", (20,)),
-        ("REPEATS", 2),
-    ):
-        monkeypatch.setattr(growth, name, few)
-    for name, few in (
         ("SCANS", 3),
         ("ROUNDS", 1),
         ("REPEATS", 3),
         ("VIEWS", 3),
+        ("RISK_MAPS", 2),
     ):
         monkeypatch.setattr(rates, name, few)
     plain = stage_times.closed_loop
 
-    def short(arm, drives, seed, v_max=4.0):
-        return plain("known" if arm == "oracle" else arm, drives, seed, v_max)
+    def short(arm, drives, seed):
+        return plain("known" if arm == "oracle" else arm, drives, seed)
 
     monkeypatch.setattr(stage_times, "closed_loop", short)
-    monkeypatch.setattr(growth, "closed_loop", short)
     monkeypatch.setattr("sim.episode.EpisodeConfig.__init__.__defaults__", (0.1, 0.5, 0.3, 0.2, 10))
 
     def driven(settings, items, jobs, report):
@@ -102,15 +93,15 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     tmp_path, monkeypatch, capsys, quick
 ):
     command = ["--out", str(tmp_path), "--drives", "1"]
-    measure = growth.grown
+    measure = throughput.memory
     for name in stages.LIMITS:
         monkeypatch.setenv(name, "2")
     torch.set_num_threads(2)
 
-    def interrupted(axis, seed, report):
+    def interrupted(drives, seed, report):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(growth, "grown", interrupted)
+    monkeypatch.setattr(throughput, "memory", interrupted)
     assert main(command) == 130
     assert "the same command goes on" in capsys.readouterr().err
     assert not (tmp_path / "results.json").exists()
@@ -118,7 +109,7 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     def forbidden(*_):
         raise AssertionError("measured twice")
 
-    monkeypatch.setattr(growth, "grown", measure)
+    monkeypatch.setattr(throughput, "memory", measure)
     monkeypatch.setattr(rates, "rays", forbidden)
     assert main(command) == 0
     results = json.loads((tmp_path / "results.json").read_text())
@@ -131,14 +122,12 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     assert torch.get_num_threads() == 1
     assert os.environ["OMP_NUM_THREADS"] == "1"
     assert results["stages"]["cycle"]["median_ms"] > results["stages"]["predict"]["median_ms"]
-    assert [entry["value"] for entry in results["growth"]["beams"]] == [90, 180]
     measures = results["measures"]
     assert measures["rays, on ways, corridor 1000², 1 thread"]["value"] > 0
     assert measures["prediction, in a process of its own"]["value"] > 0
     assert measures["throughput, 2 processes"]["value"] == pytest.approx(10.0)
     assert measures["1,000 episodes of 3 arms, 2 processes"]["value"] == pytest.approx(75.0)
     assert results["peak_memory_mib"] == 900.0
-    assert (tmp_path / "growth.png").stat().st_size > 5000
     out = " ".join(capsys.readouterr().out.split())
     assert "| `predicted` | predict |" in out
     assert "| risk map 200² |" in out
@@ -155,7 +144,7 @@ def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
 
 
 def test_missing_peers_are_named_before_anything_is_measured(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(stages, "PEERS", {"json": "json", "no_such_module": "no-such-package"})
+    monkeypatch.setattr(stages, "PEER", "no_such_module")
     assert main(["--peers", "--out", str(tmp_path)]) == 2
     assert "--peers needs no_such_module" in capsys.readouterr().err
 
@@ -167,13 +156,13 @@ def test_peers_are_measured_anew_when_one_of_them_is_another(monkeypatch):
     )
     parts = stages.measurements(stages.StageSettings(peers=True), print)
     of_peers = [part for part in parts if part.name.startswith("peers/")]
-    assert {"rays", "mpc"} <= {part.name.removeprefix("peers/") for part in of_peers}
+    assert {"prediction", "mpc"} <= {part.name.removeprefix("peers/") for part in of_peers}
     for part in of_peers:
-        assert part.settings["packages"] == dict.fromkeys(stages.PEERS.values(), "1")
+        assert part.settings["packages"] == {stages.PEER_PACKAGE: "1"}
 
 
 def test_a_missing_compiler_is_named_too(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(stages, "PEERS", {"json": "json"})
+    monkeypatch.setattr(stages, "PEER", "json")
     monkeypatch.setattr(stages, "COMPILER", "no-such-compiler")
     assert main(["--peers", "--out", str(tmp_path)]) == 2
     assert "--peers needs no-such-compiler" in capsys.readouterr().err

@@ -37,7 +37,7 @@ centre to the nearest solid cell's (rows, columns) [m], side of a cell [m], lowe
 [m], and radius of the disc [m]."""
 
 
-class NoWayError(LineError):
+class NoPathError(LineError):
     """There is no path from start to goal for a disc of this radius; the message is one line."""
 
 
@@ -56,12 +56,12 @@ def time_bound(length: float, car: CarLimits, goal_radius: float) -> float:
     return car.v_max / car.acceleration + (distance - rising) / car.v_max
 
 
-def way_length(path: NDArray[np.float64]) -> float:
+def path_length(path: NDArray[np.float64]) -> float:
     """Return the length of a polyline (n, 2) [m]."""
     return float(np.hypot(*np.diff(path, axis=0).T).sum())
 
 
-def shortest_way(
+def shortest_path(
     world: World, start: tuple[float, float], goal: tuple[float, float], radius: float
 ) -> NDArray[np.float64]:
     """Find the shortest path of a disc's centre to a goal, with the whole map known.
@@ -80,7 +80,7 @@ def shortest_way(
         Points from start to goal, (n, 2) [m], n ≥ 2; arcs around corners are polylines.
 
     Raises:
-        NoWayError: if there is no path.
+        NoPathError: if there is no path.
         ValueError: if the radius is negative or not finite.
     """
     if not 0.0 <= radius < math.inf:
@@ -90,16 +90,16 @@ def shortest_way(
     ends = np.array([start[:2], goal], dtype=np.float64)
     for name, point in zip(("start", "goal"), ends, strict=True):
         if not sees(room, point, point):
-            raise NoWayError(f"{world.name}: a disc of {radius:g} m does not fit at the {name}")
+            raise NoPathError(f"{world.name}: a disc of {radius:g} m does not fit at the {name}")
     path = _any_angle(~_blocked(solid, radius / frame.resolution), room, ends[0], ends[1])
     if len(path) == 0:
-        raise NoWayError(f"{world.name}: no path for a disc of {radius:g} m")
+        raise NoPathError(f"{world.name}: no path for a disc of {radius:g} m")
     corners = _corners(world)
     length = math.inf
     for _ in range(ROUNDS):
-        if length - way_length(path) < 1e-3:
+        if length - path_length(path) < 1e-3:
             break
-        length = way_length(path)
+        length = path_length(path)
         near = corners[_distances(corners, path) < radius + NEAR]
         points = np.vstack([ends, path[1:-1], _around(near, room)])
         path = points[_taut(points, length + 1e-9, room)]
