@@ -62,4 +62,4 @@ def drive(
 
 def plot(run: Run) -> Figure:
     """Draw the speed over the distance driven for each arm, and what limited the speed."""
-    return speed_profile(run)
+    return speed_profile([run])

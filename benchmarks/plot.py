@@ -4,8 +4,11 @@
 
 For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
 trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one
-tick). Without --out, the figures of a run are written into its DIR. With --out, the figures of one
-run are written into OUT, those of several runs into OUT/NAME.
+tick). For several DIRs also speed_profiles.png: all runs in one speed profile.
+
+Without --out, the figures of a run are written into its DIR, and speed_profiles.png into the first
+DIR. With --out, the figures of one run are written into OUT, those of several runs into OUT/NAME,
+and speed_profiles.png into OUT.
 """
 
 from __future__ import annotations
@@ -46,7 +49,9 @@ def _run(settings: PlotSettings) -> None:
     # Imported after loading, so that a bad run is reported without waiting for slow imports.
     from benchmarks.figures.animation import Animation
     from benchmarks.figures.run_figures import draw_run
+    from benchmarks.figures.speed_profile import speed_profile
     from benchmarks.figures.video import write_gif
+    from foresee.infra.drawing import save_figures
 
     out, episode, arm = settings.out, settings.episode, settings.arm
     if out is not None and len({run.label for run in runs}) < len(runs):
@@ -59,6 +64,9 @@ def _run(settings: PlotSettings) -> None:
             drive = Animation(run, episode, arm, settings.stride)
             paths.append(folder / f"drive-{drive.index}-{drive.arm}.gif")
             write_gif(drive.frame, len(drive), drive.rate, paths[-1])
+    if len(runs) > 1:
+        together = ("speed_profiles.png", lambda: speed_profile(runs, episode))
+        paths += save_figures([together], out or runs[0].directory)
     print(*paths, sep="\n")
 
 

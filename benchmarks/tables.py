@@ -23,6 +23,7 @@ TABLES = {
     "interrupt": "benchmarks.studies.robustness.interruptions:table",
     "stuck": "benchmarks.studies.driver.stuck:table",
     "weave": "benchmarks.studies.driver.weave:table",
+    "sweeps": "benchmarks.studies.driver.sweeps:table",
     "stages": "benchmarks.studies.performance.tables:tables",
     "prediction": "benchmarks.studies.katyal2018.tables:tables_of",
     "evaluation": "predictor.evaluation.drive_scores:table",

@@ -29,6 +29,7 @@ STUDIES = {
     "interrupt": ("robustness.interrupt", "interrupt long commands, and compare the results"),
     "stuck": ("driver.stuck", "find out why drives got stuck"),
     "weave": ("driver.weave", "count steering oscillations on straights"),
+    "sweeps": ("driver.sweeps", "compare scores that limit the reliance on a prediction"),
 }
 """Command of a study → module in `benchmarks.studies`, and description."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Statistic = Callable[[NDArray[np.float64]], Any]
-"""Function from sums, (k, ROUNDS), to the value for each resampling, (ROUNDS,)."""
+"""Function from sums, (k, rounds), to the value for each round, (rounds,)."""
 ROUNDS = 2000
 """Number of resamplings."""
 MIN_GROUPS = 5
@@ -17,27 +17,28 @@ MIN_GROUPS = 5
 
 
 def resampled(
-    strata: Sequence[NDArray[np.float64]], *, one_by_one: bool = False
+    strata: Sequence[NDArray[np.float64]], rounds: int = ROUNDS, *, one_by_one: bool = False
 ) -> NDArray[np.float64]:
-    """Resample groups within strata, and return the sums over all groups, (k, ROUNDS).
+    """Resample groups within strata, and return the sums over all groups, (k, rounds).
 
     The seed is fixed, so that two statistics are compared on the same resamplings.
 
     Args:
         strata: for each stratum, the sums of each of its groups, (k, groups).
+        rounds: number of resamplings.
         one_by_one: whether groups are drawn one by one rather than their numbers at once. Both have
             the same distribution; published intervals were computed with either.
     """
     rng = np.random.default_rng(0)
-    totals = np.zeros((len(strata[0]), ROUNDS))
+    totals = np.zeros((len(strata[0]), rounds))
     for sums in strata:
         count = sums.shape[1]
         if one_by_one:
-            drawn = rng.integers(0, count, (ROUNDS, count))
+            drawn = rng.integers(0, count, (rounds, count))
             times = (np.bincount(groups, minlength=count) for groups in drawn)
             totals += np.stack([sums @ number for number in times], axis=1)
         else:
-            totals += sums @ rng.multinomial(count, np.full(count, 1.0 / count), ROUNDS).T
+            totals += sums @ rng.multinomial(count, np.full(count, 1.0 / count), rounds).T
     return totals
 
 
@@ -48,7 +49,10 @@ def ends(values: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def estimate(
-    groups: Sequence[str], entries: NDArray[np.float64], statistic: Statistic
+    groups: Sequence[str],
+    entries: NDArray[np.float64],
+    statistic: Statistic,
+    rounds: int = ROUNDS,
 ) -> dict[str, Any]:
     """Compute a statistic of sums over entries and its 95 % bootstrap interval.
 
@@ -56,6 +60,7 @@ def estimate(
         groups: group of each entry, n of them; the entries of a group are drawn together.
         entries: k values of each entry that are summed, (k, n).
         statistic: function of the sums.
+        rounds: number of resamplings.
 
     Returns:
         `value`, `low` and `high`; both ends are None with fewer than `MIN_GROUPS` different groups.
@@ -66,7 +71,7 @@ def estimate(
     low, high = None, None
     if len(numbers) >= MIN_GROUPS:
         sums = _sums(number, entries)
-        low, high = ends(statistic(resampled([sums], one_by_one=True)))
+        low, high = ends(statistic(resampled([sums], rounds, one_by_one=True)))
     return {"value": value, "low": low, "high": high}
 
 

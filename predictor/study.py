@@ -39,7 +39,7 @@ class StudySettings(Options):
     data: Path = option(SIMULATED, "folder of frames that predictor.dataset has made", "DIR")
     out: Path | None = option(
         None,
-        "folder of results, with a folder for each training: checkpoint, log, weights "
+        "folder of results, with a folder for each training: checkpoint, log, curve, weights "
         "(default: results/study-PRESET)",
         "DIR",
     )

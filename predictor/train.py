@@ -55,7 +55,7 @@ class TrainSettings(Options):
     )
     out: Path | None = option(
         None,
-        f"folder of checkpoint, log and weights (default: {TRAINED}; with --start: "
+        f"folder of checkpoint, log, curve and weights (default: {TRAINED}; with --start: "
         f"{TUNED[1]}; or results/networks/ARCH-EXPANSION)",
         "DIR",
     )

@@ -27,7 +27,9 @@ class Place(Options):
     """Options of where the training runs and is saved; none of them changes a result."""
 
     jobs: int = jobs_option()
-    out: Path = option(Path("results/frontiers"), "folder of checkpoint, log and weights", "DIR")
+    out: Path = option(
+        Path("results/frontiers"), "folder of checkpoint, log, curve and weights", "DIR"
+    )
 
 
 def _run(config: FrontiersConfig, training: FrontierTraining, place: Place) -> None:

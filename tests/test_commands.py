@@ -20,6 +20,7 @@ COMMANDS = {
     "benchmarks.studies.driver.stuck": "benchmarks",
     "benchmarks.tables": "benchmarks",
     "benchmarks.studies.driver.weave": "benchmarks",
+    "benchmarks.studies.driver.sweeps": "benchmarks",
     "predictor.check": "predictor",
     "predictor.dataset": "predictor",
     "predictor.drives": "predictor",

@@ -37,7 +37,7 @@ def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = 
     """
     shown = None if episode is None else [episode]
     figures: list[tuple[str, Callable[[], Figure]]] = [
-        ("speed_profile.png", lambda: speed_profile(run, episode)),
+        ("speed_profile.png", lambda: speed_profile([run], episode)),
         ("trajectories.png", lambda: trajectories(run, shown)),
         ("moment.png", lambda: moment(run, episode, arm)),
     ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,30 +18,52 @@ from benchmarks.figures.palette import (
     limit_patches,
     note,
 )
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import Drive
+from benchmarks.runs.trace import Trace
 from foresee.infra.drawing import INK, new_figure
 
+DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
+"""Line styles that tell runs apart."""
 STRIP = 0.27
 """Height of a drive's strip of limits [inch]."""
 
 
-def speed_profile(run: Run, index: int | None = None) -> Figure:
-    """Draw the speed over distance of each arm of a run in one episode, and its limits.
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """A drive that is drawn as one line of the figure.
+
+    Attributes:
+        label: label of the line.
+        run: number of its run among those drawn.
+        result: result of the drive.
+        trace: arrays of the drive.
+    """
+
+    label: str
+    run: int
+    result: DriveResult
+    trace: Trace
+
+
+def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
+    """Draw the speed over distance of each arm of each run in one episode, and its limits.
 
     Speeds in reverse are drawn below zero. Beside it, the SCT of all episodes is shown.
 
     Args:
-        run: run that contains the episode.
-        index: number of the episode; None: the first one in which all arms reached the goal.
+        runs: one or more runs.
+        index: number of the episode; None: the first one in which all arms of the first run reached
+            the goal.
 
     Raises:
-        RunError: if the run has no such episode, or a trace is broken.
+        RunError: if no run has such an episode, or a trace is broken.
     """
     if index is None:
-        index = run.showcase
-    drives = [Drive(run.drives[index, arm], run.trace(index, arm)) for arm in run.arms_of(index)]
-    many = len(run.indices) > 1 and all(episode.sct is not None for episode in run.episodes)
+        index = runs[0].showcase
+    drives = _drives(runs, index)
+    scored = all(episode.sct is not None for run in runs for episode in run.episodes)
+    many = scored and max(len(run.indices) for run in runs) > 1
     figure = new_figure(10, 4.4 + STRIP * len(drives))
     axes = figure.subplots(
         2,
@@ -49,13 +73,13 @@ def speed_profile(run: Run, index: int | None = None) -> Figure:
         height_ratios=(3.6, STRIP * len(drives) + 0.1),
         width_ratios=(5.2, 1) if many else (1,),
     )
-    _profiles(axes[0, 0], drives, run.setting("v_max"))
+    _profiles(axes[0, 0], drives, max(run.setting("v_max") for run in runs))
     _strips(axes[1, 0], drives, room=many)
     # The title is above the legend if the legend is too wide to stand beside it.
     pad, title = 22 if len(drives) > 3 else 6, f"Episode {index} · {drives[0].result.world}"
     axes[0, 0].set_title(title, loc="left", fontsize=11, color=INK, pad=pad)
     if many:
-        _all_episodes(axes[0, 1], run, drives)
+        _all_episodes(axes[0, 1], runs, drives)
         axes[1, 1].set_visible(False)
     patches = limit_patches((limit for drive in drives for limit in drive.trace.limits), **RIM)
     figure.legend(
@@ -71,13 +95,30 @@ def speed_profile(run: Run, index: int | None = None) -> Figure:
     return figure
 
 
-def _profiles(ax: Axes, drives: list[Drive], v_max: float) -> None:
+def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
+    labels = [run.label for run in runs]
+    if len(set(labels)) < len(labels):
+        labels = [str(run.directory) for run in runs]
+    return [
+        _Drive(
+            arm if len(runs) == 1 else f"{labels[number]}: {arm}",
+            number,
+            run.drives[index, arm],
+            run.trace(index, arm),
+        )
+        for number, run in enumerate(runs)
+        for arm in run.arms_of(index)
+    ]
+
+
+def _profiles(ax: Axes, drives: list[_Drive], v_max: float) -> None:
     ax.axhline(v_max, color="#999999", linewidth=0.8, linestyle=(0, (2, 2)))
     note(ax, "top speed of the car", (0, v_max), (2, 2), color="#777777")
     for drive in drives:
         colour = arm_colour(drive.result.arm)
         speed, distance = drive.trace.states[:, 3], drive.trace.distance
-        ax.plot(distance, speed, color=colour, linewidth=1.8, label=drive.result.arm)
+        dashes = DASHES[drive.run % len(DASHES)]
+        ax.plot(distance, speed, color=colour, linewidth=1.8, label=drive.label, linestyle=dashes)
         ax.plot(
             distance[-1],
             speed[-1],
@@ -101,7 +142,7 @@ def _profiles(ax: Axes, drives: list[Drive], v_max: float) -> None:
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         fontsize=9,
-        ncols=6 if len(drives) <= 6 else 3,
+        ncols=6 if len(drives) <= 6 and drives[-1].run == 0 else 3,
         borderaxespad=0.2,
         handlelength=2.2,
         columnspacing=1.4,
@@ -109,7 +150,7 @@ def _profiles(ax: Axes, drives: list[Drive], v_max: float) -> None:
     _plain(ax)
 
 
-def _strips(ax: Axes, drives: list[Drive], room: bool) -> None:
+def _strips(ax: Axes, drives: list[_Drive], room: bool) -> None:
     """Draw a strip for each drive with what limited its speed, and its outcome as text.
 
     Args:
@@ -129,7 +170,7 @@ def _strips(ax: Axes, drives: list[Drive], room: bool) -> None:
         text, end = f" {word}{drive.result.verdict}", (distance[-1], row)
         note(ax, text, end, (4, 0), va="center", annotation_clip=False).set_in_layout(not room)
     ax.set_ylim(len(drives) - 0.5, -0.5)
-    ax.set_yticks(range(len(drives)), [drive.result.arm for drive in drives], fontsize=9)
+    ax.set_yticks(range(len(drives)), [drive.label for drive in drives], fontsize=9)
     for tick, drive in zip(ax.get_yticklabels(), drives, strict=True):
         tick.set_color(arm_colour(drive.result.arm))
     ax.set_xlabel("distance driven [m]")
@@ -137,12 +178,12 @@ def _strips(ax: Axes, drives: list[Drive], room: bool) -> None:
     ax.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _all_episodes(ax: Axes, run: Run, drives: list[Drive]) -> None:
+def _all_episodes(ax: Axes, runs: Sequence[Run], drives: list[_Drive]) -> None:
     """Draw the SCT of all episodes, with a column for each line of the figure."""
     rng = np.random.default_rng(0)
     for column, drive in enumerate(drives):
         arm = drive.result.arm
-        episodes = [e for e in run.episodes if e.arm == arm]
+        episodes = [e for e in runs[drive.run].episodes if e.arm == arm]
         x = column + rng.uniform(-0.2, 0.2, len(episodes))
         scores = np.array([e.sct for e in episodes])
         marks = np.array([OUTCOME_MARKS.get(e.outcome, "") for e in episodes])
@@ -152,7 +193,8 @@ def _all_episodes(ax: Axes, run: Run, drives: list[Drive]) -> None:
             ax.scatter(x[here], scores[here], size, marker=mark, **style)
         mean = np.mean(scores)
         ax.plot([column - 0.35, column + 0.35], [mean, mean], color=INK, linewidth=1.6)
-    ax.set_title(f"SCT,\nall {len(run.indices)} episodes", fontsize=9, color=INK)
+    count = max(len(run.indices) for run in runs)
+    ax.set_title(f"SCT,\nall {count} episodes", fontsize=9, color=INK)
     ax.set(xlim=(-0.6, len(drives) - 0.4), xticks=[], ylim=(-0.03, 1.03))
     _plain(ax)
 

@@ -19,6 +19,7 @@ COMMANDS = {
     "interrupt": "benchmarks.studies.robustness.interrupt",
     "stuck": "benchmarks.studies.driver.stuck",
     "weave": "benchmarks.studies.driver.weave",
+    "sweeps": "benchmarks.studies.driver.sweeps",
     "stages": "benchmarks.studies.performance",
     "prediction": "benchmarks.studies.katyal2018",
     "evaluation": "predictor.evaluate",

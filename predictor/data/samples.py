@@ -3,6 +3,7 @@
 A folder holds one file for each drive, see `predictor.data.packed_samples`:
 
     codes     packed samples
+    poses     (n, 3) float64: x, y, yaw of the robot in its building [m, m, rad]
     about     format, side, family, seed, and the hashes of the building, as driven through (world)
               and as generated (original)
 
@@ -14,7 +15,8 @@ both, facing +x to within 45°: maps are rotated by quarter turns, which need no
 from __future__ import annotations
 
 import zlib
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +53,20 @@ def encoded(known: Grid, truth: NDArray[np.uint8], around: Grid, yaw: float) -> 
     codes = np.rot90(joined(codes_of(known.cells), truth), turns)
     context = np.rot90(context_of(around), turns, axes=(1, 2))
     return zlib.compress(codes.tobytes() + context.tobytes(), 2)
+
+
+def write_samples(
+    path: Path, samples: list[tuple[bytes, NDArray[np.float64]]], about: dict[str, Any]
+) -> None:
+    """Write the samples of a drive, whole or not at all.
+
+    Args:
+        path: path of the file.
+        samples: each as `encoded` makes it, with the pose of the robot, (3,).
+        about: facts of the drive.
+    """
+    poses = np.array([pose for _, pose in samples], dtype=np.float64).reshape(-1, 3)
+    Samples.write(path, [sample for sample, _ in samples], about, poses=poses)
 
 
 class Samples(PackedSamples):

@@ -1,4 +1,4 @@
-"""Figures of predictors' scores: reliability diagrams, and sheets of images."""
+"""Figures of predictors' scores: reliability diagrams, measures over distance, sheets of images."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from foresee.infra.drawing import INK, bare, new_figure, save_figures
-from predictor.scoring.scores import Scores
+from predictor.scoring.scores import EDGES, RINGS, Scores
 
 PREDICTOR_COLOURS = {
     "unet_ff": "#0072B2",
@@ -32,10 +32,18 @@ OTHER_PREDICTORS = ("#E69F00", "#882255", "#44AA99", "#332288")
 """Colours, in turn, of predictors that have none of their own; after P. Tol's `muted` scheme."""
 _TURNS = itertools.cycle(OTHER_PREDICTORS)
 
-SHARE = 5e-4
-"""Smallest share of the cells in a bin for a point to be drawn."""
+ENOUGH, SHARE = 1000, 5e-4
+"""Smallest number of cells of a ring, and smallest share of the cells in a bin, for a point to be
+drawn."""
 SHOWN = 5
 """Number of predictions of each kind on the sheet of an evaluation."""
+OF_RINGS = {
+    "iou_free": "IoU of free",
+    "brier_free": "Brier score of free",
+    "iou_occupied": "IoU of occupied",
+}
+"""Measures that an evaluation draws over the distance, with their labels."""
+
 Curve = Sequence[Any]
 """Reliability diagram: mean probability, observed share, and share of the cells of each bin."""
 
@@ -46,7 +54,7 @@ def draw_evaluation(
     pictures: list[tuple[float, NDArray[np.uint8]]],
     predictors: tuple[str, ...],
 ) -> None:
-    """Write reliability.png and sheet.png of an evaluation into a folder.
+    """Write reliability.png, rings.png and sheet.png of an evaluation into a folder.
 
     Args:
         out: folder of the figures.
@@ -56,6 +64,14 @@ def draw_evaluation(
     """
     if not groups:
         return
+
+    def rings(scores: Scores) -> list[dict[str, float]]:
+        return [{"from": EDGES[i], **scores.measures(slice(i, i + 1))} for i in range(RINGS)]
+
+    of_rings = {
+        group: {name: rings(scores[name]) for name in predictors}
+        for group, scores in groups.items()
+    }
     curves = {
         group: {
             f"was {state}": {name: scores[name].reliability(state) for name in predictors}
@@ -63,7 +79,10 @@ def draw_evaluation(
         }
         for group, scores in groups.items()
     }
-    figures = [("reliability.png", partial(reliability, curves))]
+    figures = [
+        ("reliability.png", partial(reliability, curves)),
+        ("rings.png", partial(over_distance, of_rings, OF_RINGS)),
+    ]
     if pictures:
         figures.append(("sheet.png", partial(_good_and_bad, pictures)))
     save_figures(figures, out)
@@ -93,6 +112,28 @@ def reliability(columns: Mapping[str, Mapping[str, Mapping[str, Curve]]]) -> Fig
             axis.set(aspect="equal", xlim=(0, 1), ylim=(0, 1))
             axis.set_xticks([0, 0.5, 1], ["0", "½", "1"])
             axis.set_yticks([0, 0.5, 1], ["0", "½", "1"])
+    legend(figure, axes)
+    return figure
+
+
+def over_distance(
+    columns: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]], measures: Mapping[str, str]
+) -> Figure:
+    """Draw measures of unobserved cells over the cells' distance beyond the frontier.
+
+    Args:
+        columns: column → predictor → rings, each with `from` [m], `cells` and the measures.
+        measures: name of each measure → label.
+    """
+    figure, axes = panels(columns, measures.values(), "beyond the frontier [m]")
+    for row, predictors in zip(axes.T, columns.values(), strict=True):
+        for axis, measure in zip(row, measures, strict=True):
+            for name, rings in predictors.items():
+                first = [ring["from"] for ring in rings]
+                middle = np.convolve([*first, 1.5 * first[-1]], [0.5, 0.5], "valid")
+                values = [ring[measure] if ring["cells"] >= ENOUGH else None for ring in rings]
+                line(axis, middle, values, name)
+            axis.set_ylim(bottom=0.0)
     legend(figure, axes)
     return figure
 

@@ -16,6 +16,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_json import loads
@@ -26,7 +27,7 @@ from foresee.mapping.polyline import arc_length
 from predictor.data.frames import MANIFEST
 from predictor.data.laser_log import LaserLog
 from predictor.data.log_files import is_log, read_log
-from predictor.data.samples import FORMAT, RECIPE, SIDE, Samples, encoded
+from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import cells_of, codes_of, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.recording.own_buildings import OwnBuildings, log_hash, world_of
@@ -49,6 +50,8 @@ visit each room and some only one corridor; distance from one sample of a log to
 STRETCH = 50.0
 """Length of a user's log that one replay covers [m], so that it gives no more samples than a
 drive."""
+Posed = tuple[bytes, "NDArray[np.float64]"]
+"""A sample, and the pose of the robot in it, (3,) [m, m, rad]."""
 SPREAD = 10_000_000
 """Difference of seeds from one route of a log to the next, larger than any split."""
 
@@ -87,7 +90,7 @@ def record(config: DrivesConfig, own: OwnBuildings, item: Item) -> tuple[int, st
     except NoTaskError as error:
         reason = str(error)
     about = {"family": kind, "seed": seed, "world": driven_through, "original": drawn}
-    Samples.write(path_of(config.out, item), samples, about)
+    write_samples(path_of(config.out, item), samples, about)
     return len(samples), reason
 
 
@@ -120,7 +123,7 @@ def place_of(
 
 def _driven(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[bytes]:
+) -> Iterator[Posed]:
     """Yield the samples of a drive, with the map of the building as truth.
 
     Raises:
@@ -140,12 +143,12 @@ def _driven(
             crop = known.crop(known.frame.square(state[0], state[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
             around = known.crop(known.frame.square(state[0], state[1], CONTEXT_SIDE))
-            yield encoded(crop, truth, around, float(state[2]))
+            yield encoded(crop, truth, around, float(state[2])), state[:3]
 
 
 def _logged(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
-) -> Iterator[bytes]:
+) -> Iterator[Posed]:
     """Yield the samples of a simulated log, with the map of the whole log as truth.
 
     Raises:
@@ -180,7 +183,7 @@ def _replayed(
     truth: Grid,
     rng: np.random.Generator,
     longest: float = math.inf,
-) -> Iterator[bytes]:
+) -> Iterator[Posed]:
     """Yield the samples of a log, which is replayed `config.views` times.
 
     Args:
@@ -213,7 +216,7 @@ def _replayed(
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = codes_of(truth.crop(square).cells)
                 around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT_SIDE))
-                yield encoded(known.crop(square), true, around, float(pose[2]))
+                yield encoded(known.crop(square), true, around, float(pose[2])), pose
 
 
 def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset()) -> None:

@@ -43,13 +43,15 @@ class CompactTrainer(Trainer):
         config: settings of the training.
         train: training samples.
         validation: validation samples.
-        out: folder of checkpoint, log and weights.
+        out: folder of checkpoint, log, curve and weights.
         start: network to start from, and the facts of its training; None: random weights.
 
     Raises:
         TrainError: if the folder holds another training, or the weights to start from have learned
             from buildings of the validation samples.
     """
+
+    CURVES = (("loss", "nll"), ("iou_free", "iou_occupied", "auc_free"), ("ece_free", "brier_free"))
 
     def __init__(
         self,

@@ -31,13 +31,14 @@ class FrontierTrainer(Trainer):
         config: settings of the training.
         train: training samples.
         validation: validation samples.
-        out: folder of checkpoint, log and weights.
+        out: folder of checkpoint, log, curve and weights.
 
     Raises:
         TrainError: if the folder holds another training.
     """
 
     LOSSES = ("loss", "of_leads")
+    CURVES = (("loss",), ("of_leads", "validation_of_leads"), ("validation_of_ways",))
 
     def __init__(
         self,

@@ -39,7 +39,7 @@ class ImageTrainer(Trainer):
         training: settings of the training.
         train: training frames.
         validation: validation frames, on which the greys are also calibrated.
-        out: folder of checkpoint, log and weights.
+        out: folder of checkpoint, log, curve and weights.
 
     Raises:
         TrainError: if the folder holds another training.
@@ -63,6 +63,9 @@ class ImageTrainer(Trainer):
         net = GreyNet(config).to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.learner = (Adversary if config.arch == "gan" else Learner)(net, training)
         self.LOSSES = self.learner.LOSSES
+        self.CURVES = (("l1", "validation_l1"), ("ssim",))
+        if len(self.LOSSES) > 1:
+            self.CURVES += (self.LOSSES[1:],)
         facts = described(config, training, (train.digest, validation.digest)) | {
             # Device, threads and processes (always 1) decide the rounding of sums.
             "arithmetic": [device.type, torch.get_num_threads(), 1],
@@ -128,7 +131,7 @@ def train_images(
         config: settings of the network; `turned` is replaced by what the data need.
         training: settings of the training.
         data: folder that `predictor.dataset` or `predictor.drives` has made.
-        out: folder of checkpoint, log and weights.
+        out: folder of checkpoint, log, curve and weights.
         threads: number of threads of this process.
         end: see `Trainer.run`.
 

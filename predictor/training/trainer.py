@@ -7,6 +7,7 @@ with the same weights as one that was not killed, on a CPU to the last bit.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import time
@@ -19,6 +20,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
@@ -55,7 +58,8 @@ class Trainer(ABC):
     the checkpoint if there is one.
 
     Args:
-        weights: file of the weights; its folder also contains the checkpoint and the log.
+        weights: file of the weights; its folder also contains the checkpoint, the log and the
+            curve.
         facts: plain data that identify this training.
         steps: number of optimiser steps.
         note_every: number of steps from one validation to the next; the last step is always
@@ -76,6 +80,8 @@ class Trainer(ABC):
 
     LOSSES: tuple[str, ...] = ("loss",)
     """Names of the training losses that `_learn` returns."""
+    CURVES: tuple[tuple[str, ...], ...]
+    """Names of the values drawn in each panel of curve.png."""
 
     parts: dict[str, Any]
     """Networks and optimisers by name, whose state is in the checkpoint; set by the subclass."""
@@ -149,6 +155,7 @@ class Trainer(ABC):
                 if stop:
                     raise Stopped
         self._export(self._facts | {"commit": " ".join(sorted(self.commits))})
+        draw_curve(self.log, self.weights.with_name("curve.png"), self.CURVES)
         return self.weights
 
     def save(self) -> None:
@@ -233,3 +240,29 @@ def summary_of(entry: dict[str, float]) -> str:
         f"{name.replace('_', ' ')} {value:.3f}" for name, value in entry.items() if name in SHOWN
     )
     return f"epoch {entry['epoch']:g}: {shown}" if "epoch" in entry else shown
+
+
+def draw_curve(
+    log: list[dict[str, float]], path: Path, panels: tuple[tuple[str, ...], ...]
+) -> None:
+    """Draw losses and validation measures over the steps.
+
+    Args:
+        log: entries, each with its "step".
+        path: path of the picture.
+        panels: names of the values drawn in each panel.
+    """
+    figure = Figure(figsize=(4 * len(panels), 3.4), layout="constrained")
+    axes = figure.subplots(1, len(panels), squeeze=False)[0]
+    steps = [entry["step"] for entry in log]
+    for axis, names in zip(axes, panels, strict=True):
+        for name in names:
+            label = name.replace("_", " ") + (" (training)" if name == "loss" else "")
+            axis.plot(steps, [entry[name] for entry in log], label=label)
+        axis.set_xlabel("step")
+        axis.grid(alpha=0.3)
+        axis.legend(frameon=False)
+    FigureCanvasAgg(figure)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=130)
+    write_whole(path, buffer.getvalue())

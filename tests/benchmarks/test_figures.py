@@ -142,7 +142,7 @@ def test_a_change_of_gear_is_found_where_the_car_turns_back(tmp_path):
 def test_driving_backwards_is_shown_in_every_figure(tmp_path):
     run = Run.load(backed_up(tmp_path / "run"))
     assert len(draw_all(tmp_path / "run")) == 3
-    profile = speed_profile(run).axes[0]
+    profile = speed_profile([run]).axes[0]
     assert profile.get_ylim()[0] < -0.5
     assert "in reverse" in [text.get_text() for text in profile.texts]
     legend = trajectories(run).legends[0]
@@ -155,7 +155,7 @@ def test_driving_backwards_is_shown_in_every_figure(tmp_path):
 
 def test_drives_without_a_reverse_gear_look_as_before(tmp_path):
     run = Run.load(write_run(tmp_path / "run"))
-    assert speed_profile(run).axes[0].get_ylim()[0] == 0
+    assert speed_profile([run]).axes[0].get_ylim()[0] == 0
     legend = trajectories(run).legends[0]
     assert "change of gear" not in [text.get_text() for text in legend.get_texts()]
 
@@ -164,7 +164,7 @@ def test_figures_lead_with_time_and_sct(tmp_path):
     run = Run.load(write_run(tmp_path / "run"))
     texts = [text.get_text() for ax in trajectories(run).axes for text in ax.texts]
     assert {"reached · 1.2 s · SCT 0.25", "reached · 1.2 s · SCT 0.50"} <= set(texts)
-    profile = speed_profile(run)
+    profile = speed_profile([run])
     texts = [text.get_text().strip() for ax in profile.axes for text in ax.texts]
     assert {"1.2 s · SCT 0.25", "1.2 s · SCT 0.50"} <= set(texts)
     assert not any("m/s" in text for text in texts)
@@ -181,7 +181,7 @@ def test_a_run_without_sct_is_drawn_with_what_it_has(tmp_path):
             episode["sct"] = None
     (run / "results.json").write_text(json.dumps(results))
     assert len(draw_all(run)) == 3
-    profile = speed_profile(Run.load(run))
+    profile = speed_profile([Run.load(run)])
     assert "1.2 s" in [text.get_text().strip() for ax in profile.axes for text in ax.texts]
 
 
@@ -208,13 +208,14 @@ def test_the_episode_shown_is_the_first_that_all_arms_reached(tmp_path):
     assert Run.load(write_run(tmp_path / "c", outcomes=crash)).showcase == 0
 
 
-def test_two_runs_have_a_folder_each(tmp_path, capsys):
+def test_two_runs_share_one_speed_profile(tmp_path, capsys):
     first, second = write_run(tmp_path / "a"), write_run(tmp_path / "b", arms=("known", "oracle"))
     out = tmp_path / "out"
     assert plot.main([str(first), str(second), "--out", str(out), "--episode", "1"]) == 0
     printed = capsys.readouterr().out.split()
+    assert str(out / "speed_profiles.png") in printed
     assert all((out / run / name).is_file() for run in "ab" for name in FIGURES)
-    assert len(printed) == 6
+    assert len(printed) == 7
 
 
 def test_runs_of_the_same_name_are_not_written_over_each_other(tmp_path, capsys):

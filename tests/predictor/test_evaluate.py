@@ -48,7 +48,9 @@ def evaluated(maps, tmp_path_factory):
 
 def test_it_writes_scores_and_pictures(evaluated):
     out, _ = evaluated
-    assert {"results.json", "reliability.png", "sheet.png"} <= {path.name for path in out.iterdir()}
+    assert {"results.json", "reliability.png", "rings.png", "sheet.png"} <= {
+        path.name for path in out.iterdir()
+    }
     results = json.loads((out / "results.json").read_text())
     (entry,) = results["groups"].values()
     assert entry["drives"] == 1

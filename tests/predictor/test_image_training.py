@@ -10,8 +10,7 @@ from generated_frames import generated, write_frames
 
 from benchmarks.studies.katyal2018.contestants import reduced
 from foresee.mapping.context import CELLS
-from predictor.data.samples import Samples
-from predictor.data.splits import SplitError
+from predictor.data.samples import Samples, write_samples
 from predictor.networks import ARCHITECTURES
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
@@ -95,6 +94,7 @@ def test_it_learns(tmp_path, arch):
     trainer(tmp_path, arch, epochs=8.0).run()
     losses = [entry["l1"] for entry in log_of(tmp_path)]
     assert losses[-1] < 0.8 * losses[0]
+    assert (tmp_path / "curve.png").stat().st_size > 5000
 
 
 def test_generator_and_discriminator_both_move(tmp_path):
@@ -198,7 +198,7 @@ def test_a_damaged_checkpoint_is_named(tmp_path):
 
 
 def test_a_building_is_not_learned_from_and_validated_on(tmp_path):
-    with pytest.raises(SplitError, match="both in train and in validation"):
+    with pytest.raises(TrainError, match="both in train and in validation"):
         trainer(tmp_path, validation=generated(4, 1))
 
 
@@ -284,7 +284,7 @@ def test_one_command_trains_and_writes_weights(tmp_path, capsys):
     assert capsys.readouterr().out.strip() == str(path)
     net, _ = load_weights(path, GreyNet)
     assert (net.config.expansion, net.config.width) == (1.5, 0.0625)
-    assert {"checkpoint.pt", "log.jsonl"} <= {each.name for each in out.iterdir()}
+    assert {"checkpoint.pt", "log.jsonl", "curve.png"} <= {each.name for each in out.iterdir()}
 
 
 @pytest.mark.parametrize(
@@ -322,8 +322,8 @@ def test_it_learns_from_compacts_drives_too(tmp_path, given):
         folder = tmp_path / "drives" / split
         folder.mkdir(parents=True)
         context = bytes(2 * CELLS**2)
-        packed = [zlib.compress(each.tobytes() + context) for each in codes]
-        Samples.write(folder / "0.npz", packed, {"world": split, "original": split})
+        packed = [(zlib.compress(each.tobytes() + context), np.zeros(3)) for each in codes]
+        write_samples(folder / "0.npz", packed, {"world": split, "original": split})
     (tmp_path / "drives" / "recipe.json").write_text("{}")
     config = ImageConfig("unet_ff", 1.3, given=given, **TINY)
     path = train_images(config, ImageTraining(epochs=1), tmp_path / "drives", tmp_path / "out", 1)

@@ -7,7 +7,7 @@ from foresee.mapping.context import CELLS, context_of
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
 from predictor.data.packed_samples import SamplesError
-from predictor.data.samples import SIDE, Samples, encoded, quarters
+from predictor.data.samples import SIDE, Samples, encoded, quarters, write_samples
 from predictor.data.splits import SplitError, check_apart
 
 FRAME = GridFrame(0.05, (0.0, 0.0), (SIDE, SIDE))
@@ -28,7 +28,11 @@ def write(folder, name="000000", world="a", samples=None):
     folder.mkdir(parents=True, exist_ok=True)
     blobs = samples if samples is not None else [some_sample(seed)[2] for seed in range(3)]
     path = folder / f"{name}.npz"
-    Samples.write(path, blobs, {"seed": 1, "world": world, "original": f"{world} as drawn"})
+    write_samples(
+        path,
+        [(blob, np.zeros(3)) for blob in blobs],
+        {"seed": 1, "world": world, "original": f"{world} as drawn"},
+    )
     return path
 
 

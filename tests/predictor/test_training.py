@@ -14,7 +14,7 @@ import torch
 from foresee.infra.command_line import UsageError
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import world_hash
-from predictor.data.samples import SIDE, Samples, encoded
+from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
 from predictor.networks.compact_net import CompactNet
 from predictor.recording.own_buildings import OwnBuildings
@@ -49,7 +49,7 @@ def some_drive(folder, seed):
     building = world_hash(world.grid.cells)
     about = {"seed": seed, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
-    Samples.write(folder / f"{seed:06d}.npz", samples, about)
+    write_samples(folder / f"{seed:06d}.npz", [(one, np.zeros(3)) for one in samples], about)
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +120,7 @@ def test_it_learns(data, tmp_path, small):
     trainer(data, tmp_path, longer, note_every=20).run()
     losses = [json.loads(line)["loss"] for line in (tmp_path / "log.jsonl").open()]
     assert losses[-1] < 0.8 * losses[0]
+    assert (tmp_path / "curve.png").stat().st_size > 5000
 
 
 def test_the_weights_name_the_buildings_that_they_have_seen(data, tmp_path, small):
@@ -194,7 +195,7 @@ def test_other_samples_of_the_same_buildings_are_another_training(data, tmp_path
     with np.load(path) as file:
         about = json.loads(bytes(file["about"]))
         first = file["codes"][: file["ends"][0]].tobytes()
-    Samples.write(path, [first], about)
+    write_samples(path, [(first, np.zeros(3))], about)
     with pytest.raises(TrainError, match=r"another data, samples .* choose another folder"):
         trainer(tmp_path / "data", tmp_path / "out")
 
@@ -234,7 +235,7 @@ def test_one_command_makes_samples_and_weights_and_goes_on_when_killed_without_w
     ]
     subprocess.run([*command, "--out", tmp_path / "whole"], check=True, capture_output=True)
     assert len(Samples.load(data / "train")) > 20
-    assert {"checkpoint.pt", "log.jsonl", "compact.safetensors"} <= {
+    assert {"checkpoint.pt", "log.jsonl", "curve.png", "compact.safetensors"} <= {
         path.name for path in (tmp_path / "whole").iterdir()
     }
     out = tmp_path / "killed"

@@ -1,1 +1,4 @@
-"""How the planner drives: `stuck` drives, and weaving (`weave`)."""
+"""How the planner drives: `stuck` drives, weaving (`weave`), and how far it could rely (`sweeps`).
+
+`arcs` computes the results of `sweeps`.
+"""

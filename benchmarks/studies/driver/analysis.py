@@ -1,4 +1,4 @@
-"""What the analyses of saved runs have in common: stuck and weave."""
+"""What the analyses of saved runs have in common: stuck, sweeps and weave."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from foresee.infra.results_file import write_results
 from foresee.statistics import grouped_mean
 from predictor.registry import load_predictor
 from predictor.scoring import images
-from predictor.scoring.scores import Scores
+from predictor.scoring.scores import EDGES, RINGS, Scores
 
 SSIM = {
     "simulated": {
@@ -78,6 +78,7 @@ def report(
             "block": BLOCK,
             "ssim": images.SETTINGS,
             "ssim_coarse": images.BLOCKS,
+            "rings": EDGES,
             "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
         },
         "sets": sets_of(evaluation),
@@ -126,6 +127,8 @@ def _rows(
         frames[contestant.name] = kept
         rows[contestant.name] = _measures(kept, scores) | {
             "drives": len(drives),
+            "rings": [{"from": EDGES[i], **_cells(scores, slice(i, i + 1))} for i in range(RINGS)],
+            "reliability": {name: _curve(scores, name) for name in ("free", "occupied")},
             "cost": costs[key_of(expansion), contestant.name],
         }
         if len(parts) > 1:
@@ -159,16 +162,22 @@ def _measures(kept: Kept, scores: Scores) -> dict[str, Any]:
     for name in SIMILARITIES:
         values = kept[name][np.isfinite(kept[name])]
         out[name] = float(values.mean()) if len(values) else np.nan
-    return out | _cells(scores) | {"nan_cells": int(kept["nan_cells"].sum())}
+    return out | _cells(scores, slice(None)) | {"nan_cells": int(kept["nan_cells"].sum())}
 
 
-def _cells(scores: Scores) -> dict[str, Any]:
+def _cells(scores: Scores, rings: slice) -> dict[str, Any]:
     """Compute scores of cells; `brier` and `ece` are means over free and occupied."""
-    out: dict[str, Any] = scores.measures()
+    out: dict[str, Any] = scores.measures(rings)
     out["cells"] = int(out["cells"])
     for name in ("brier", "ece"):
         out[name] = 0.5 * (out[f"{name}_free"] + out[f"{name}_occupied"])
     return out
+
+
+def _curve(scores: Scores, name: str) -> dict[str, list[float]]:
+    """Return the reliability diagram of "free" or "occupied"."""
+    curve = zip(("given", "came_true", "share"), scores.reliability(name), strict=True)
+    return {key: values.tolist() for key, values in curve}
 
 
 def _difference(frames: Kept, others: Kept, blocks: NDArray[np.int64]) -> dict[str, Any]:
