@@ -31,7 +31,12 @@ class PlotSettings(Options):
         None, "arm that moment.png and the video show; by default one that uses a prediction"
     )
     out: Path | None = option(None, "folder for the figures", "OUT")
-    animate: bool = option(False, "also write the drive as a video, a GIF in real time")
+    animate: bool = option(False, "also write the drive as a video, in real time")
+    format: str = option(
+        "auto",
+        "format of the video; auto: MP4 if there is ffmpeg, else GIF",
+        choices=("auto", "gif", "mp4"),
+    )
     stride: int | None = option(
         None,
         "draw every N-th tick in the video; by default every tick, or as many as give at most 400 "
@@ -50,20 +55,21 @@ def _run(settings: PlotSettings) -> None:
     from benchmarks.figures.animation import Animation
     from benchmarks.figures.run_figures import draw_run
     from benchmarks.figures.speed_profile import speed_profile
-    from benchmarks.figures.video import write_gif
+    from benchmarks.figures.video import kind_for, write_video
     from foresee.infra.drawing import save_figures
 
     out, episode, arm = settings.out, settings.episode, settings.arm
     if out is not None and len({run.label for run in runs}) < len(runs):
         raise UsageError("--out: the figures of runs of the same name would overwrite each other")
+    kind = kind_for(settings.format) if settings.animate else ""
     paths: list[Path] = []
     for run in runs:
         folder = run.directory if out is None else out / run.label if len(runs) > 1 else out
         paths += draw_run(run, folder, episode, arm)
         if settings.animate:
             drive = Animation(run, episode, arm, settings.stride)
-            paths.append(folder / f"drive-{drive.index}-{drive.arm}.gif")
-            write_gif(drive.frame, len(drive), drive.rate, paths[-1])
+            paths.append(folder / f"drive-{drive.index}-{drive.arm}.{kind}")
+            write_video(drive.frame, len(drive), drive.rate, paths[-1])
     if len(runs) > 1:
         together = ("speed_profiles.png", lambda: speed_profile(runs, episode))
         paths += save_figures([together], out or runs[0].directory)

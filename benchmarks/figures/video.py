@@ -1,9 +1,13 @@
-"""Writing of frames as a video: an animated GIF."""
+"""Writing of frames as a video: a GIF, or an MP4 if ffmpeg is installed."""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import os
-from collections.abc import Callable
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,41 +15,88 @@ from numpy.typing import NDArray
 from PIL import Image
 from tqdm import tqdm
 
-from foresee.infra.command_line import UsageError
+from foresee.infra.errors import LineError
 
+Picture = NDArray[np.uint8]
+"""Pixels of a frame, (height, width, 3)."""
+Pictures = Iterator[Picture]
 LAST = 2000
-"""Time for which the last frame is shown [ms]."""
+"""Time for which a GIF shows its last frame [ms]."""
 
 
-def write_gif(
-    frames: Callable[[int], NDArray[np.uint8]], count: int, rate: float, path: Path
-) -> None:
-    """Write a GIF atomically, with a progress bar.
+class VideoError(LineError):
+    """A video cannot be written; the message is one line."""
 
-    Args:
-        frames: function from the number of a frame to its pixels, (height, width, 3).
-        count: number of frames.
-        rate: frame rate [1/s].
-        path: path of the file.
+
+def kind_for(wanted: str) -> str:
+    """Return the file type, "gif" or "mp4"; for "auto", "mp4" if ffmpeg is installed.
 
     Raises:
-        UsageError: if there are no frames.
+        VideoError: if MP4 is wanted and there is no ffmpeg.
+    """
+    ffmpeg = shutil.which("ffmpeg") is not None
+    if wanted == "mp4" and not ffmpeg:
+        raise VideoError("an MP4 needs ffmpeg on the PATH; a GIF does not")
+    if wanted == "auto":
+        return "mp4" if ffmpeg else "gif"
+    return wanted
+
+
+def write_video(frames: Callable[[int], Picture], count: int, rate: float, path: Path) -> None:
+    """Write a video atomically, with a progress bar.
+
+    Args:
+        frames: function from the number of a frame to its pixels.
+        count: number of frames.
+        rate: frame rate [1/s].
+        path: path of the file; its ending, .gif or .mp4, decides the format.
+
+    Raises:
+        VideoError: if there are no frames, or ffmpeg fails.
     """
     if count == 0:
-        raise UsageError(f"{path.name}: the drive has no ticks to show")
+        raise VideoError(f"{path.name}: the drive has no ticks to show")
     part = path.with_name(f".{os.getpid()}.{path.name}")
-    # One palette for all frames, so that only the changes between frames must be stored.
-    samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
-    palette = Image.fromarray(samples).quantize(255, dither=Image.Dither.NONE)
     try:
         with tqdm(range(count), desc=path.name, unit="frame") as numbers:
-            pictures = (
-                Image.fromarray(frames(i)).quantize(palette=palette, dither=Image.Dither.NONE)
-                for i in numbers
-            )
-            first, durations = next(pictures), [round(1000 / rate)] * (count - 1) + [LAST]
-            shown = {"duration": durations, "loop": 0, "optimize": False}
-            first.save(part, format="GIF", save_all=True, append_images=pictures, **shown)
+            pictures = (frames(i) for i in numbers)
+            if path.suffix == ".mp4":
+                _write_mp4(pictures, rate, part)
+            else:
+                samples = np.vstack([frames(i) for i in sorted({0, count // 2, count - 1})])
+                _write_gif(pictures, samples, [round(1000 / rate)] * (count - 1) + [LAST], part)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: Path) -> None:
+    # One palette for all frames, so that only the changes between frames must be stored.
+    palette = Image.fromarray(samples).quantize(255, dither=Image.Dither.NONE)
+    pictures = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    )
+    first, shown = next(pictures), {"duration": durations, "loop": 0, "optimize": False}
+    first.save(path, format="GIF", save_all=True, append_images=pictures, **shown)
+
+
+def _write_mp4(frames: Pictures, rate: float, path: Path) -> None:
+    first = next(frames)
+    # The pixel format yuv420p needs even sides.
+    height, width = (side - side % 2 for side in first.shape[:2])
+    command = (
+        f"ffmpeg -y -loglevel error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} "
+        "-i - -pix_fmt yuv420p -movflags +faststart -f mp4"
+    )
+    process = subprocess.Popen(
+        [*command.split(), str(path)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdin is not None
+    # If ffmpeg ends early, its own message is reported below.
+    with contextlib.suppress(BrokenPipeError):
+        for frame in itertools.chain([first], frames):
+            process.stdin.write(frame[:height, :width].tobytes())
+    message = process.communicate()[1].decode(errors="replace").strip()
+    if process.returncode != 0:
+        raise VideoError(f"ffmpeg failed: {(message or 'no reason given').splitlines()[-1]}")

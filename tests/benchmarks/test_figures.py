@@ -235,7 +235,7 @@ def test_figures_of_one_arm_show_one_that_uses_a_prediction(tmp_path):
 @pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 4)])
 def test_a_gif_has_a_frame_for_every_stride_of_ticks_and_one_for_the_last(tmp_path, stride, frames):
     run = write_run(tmp_path / "run", episodes=1)
-    command = [str(run), "--animate", "--stride", str(stride)]
+    command = [str(run), "--animate", "--format", "gif", "--stride", str(stride)]
     assert plot.main(command) == 0
     with Image.open(run / "drive-0-predicted.gif") as image:
         assert getattr(image, "n_frames", 1) == frames
@@ -328,7 +328,7 @@ def test_arrays_of_the_wrong_kind_are_named(tmp_path, capsys, name, value):
         arrays = {key: file[key] for key in file.files}
     assert name in arrays
     np.savez_compressed(run / "traces.npz", **(arrays | {name: value}))
-    assert plot.main([str(run), "--animate"]) == 2
+    assert plot.main([str(run), "--animate", "--format", "gif"]) == 2
     said = capsys.readouterr().err.strip()
     assert len(said.splitlines()) == 1
     assert "broken" in said
