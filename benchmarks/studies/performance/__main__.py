@@ -161,6 +161,7 @@ def _run(settings: StageSettings, place: Place) -> None:
     from benchmarks.studies.performance.growth import draw
     from benchmarks.studies.performance.measurements import RUNTIME, KeptMeasurements, installed
     from benchmarks.studies.performance.tables import tables
+    from foresee.infra.drawing import save_figures
     from foresee.infra.environment import commit, machine
     from foresee.infra.results_file import write_results
 
@@ -193,7 +194,7 @@ def _run(settings: StageSettings, place: Place) -> None:
         **groups,
     }
     write_results(place.out / "results.json", "stages", results)
-    draw(groups["growth"]).savefig(place.out / "growth.png")
+    save_figures([("growth.png", partial(draw, groups["growth"]))], place.out)
     print(tables(results), "", place.out / "results.json", sep="\n")
 
 
