@@ -47,7 +47,11 @@ def commands() -> dict[str, tuple[str, str]]:
 def main(argv: list[str] | None = None) -> int:
     """Run a command by its name, and return its exit status; 2 if there is no such command."""
     with lasting_streams():
-        return _run(sys.argv[1:] if argv is None else argv)
+        try:
+            return _run(sys.argv[1:] if argv is None else argv)
+        except OSError:
+            # The list cannot be written, as its reader has ended.
+            return 1
 
 
 def _run(words: list[str]) -> int:

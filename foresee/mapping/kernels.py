@@ -72,7 +72,7 @@ def kept(place: Path, stamp: str) -> Path | None:
 
 
 if TYPE_CHECKING:
-    from numba import njit
+    from numba import njit as njit
 else:
 
     def njit(*args: Any, cache: bool = False, **options: Any) -> Any:

@@ -77,7 +77,12 @@ class Training:
         stopping = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: stopping.set())
         try:
-            with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
+            with (
+                (self.out / "output.txt").open(
+                    "a", encoding="utf-8", errors="backslashreplace"
+                ) as file,
+                contextlib.redirect_stderr(file),
+            ):
                 try:
                     # One thread each: the sums are the same, however many train at a time.
                     train_images(self.config, self.training, self.data, self.out, 1, stopping)
@@ -85,7 +90,9 @@ class Training:
                     pass
                 except Exception as error:
                     traceback.print_exc()
-                    self._failure.write_text(one_line(error).removeprefix("TrainError: "))
+                    self._failure.write_text(
+                        one_line(error).removeprefix("TrainError: "), encoding="utf-8"
+                    )
         except OSError:
             # On a full disk the failure cannot be written; the study reports that the process died.
             raise SystemExit(1) from None
@@ -105,13 +112,15 @@ class Training:
         """Wait for the process to end; return "finished", or "failed: " and the reason."""
         process.join()
         if self._failure.exists():
-            return f"failed: {self._failure.read_text()}"
+            return f"failed: {self._failure.read_text(encoding='utf-8')}"
         return "finished" if self.finished() else f"failed: its process died ({process.exitcode})"
 
     def last(self) -> str:
         """Return the last entry of its log as one line; empty if there is none yet."""
         try:
-            return summary_of(loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
+            return summary_of(
+                loads((self.out / "log.jsonl").read_text(encoding="utf-8").splitlines()[-1])
+            )
         except (OSError, ValueError, IndexError):
             return ""
 
