@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.calibration.certificate import at_risk
 from benchmarks.figures.speed_profile import speed_profile
@@ -15,9 +13,13 @@ from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from foresee.infra.command_line import UsageError
+from foresee.infra.drawing import own_style
 from foresee.mapping.conventions import TICK
 from sim.buildings import task_in, task_in_world
 from sim.world import World
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def drive(
@@ -62,4 +64,5 @@ def drive(
 
 def plot(run: Run) -> Figure:
     """Draw the speed over the distance driven for each arm, and what limited the speed."""
-    return speed_profile([run])
+    with own_style():
+        return speed_profile([run])

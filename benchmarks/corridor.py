@@ -19,7 +19,7 @@ from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import Command, UsageError
 from foresee.infra.errors import LineError
 from foresee.infra.options import Options, jobs_option, option
-from foresee.infra.workers import LostError, finished
+from foresee.infra.workers import LostError, check_scheduler, finished
 
 if TYPE_CHECKING:
     from benchmarks.runs.store import Store
@@ -58,6 +58,11 @@ class Place(Options):
     out: Path = option(
         Path("results/corridor"), "folder of results.json, traces.npz and the figures", "DIR"
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.dask is not None:
+            check_scheduler(self.dask)
 
 
 def _run(settings: Settings, place: Place) -> int:

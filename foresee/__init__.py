@@ -11,6 +11,7 @@ A public name is imported when it is first used: a user of one package does not 
 import importlib
 import importlib.util
 import sys
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from typing import Any
 
@@ -44,16 +45,30 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *__all__])
 
 
+_ROOT = Path(__file__).resolve().parents[1]
+_PACKAGES = ("sim", "planner", "predictor", "benchmarks")
+
+
+def _is_command() -> bool:
+    """Return whether the program is `foresee`, or a worker process of it, which has its `argv`."""
+    program = Path(sys.argv[0] if sys.argv else "")
+    return (
+        program.stem == "foresee"
+        or program == Path(__file__).with_name("__main__.py")
+        or sys.orig_argv[1:3] == ["-m", "foresee"]
+    )
+
+
 def _refuse_hidden_packages() -> None:
     """Raise an error if a file of the user, such as `sim.py`, hides a package of this project.
 
     `python -m` imports from the working folder first. A command reports the file in one line and
     exits.
     """
-    root = Path(__file__).resolve().parents[1]
-    for name in ("sim", "planner", "predictor", "benchmarks"):
+    for name in _PACKAGES:
         spec = importlib.util.find_spec(name)
-        if spec is None or spec.origin is None or root in Path(spec.origin).resolve().parents:
+        # A folder that only has the name of a package is no module that the user needs.
+        if spec is None or spec.origin is None or _ROOT in Path(spec.origin).resolve().parents:
             continue
         line = (
             f"{spec.origin} hides the package {name} of foresee: give the command in another "
@@ -65,4 +80,14 @@ def _refuse_hidden_packages() -> None:
         raise ImportError(line)
 
 
-_refuse_hidden_packages()
+class _OwnPackages:
+    """A finder of this project's packages that folders and files of the same names cannot hide."""
+
+    @staticmethod
+    def find_spec(name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        return PathFinder.find_spec(name, [str(_ROOT)]) if name in _PACKAGES else None
+
+
+if not _is_command():
+    _refuse_hidden_packages()
+sys.meta_path.insert(0, _OwnPackages)

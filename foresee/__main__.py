@@ -6,6 +6,8 @@ import importlib
 import importlib.util
 import sys
 
+from foresee.infra.streams import lasting_streams
+
 COMMANDS = {
     "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
     "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
@@ -44,7 +46,15 @@ def commands() -> dict[str, tuple[str, str]]:
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command by its name, and return its exit status; 2 if there is no such command."""
-    words = sys.argv[1:] if argv is None else argv
+    with lasting_streams():
+        try:
+            return _run(sys.argv[1:] if argv is None else argv)
+        except OSError:
+            # The list cannot be written, as its reader has ended.
+            return 1
+
+
+def _run(words: list[str]) -> int:
     # The working folder comes last in the search path: a plug-in is found there, and a file such
     # as sim.py cannot hide a package of this project.
     sys.path.append("")

@@ -3,3 +3,6 @@
 `run_figures` lists the plots of `benchmarks.corridor`, each drawn by a module of its name;
 `animation` and `video` make the video, `palette` has the common styles.
 """
+
+# Before the modules here import matplotlib.
+import foresee.infra.drawing  # noqa: F401

@@ -33,7 +33,7 @@ from benchmarks.figures.palette import (
     speed_line,
 )
 from benchmarks.runs.saved_run import Run
-from foresee.infra.drawing import INK, bare
+from foresee.infra.drawing import INK, bare, name_of, new_figure, own_style
 from foresee.mapping.grid import Grid, GridFrame
 from sim.car import along_arc
 
@@ -92,6 +92,7 @@ class Animation:
         RunError: if there is no such drive, or its trace is broken.
     """
 
+    @own_style()
     def __init__(
         self,
         run: Run,
@@ -113,12 +114,13 @@ class Animation:
         episode = run.drives[self.index, self.arm]
         self._outcome = episode.outcome
         self.goal = episode.goal
-        self._figure = Figure(figsize=SIZE, dpi=DPI)
+        self._figure = new_figure(*SIZE, layout=None)
+        self._figure.set_dpi(DPI)
         self._canvas = FigureCanvasAgg(self._figure)
         self._title = self._figure.text(0.02, 0.965, "", fontsize=11, color=INK, va="center")
         about = "white: observed · orange: unobserved, used by the plan · line: plan"
         self._figure.text(0.98, 0.965, about, fontsize=8, color=INK, va="center", ha="right")
-        self._name = f"{self.arm} · episode {self.index} · {episode.world}"
+        self._name = f"{self.arm} · episode {self.index} · {name_of(episode.world)}"
         near, far = (self._figure.add_axes(place) for place in PANELS)
         self._parts = (_Near(near, self), _Far(far, self), _Speed(self._figure, self))
         crash = MARKS["collision"] | {"markersize": 12}

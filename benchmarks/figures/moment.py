@@ -33,7 +33,7 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RecordedMoment
-from foresee.infra.drawing import INK, bare
+from foresee.infra.drawing import INK, bare, name_of, new_figure
 from foresee.mapping.body import Body
 from foresee.mapping.polyline import arc_length
 
@@ -71,7 +71,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     trace = run.trace(index, arm)
     now, truth = trace.moment, trace.truth
     # Laid out by hand, to get six squares of equal size with room for a legend below each.
-    figure = Figure(figsize=(12.6, 9.0), dpi=150)
+    figure = new_figure(12.6, 9.0, layout=None)
     figure.subplots_adjust(0.015, 0.085, 0.985, 0.905, wspace=0.14, hspace=0.2)
     axes, v_max = figure.subplots(2, 3), run.setting("v_max")
     _observed(axes[0, 0], now, run.setting("window"))
@@ -96,7 +96,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     scale_bar(axes[0, 0], 2.0)
     time = now.tick * run.setting("dt")
     figure.suptitle(
-        f"{arm} · episode {index} · {run.drives[index, arm].world} · {time:.1f} s into "
+        f"{arm} · episode {index} · {name_of(run.drives[index, arm].world)} · {time:.1f} s into "
         f"the drive, at {now.plan[0, 3]:.2f} m/s",
         fontsize=12,
         color=INK,

@@ -24,7 +24,7 @@ from benchmarks.figures.palette import (
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import Drive
-from foresee.infra.drawing import INK, bare, new_figure
+from foresee.infra.drawing import INK, bare, name_of, new_figure
 from foresee.mapping.grid import Grid
 
 MARGIN = 2.5
@@ -63,7 +63,8 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
         scale_bar(across[0])
         # The layout reserves room for the height of the name, but not for its length, so that a
         # long name may extend over the next panel.
-        for text, counts in ((" ", True), (f"episode {index} · {row[0].result.world}", False)):
+        name = f"episode {index} · {name_of(row[0].result.world)}"
+        for text, counts in ((" ", True), (name, False)):
             title = note(across[0], text, (0, 1), (0, 34), xycoords="axes fraction", fontsize=9)
             title.set_in_layout(counts)
     bar = figure.colorbar(line, ax=axes, shrink=min(1.0, 3.2 / sum(heights)), aspect=22, pad=0.012)

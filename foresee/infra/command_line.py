@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import errno
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any, NoReturn, get_args, get_type_hints
 # Imported before numpy, this limits the libraries to one thread in each process.
 import foresee.infra.workers  # noqa: F401
 from foresee.infra.errors import LineError, one_line
+from foresee.infra.streams import lasting_streams
 
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 """Error numbers that the disk causes, not the user's input."""
@@ -60,6 +60,10 @@ class Command:
             The status that `run` returned; 2 after an error in the input or in a file, 1 after an
             error of the disk, such as a full disk, 130 after Ctrl-C.
         """
+        with lasting_streams():
+            return self._status(argv)
+
+    def _status(self, argv: list[str] | None) -> int:
         try:
             status = self.run(*self._parsed(argv)) or 0
             sys.stdout.flush()
@@ -69,7 +73,6 @@ class Command:
             return 2
         except BrokenPipeError:
             # The program that read the output, such as `head`, has ended.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
         except OSError as error:
             self._complain(f"{one_line(error)}; what was finished is kept")

@@ -1,37 +1,110 @@
-"""What all figures share: style, empty figures, and files of them."""
+"""What all figures share: style, empty figures, and files of them.
+
+Modules import this one before matplotlib, which it imports in any environment of the user.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import io
-from collections.abc import Callable, Sequence
+import logging
+import os
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
-
-import matplotlib
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, Literal
 
 from foresee.infra.atomic_file import write_whole
+from foresee.infra.errors import shown
 
-# Rows of maps run upwards, cells stay sharp, and legends have no frame.
-matplotlib.rcParams.update(
-    {"image.origin": "lower", "image.interpolation": "nearest", "legend.frameon": False}
-)
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
+
+@contextmanager
+def _any_environment() -> Iterator[None]:
+    """Let matplotlib be imported whatever the user's environment is.
+
+    A backend in MPLBACKEND that is not installed would be an error, as in a process that a notebook
+    starts. Figures here need no backend; it is set afterwards, for other figures of the user.
+    Without a home folder, matplotlib would report at length that it uses a temporary one.
+    """
+    backend, log = os.environ.pop("MPLBACKEND", None), logging.getLogger("matplotlib")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        if backend is not None:
+            os.environ["MPLBACKEND"] = backend
+    if backend:
+        with contextlib.suppress(ValueError):
+            rcParams["backend"] = backend
+
+
+with _any_environment():
+    from matplotlib import font_manager, rcParams, style  # noqa: F401  The fonts use the folder.
+    from matplotlib.figure import Figure
+
+STYLE = {
+    # Rows of maps run upwards, cells stay sharp, and legends have no frame.
+    "image.origin": "lower",
+    "image.interpolation": "nearest",
+    "legend.frameon": False,
+    # A "$" in a name is no formula.
+    "text.parse_math": False,
+}
 INK = "#333333"
 """Colour of text and thin lines."""
+LONGEST = 60
+"""Length above which a name is cut [characters]."""
 
 
-def new_figure(width: float, height: float, maps: bool = False) -> Figure:
+@contextmanager
+def own_style() -> Iterator[None]:
+    """Draw in the style of this project, whatever the user's matplotlibrc says."""
+    with style.context(["default", STYLE]), warnings.catch_warnings():
+        # A character that no font has is drawn as a box.
+        warnings.filterwarnings("ignore", "Glyph .* missing from")
+        yield
+
+
+class OwnFigure(Figure):
+    """A figure in the style of this project, which notebooks display without pyplot."""
+
+    def draw(self, renderer: Any) -> None:
+        """Draw the figure; some of its parts, such as ticks, are made only now."""
+        with own_style():
+            super().draw(renderer)
+
+    def _repr_png_(self) -> bytes:
+        data = io.BytesIO()
+        self.savefig(data, format="png")
+        return data.getvalue()
+
+
+def new_figure(
+    width: float,
+    height: float,
+    maps: bool = False,
+    layout: Literal["constrained"] | None = "constrained",
+) -> Figure:
     """Return an empty figure that needs no window system.
 
     Args:
         width: width of the figure [inch].
         height: height of the figure [inch].
         maps: whether its panels have a fixed aspect ratio and should be close together.
+        layout: how matplotlib arranges other panels; None: they are arranged by hand.
     """
-    layout: Literal["compressed", "constrained"] = "compressed" if maps else "constrained"
-    return Figure(figsize=(width, height), dpi=150, layout=layout)
+    return OwnFigure(figsize=(width, height), dpi=150, layout="compressed" if maps else layout)
+
+
+def name_of(text: str) -> str:
+    """Return a name of the user's as a figure shows it: in one line, and cut if it is long."""
+    return shown(text, LONGEST)
 
 
 def bare(ax: Axes) -> None:
@@ -40,6 +113,7 @@ def bare(ax: Axes) -> None:
     ax.spines[:].set(color="#AAAAAA", linewidth=0.8)
 
 
+@own_style()
 def save_figures(figures: Sequence[tuple[str, Callable[[], Figure]]], out: Path) -> list[Path]:
     """Draw figures, and save them as PNG files once all of them are drawn; return their paths.
 

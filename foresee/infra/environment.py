@@ -16,7 +16,7 @@ def machine() -> dict[str, Any]:
     """Return processor, number of cores, system, and versions of Python and of packages."""
     model = platform.processor() or platform.machine()
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
         model = next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
     except (OSError, StopIteration):
         pass
@@ -32,15 +32,28 @@ def machine() -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def commit() -> str | None:
-    """Return the commit of this code, with "+" if files were changed since; None without git."""
-    here = Path(__file__).resolve().parent
+    """Return the commit of this code, with "+" if files were changed since; None if git has none.
+
+    A copy of the packages further down in another repository has no commit: that repository is the
+    user's.
+    """
+    file = Path(__file__).resolve()
+    root = file.parents[2]
+    # A git hook of another repository sets these for all its children.
+    hooks = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_PREFIX")
+    environment = {name: value for name, value in os.environ.items() if name not in hooks}
 
     def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", *words], cwd=here, capture_output=True, text=True, check=True
-        ).stdout.strip()
+        done = subprocess.run(
+            ["git", *words], cwd=root, env=environment, capture_output=True, check=True
+        )
+        return done.stdout.decode(errors="replace").strip()
 
     try:
+        # The prefix is the path from the top of the work tree to `root`.
+        if git("rev-parse", "--show-prefix"):
+            return None
+        git("ls-files", "--error-unmatch", str(file.relative_to(root)))
         return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "-uno") else "")
     except (OSError, subprocess.CalledProcessError):
         return None

@@ -9,13 +9,18 @@ LONGEST = 1000
 """Length above which a message is cut [characters]."""
 
 
-def shown(text: str) -> str:
-    """Return a text as one line, with control characters escaped and the middle cut if too long."""
+def shown(text: str, longest: int = LONGEST) -> str:
+    """Return a text as one line, with control characters escaped and the middle cut if too long.
+
+    Args:
+        text: text of any kind.
+        longest: length above which it is cut [characters].
+    """
     line = " ".join(text.split())
     if not line.isprintable():
         line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
-    if len(line) > LONGEST:
-        line = f"{line[: LONGEST // 2]} … {line[-LONGEST // 2 :]}"
+    if len(line) > longest:
+        line = f"{line[: longest // 2]} … {line[-longest // 2 :]}"
     return line
 
 

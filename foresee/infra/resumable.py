@@ -122,7 +122,7 @@ class ResumableFolder:
         self.folder, self.notes = folder, list[str]()
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (folder / ".lock").open("w") if exclusive else None
+            self._lock = (folder / ".lock").open("wb") if exclusive else None
             if self._lock is not None:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -180,7 +180,7 @@ class ResumableFolder:
         """
         path = self.folder / name
         try:
-            return loads(path.read_text())
+            return loads(path.read_bytes())
         except FileNotFoundError:
             pass
         except (OSError, ValueError) as error:

@@ -5,8 +5,10 @@ The results do not depend on the number of processes, only their order does.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import socket
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -14,8 +16,9 @@ from contextlib import contextmanager
 from functools import partial
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
+from urllib.parse import urlsplit
 
-from foresee.infra.errors import LineError
+from foresee.infra.errors import LineError, one_line
 
 # Set before a worker imports numpy, since the threads of its libraries would compete for the cores.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -24,6 +27,10 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
+SCHEMES = ("tcp", "tls", "ws", "wss")
+"""Protocols of a Dask scheduler."""
+PATIENCE = 10.0
+"""Time for which a Dask scheduler is waited for [s]."""
 DEATHS = 10
 """Consecutive deaths of worker processes, without a finished item, after which work is given up."""
 
@@ -147,6 +154,7 @@ def _on_cluster(
     # Dask's own interface, since joblib's waits for ever for an item that killed its workers.
     from concurrent.futures import CancelledError
 
+    check_scheduler(address)
     try:
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
@@ -154,9 +162,11 @@ def _on_cluster(
         raise WorkersError("--dask needs Dask: pip install 'foresee[dask]'") from None
 
     try:
-        client = Client(address, timeout=10, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise WorkersError(f"no Dask scheduler answers at {address}: {error}") from None
+        _await_greeting(address)
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, TypeError, ValueError) as error:
+        # Dask raises a TypeError if its configuration names no certificates for TLS.
+        raise WorkersError(f"no Dask scheduler answers at {address}: {one_line(error)}") from None
     with client:
         if not client.nthreads():
             raise WorkersError(f"the Dask scheduler at {address} has no workers")
@@ -194,6 +204,49 @@ def _on_cluster(
             future.release()
     if lost:
         raise LostError(lost)
+
+
+def check_scheduler(address: str) -> None:
+    """Check the form of a Dask scheduler's address.
+
+    Raises:
+        WorkersError: if it is no address.
+    """
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        right = parts.scheme in SCHEMES and parts.hostname and parts.port
+        if right and parts.netloc == address.rpartition("://")[2]:
+            return
+    except ValueError:
+        # The port is no number, or too large.
+        pass
+    raise WorkersError(
+        f"{address!r} is no address of a Dask scheduler, such as tcp://10.0.0.1:8786: "
+        f"{', '.join(SCHEMES)}, a host and a port"
+    )
+
+
+def _await_greeting(address: str) -> None:
+    """Wait for the bytes that a scheduler sends to each client at once.
+
+    Other servers, such as the scheduler's own dashboard, wait for a request, and Dask would take
+    their answer for the length of a message and wait for ever.
+
+    Raises:
+        OSError: if the server cannot be reached, or sends nothing.
+    """
+    parts = urlsplit(address if "://" in address else f"tcp://{address}")
+    if parts.scheme != "tcp":
+        return
+    # If there is no server yet, Dask waits for it.
+    with (
+        contextlib.suppress(ConnectionRefusedError),
+        socket.create_connection((parts.hostname, parts.port), PATIENCE) as connection,
+    ):
+        try:
+            connection.recv(1)
+        except TimeoutError:
+            raise OSError("another server, such as its dashboard, has this port") from None
 
 
 def _numbered(work: Callable[[Item], Result], number: int, item: Item) -> tuple[int, Result]:

@@ -5,21 +5,26 @@ Import `njit` from here, not from numba: this module first sets the folder of nu
 numba recompiles a kernel only when the kernel's own file changes. A kernel that calls a kernel of
 another file would keep using that one's old code, which is not acceptable in code that decides
 about collisions. The cache folder is therefore named after a hash of the sources of all kernels. It
-lies in the package, or in the user's cache folder if the package cannot be written.
+lies in the package, or in the user's cache folder if the package cannot be written. If neither can
+be written, each process compiles the kernels in memory.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import os
 import shutil
 import time
+from multiprocessing import parent_process
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from numba import config, njit
+import numba
+from numba import config
 
-__all__ = ["cache", "njit"]
+from foresee.infra.cache_folder import cache_folder, is_writable
 
 UNUSED = 7 * 86400.0
 """Time after which a cache folder that no process has used is deleted [s]."""
@@ -38,11 +43,6 @@ def stamp(root: Path) -> str:
             if b"@njit" in source:
                 digest.update(path.relative_to(root).as_posix().encode() + b"\0" + source)
     return digest.hexdigest()[:16]
-
-
-def cache() -> Path:
-    """Return this project's folder in the user's cache folder."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "foresee"
 
 
 def kept(place: Path, stamp: str) -> Path | None:
@@ -71,9 +71,30 @@ def kept(place: Path, stamp: str) -> Path | None:
     return mine
 
 
-if not config.CACHE_DIR:  # type: ignore[attr-defined]
-    # The user has not set NUMBA_CACHE_DIR.
-    _here = Path(__file__).resolve().parents[1]
-    _stamp = stamp(_here.parent)
-    _kept = kept(_here / "__pycache__", _stamp) or kept(cache(), _stamp)
-    config.CACHE_DIR = str(_kept or "")  # type: ignore[attr-defined]
+if TYPE_CHECKING:
+    from numba import njit as njit
+else:
+
+    def njit(*args: Any, cache: bool = False, **options: Any) -> Any:
+        """Compile a function as `numba.njit` does; without a cache folder, it is not cached."""
+        return numba.njit(*args, cache=cache and bool(_FOLDER), **options)
+
+
+def _folder() -> str:
+    """Return the folder of numba's cache; "" if none can be written."""
+    given = str(config.CACHE_DIR)  # type: ignore[attr-defined]
+    # The user has set NUMBA_CACHE_DIR.
+    if given and is_writable(Path(given)):
+        return given
+    here = Path(__file__).resolve().parents[1]
+    version, user = stamp(here.parent), cache_folder()
+    folder = kept(here / "__pycache__", version) or (user and kept(user, version))
+    if folder is None and parent_process() is None:
+        logging.getLogger(__name__).warning(
+            "no cache folder can be written: each process compiles for about a minute; set "
+            "XDG_CACHE_HOME to a folder that can be written"
+        )
+    return str(folder or "")
+
+
+config.CACHE_DIR = _FOLDER = _folder()  # type: ignore[attr-defined]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from foresee.mapping.kernels import cache
+from foresee.infra.cache_folder import cache_folder
 
 FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 """Options of the compiler; without fused operations, results equal those of the interpreter."""
@@ -35,7 +35,7 @@ def compiled(function: ca.Function) -> ca.Function:
 
     Returns:
         The compiled function; with an `InterpretedWarning` the function itself, if there is no
-        compiler or the compiler fails.
+        compiler, the compiler fails, or no cache folder can be written.
     """
     generator = ca.CodeGenerator(function.name(), {"casadi_int": "long long int"})
     generator.add(function)
@@ -49,8 +49,11 @@ def compiled(function: ca.Function) -> ca.Function:
     # Machines of different kinds may share a home folder, and with it the cache.
     made_of = (source, *compiler, platform.machine(), *FLAGS)
     key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
+    folder = cache_folder()
+    if folder is None:
+        return _interpreted(function, "no cache folder can be written")
     try:
-        library = cache() / f"{function.name()}-{key}.so"
+        library = folder / f"{function.name()}-{key}.so"
         if not library.exists():
             _build(compiler, source, library)
         try:
@@ -61,18 +64,18 @@ def compiled(function: ca.Function) -> ca.Function:
             return ca.external(function.name(), str(library))
     except subprocess.CalledProcessError as error:
         command = shlex.join(compiler)
-        return _interpreted(function, f"{command} failed: {error.stderr.strip()[-200:]}")
+        said = error.stderr.decode(errors="replace").strip()
+        return _interpreted(function, f"{command} failed: {said[-200:]}")
     except (OSError, RuntimeError) as error:
         return _interpreted(function, " ".join(str(error).split())[:200])
 
 
 def _build(compiler: list[str], source: str, library: Path) -> None:
-    library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         code, made = Path(folder) / "function.c", Path(folder) / "function.so"
-        code.write_text(source)
+        code.write_text(source, encoding="utf-8")
         command = [*compiler, *FLAGS, str(code), "-o", str(made), "-lm"]
-        subprocess.run(command, check=True, capture_output=True, text=True)
+        subprocess.run(command, check=True, capture_output=True)
         os.replace(made, library)
 
 

@@ -91,7 +91,9 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
     if path.suffix in PACKED and path.is_file():
         # ROS 2 compresses the files of a bag; its folder says how.
         beside = path.parent / METADATA
-        if not beside.is_file() or path.name not in beside.read_text(errors="replace"):
+        if not beside.is_file() or path.name not in beside.read_text(
+            encoding="utf-8", errors="replace"
+        ):
             raise LogError(f"{path} is a compressed bag: unpack it, or give a ROS 2 bag's folder")
         path = path.parent
     described = path / METADATA

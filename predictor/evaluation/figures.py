@@ -6,15 +6,17 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from foresee.infra.drawing import INK, bare, new_figure, save_figures
 from predictor.scoring.scores import EDGES, RINGS, Scores
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PREDICTOR_COLOURS = {
     "unet_ff": "#0072B2",

@@ -301,7 +301,7 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
     }
     recorded = own.hashes
     with contextlib.suppress(OSError, ValueError, AttributeError):
-        recorded = loads((config.out / RECIPE).read_text()).get("own", recorded)
+        recorded = loads((config.out / RECIPE).read_bytes()).get("own", recorded)
     if recorded != own.hashes:
         raise UsageError(
             f"{config.out} holds samples of other buildings of --world: choose another folder "

@@ -70,7 +70,11 @@ class Training:
             return "waiting"
         try:
             self.out.mkdir(parents=True, exist_ok=True)
-            with (self.out / "output.txt").open("a") as file, contextlib.redirect_stderr(file):
+            output = self.out / "output.txt"
+            with (
+                output.open("a", encoding="utf-8", errors="backslashreplace") as file,
+                contextlib.redirect_stderr(file),
+            ):
                 try:
                     # One thread each: the sums are the same, however many train at a time.
                     train_images(self.config, self.training, self.data, self.out, 1, end)
@@ -87,7 +91,9 @@ class Training:
     def last(self) -> str:
         """Return the last entry of its log as one line; empty if there is none yet."""
         try:
-            return summary_of(loads((self.out / "log.jsonl").read_text().splitlines()[-1]))
+            return summary_of(
+                loads((self.out / "log.jsonl").read_text(encoding="utf-8").splitlines()[-1])
+            )
         except (OSError, ValueError, IndexError):
             return ""
 

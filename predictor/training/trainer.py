@@ -20,13 +20,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
 from tqdm import tqdm
 
 from foresee.infra.atomic_file import clear, write_whole
+from foresee.infra.drawing import new_figure, own_style
 from foresee.infra.environment import commit
 from predictor.training.checkpoint import read_checkpoint, write_checkpoint
 from predictor.training.optimisation import restore, states
@@ -242,6 +241,7 @@ def summary_of(entry: dict[str, float]) -> str:
     return f"epoch {entry['epoch']:g}: {shown}" if "epoch" in entry else shown
 
 
+@own_style()
 def draw_curve(
     log: list[dict[str, float]], path: Path, panels: tuple[tuple[str, ...], ...]
 ) -> None:
@@ -252,7 +252,7 @@ def draw_curve(
         path: path of the picture.
         panels: names of the values drawn in each panel.
     """
-    figure = Figure(figsize=(4 * len(panels), 3.4), layout="constrained")
+    figure = new_figure(4 * len(panels), 3.4)
     axes = figure.subplots(1, len(panels), squeeze=False)[0]
     steps = [entry["step"] for entry in log]
     for axis, names in zip(axes, panels, strict=True):
@@ -262,7 +262,6 @@ def draw_curve(
         axis.set_xlabel("step")
         axis.grid(alpha=0.3)
         axis.legend(frameon=False)
-    FigureCanvasAgg(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=130)
     write_whole(path, buffer.getvalue())

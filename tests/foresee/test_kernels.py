@@ -9,7 +9,8 @@ from pathlib import Path
 from numba import config
 
 import planner.safety.contact
-from foresee.mapping.kernels import UNUSED, cache, kept, stamp
+from foresee.infra.cache_folder import cache_folder
+from foresee.mapping.kernels import UNUSED, kept, stamp
 
 ROOT = Path(planner.safety.contact.__file__).resolve().parents[2]
 
@@ -71,4 +72,4 @@ def test_a_package_that_cannot_be_written_keeps_them_in_the_users_cache(tmp_path
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     code = "import kernels, numba; print(numba.config.CACHE_DIR)"
     done = subprocess.run([sys.executable, "-c", code], cwd=mapping, capture_output=True, text=True)
-    assert done.stdout.strip() == str(cache() / f"kernels-{stamp(tmp_path)}")
+    assert done.stdout.strip() == str(cache_folder() / f"kernels-{stamp(tmp_path)}")

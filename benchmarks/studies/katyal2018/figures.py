@@ -5,13 +5,9 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from benchmarks.figures import palette
@@ -34,6 +30,11 @@ from predictor.data.squares import NOTHING as UNKNOWN
 from predictor.data.squares import cells_of
 from predictor.evaluation import figures as scores
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
 TITLES = {
     "simulated": "A median square of {leader} on the simulated test drives",
     "physical": "A median square of {leader} on the real drives",
@@ -52,7 +53,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "physical": {"color": "#D00000", "linestyle": "-"},
 }
 """Split → line style of its drives on maps, as in the paper."""
-OUTLINE: dict[str, Any] = {"fill": False, "edgecolor": "#0072B2", "linestyle": (0, (3, 2))}
+OUTLINE: dict[str, Any] = {"color": "#0072B2", "linestyle": (0, (3, 2))}
 """Line style of the 5 m crop on sheets."""
 MARGIN = 2.0
 """Margin around the known part of a map [m]."""
@@ -120,8 +121,8 @@ def titled_sheet(rows: list[Row], title: str) -> Figure:
         edge = (n - CROP_CELLS) / 2
         for axis, column in zip(across, columns, strict=True):
             if column in row.images:
-                crop = Rectangle((edge, edge), CROP_CELLS, CROP_CELLS, linewidth=0.7, **OUTLINE)
-                axis.add_patch(crop)
+                corners = edge + CROP_CELLS * np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]])
+                axis.plot(*corners.T, linewidth=0.7, **OUTLINE)
             if column in row.ssim:
                 scores.caption(axis, f"{row.ssim[column]:.3f}")
         # The car is an arrow along its heading.

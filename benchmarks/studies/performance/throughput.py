@@ -127,7 +127,7 @@ def peak() -> float:
     """Return the largest memory of this process so far [MiB]."""
     # getrusage only as a fallback, since on Linux it includes the peak of the parent process.
     try:
-        lines = Path("/proc/self/status").read_text().splitlines()
+        lines = Path("/proc/self/status").read_text(encoding="utf-8", errors="replace").splitlines()
         return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
     except (OSError, StopIteration):
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

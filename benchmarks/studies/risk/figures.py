@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from itertools import cycle
 from pathlib import Path
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.figures.palette import ARM_COLOURS, arm_colour
 from benchmarks.studies.risk.series import OWN, PROMISE
-from foresee.infra.drawing import INK
+from foresee.infra.drawing import INK, new_figure, own_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RIVAL_MARKERS = "s^Dv"
 """Markers of the predictors that are compared; they have the same colour."""
@@ -19,6 +20,7 @@ MANY = 40
 """Number of drives from which on an interval decides how far the axis reaches."""
 
 
+@own_style()
 def draw(results: dict[str, Any], out: Path) -> list[Path]:
     """Draw the figures that the results suffice for, and return their files."""
     paths = []
@@ -45,7 +47,7 @@ def _promise(results: dict[str, Any]) -> Figure | None:
     columns = min(3, len(risks))
     lines = math.ceil(len(risks) / columns)
     size = 2.6 + 3.0 * columns, (1.0 + 0.28 * len(kinds)) * lines
-    figure = Figure(figsize=size, layout="constrained")
+    figure = new_figure(*size)
     panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes, risk in zip(panels, risks, strict=False):
         axes.axvline(100 * risk, color=INK, linewidth=0.8, linestyle="--")
@@ -96,7 +98,7 @@ def _pareto(results: dict[str, Any]) -> Figure | None:
         return None
     columns = min(3, len(kinds))
     rows = math.ceil(len(kinds) / columns)
-    figure = Figure(figsize=(3.2 * columns, 3.0 * rows), layout="constrained")
+    figure = new_figure(3.2 * columns, 3.0 * rows)
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
     for axes, kind in zip(panels, kinds, strict=False):
         here = [r for r in compared if _kind(r) == kind]
@@ -134,7 +136,7 @@ def _recalibrations(results: dict[str, Any]) -> Figure | None:
     if not rows:
         return None
     blocks = sorted({r["block"] for r in rows})
-    figure = Figure(figsize=(5.0, 3.6), layout="constrained")
+    figure = new_figure(5.0, 3.6)
     axes = figure.subplots()
     largest = 100 * max(r["requested"] for r in rows)
     axes.plot([0, largest], [0, largest], color=INK, linewidth=0.8, linestyle="--")

@@ -54,7 +54,7 @@ def contents(folder: Path) -> dict[str, Any]:
             # Intermediate results are not compared; a command removes or ignores them at its end.
             continue
         if path.suffix in (".json", ".jsonl"):
-            text = path.read_text()
+            text = path.read_text(encoding="utf-8")
             values = text.splitlines() if path.suffix == ".jsonl" else [text]
             results[name] = [json.loads(value, object_hook=_lasting) for value in values]
         elif path.suffix in (".npz", ".safetensors"):
@@ -101,8 +101,8 @@ def interrupted(
         moment = share * seconds[command]
         process, in_time = _interrupted(words, own / "first.txt", kind, moment, folder)
         left = _left_behind(process.pid)
-        said = (own / "first.txt").read_text(errors="replace")
-        with (own / "second.txt").open("w") as file:
+        said = (own / "first.txt").read_text(encoding="utf-8", errors="replace")
+        with (own / "second.txt").open("w", encoding="utf-8") as file:
             again = subprocess.run(words, stdout=file, stderr=file).returncode
         differ = differences(contents(work / command), contents(folder / "out"))
     entry = {
@@ -132,7 +132,7 @@ def _interrupted(
     """
     # The child must react to Ctrl-C, even if this command was started in the background.
     heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    with output.open("w") as file:
+    with output.open("w", encoding="utf-8") as file:
         process = subprocess.Popen(
             words, stdout=file, stderr=file, start_new_session=True, preexec_fn=heed
         )
@@ -204,12 +204,12 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
                     folder.mkdir(parents=True)
                 words = _words(command, work, own, work / command)
                 began = time.monotonic()
-                ran = subprocess.run(words, capture_output=True, text=True)
+                ran = subprocess.run(words, capture_output=True, encoding="utf-8", errors="replace")
                 if ran.returncode:
                     lines = ran.stderr.strip().splitlines() or ["no message"]
                     raise UsageError(f"{command} failed without any interruption: {lines[-1]}")
-            done.write_text(json.dumps(time.monotonic() - began))
-        seconds[command] = float(json.loads(done.read_text()))
+            done.write_text(json.dumps(time.monotonic() - began), encoding="utf-8")
+        seconds[command] = float(json.loads(done.read_bytes()))
     return seconds
 
 
@@ -279,7 +279,7 @@ def _members(session: int) -> list[int]:
     pids = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
-            fields = path.read_text().rpartition(")")[2].split()
+            fields = path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
         except OSError:
             # The process has just ended.
             continue
