@@ -26,8 +26,9 @@ def driven(index, arm):
         arm=arm, index=index, world=f"w{index % 5}", seed=index, path_length=20.0 + index % 7
     )
     arrays = {
-        f"e{index}/{arm}/states": np.array([index, len(arm)]),
-        f"w{index}/cells": np.array([index]),
+        f"e{index}/{arm}/states": np.array([[index, len(arm), 0.0, 0.0]]),
+        f"w{index}/cells": np.array([[index % 100]], dtype=np.int8),
+        f"w{index}/frame": np.array([0.05, 0.0, 0.0]),
     }
     return Drive(result, Trace(Path("nowhere"), index, arm, arrays))
 
@@ -53,10 +54,10 @@ def test_thousands_of_drives_are_packed_in_pieces_and_each_is_there_once(tmp_pat
     assert results["summary"]["oracle"]["episodes"] == count
     assert not list((tmp_path / "parts").glob("*.npz"))
     with np.load(tmp_path / "traces.npz") as traces:
-        assert len(traces.files) == len(set(traces.files)) == len(everything) + count
+        assert len(traces.files) == len(set(traces.files)) == len(everything) + 2 * count
         for index, arm in everything[::37]:
-            assert traces[f"e{index}/{arm}/states"].tolist() == [index, len(arm)]
-            assert traces[f"w{index}/cells"].tolist() == [index]
+            assert traces[f"e{index}/{arm}/states"].tolist() == [[index, len(arm), 0, 0]]
+            assert traces[f"w{index}/cells"].tolist() == [[index % 100]]
 
 
 def test_drives_that_are_not_asked_for_any_more_are_kept(tmp_path):
@@ -179,7 +180,7 @@ def assert_whole(folder, results, before):
     assert results["episodes"] == before["episodes"]
     with np.load(folder / "traces.npz") as traces:
         for index in range(len(before["episodes"])):
-            assert traces[f"e{index}/known/states"].tolist() == [index, len("known")]
+            assert traces[f"e{index}/known/states"].tolist() == [[index, len("known"), 0, 0]]
 
 
 @pytest.mark.parametrize("damage", ["truncated", "empty", "missing"])
