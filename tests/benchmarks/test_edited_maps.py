@@ -16,6 +16,8 @@ from benchmarks.runs.trace import Drive, Trace
 from foresee.infra.command_line import UsageError
 from foresee.infra.workers import WorkersError
 from foresee.mapping.grid import FREE, OCCUPIED, Grid
+from predictor.evaluation.drive_scores import DriveScores
+from predictor.evaluation.settings import EvaluateConfig
 from sim import empty_straight, save_world
 from sim.buildings import map_hashes
 from sim.world import World
@@ -144,3 +146,12 @@ def test_the_command_says_in_one_line_that_a_map_was_edited(tmp_path, path, caps
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "straight.yaml" in said
+
+
+def test_scores_are_not_continued_in_a_map_that_was_edited(tmp_path, path):
+    config = EvaluateConfig(world=(str(path),), drives=1, predictors=("none",))
+    DriveScores(config, tmp_path / "scores")
+    assert DriveScores(config, tmp_path / "scores").folder.notes == []
+    save_world(EDITS["origin"], path)
+    with pytest.raises(UsageError, match=r"other maps: .*straight\.yaml"):
+        DriveScores(config, tmp_path / "scores")
