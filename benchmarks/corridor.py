@@ -10,6 +10,7 @@ missing, because processes died or the disk is full.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,6 +24,7 @@ from foresee.infra.workers import LostError, check_scheduler, finished
 
 if TYPE_CHECKING:
     from benchmarks.runs.store import Store
+    from benchmarks.runs.trace import Drive
 
 
 @dataclass(frozen=True)
@@ -71,22 +73,23 @@ def _run(settings: Settings, place: Place) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import at_risk
     from benchmarks.figures.run_figures import draw_all
-    from benchmarks.runs.drive import weights_of
+    from benchmarks.runs.drive import attempt, weights_of
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
     from benchmarks.runs.time_optimal import read_t_opt
     from foresee.infra.environment import several_states
-    from sim.buildings import check_maps
+    from sim.buildings import map_hashes
 
     weights = weights_of(settings)
-    check_maps(settings.world)
+    maps = map_hashes(settings.world)
     settings = at_risk(settings, place.calibration)
-    t_opt = None if place.optimum is None else read_t_opt(place.optimum, settings)
+    t_opt = None if place.optimum is None else read_t_opt(place.optimum, settings, maps)
     out = place.out
-    with Store(out, settings, weights, place.baselines) as store:
+    with Store(out, settings, weights, place.baselines, maps) as store:
         for note in store.notes:
             print(f"warning: {note}", file=sys.stderr)
-        interrupted = _drive_all(store, settings, weights, place)
+        work = partial(attempt, settings, weights, maps=maps)
+        interrupted = _drive_all(store, settings, work, place)
         results = store.pack(t_opt)
     done = results["episodes"]
     if t_opt is not None and done and all(e["t_opt"] is None for e in done):
@@ -110,11 +113,14 @@ def _run(settings: Settings, place: Place) -> int:
     return 1 if store.lost else 0
 
 
-def _drive_all(store: Store, settings: Settings, weights: str | None, place: Place) -> bool:
+def _drive_all(
+    store: Store,
+    settings: Settings,
+    work: Callable[[tuple[int, str]], Drive | str],
+    place: Place,
+) -> bool:
     """Make the missing drives, with a progress bar; return whether it was interrupted."""
     from tqdm import tqdm
-
-    from benchmarks.runs.drive import attempt
 
     done = store.done()
     todo = [
@@ -124,7 +130,6 @@ def _drive_all(store: Store, settings: Settings, weights: str | None, place: Pla
         if (index, arm) not in done and index not in store.skipped
     ]
     total = settings.episodes * len(settings.arms)
-    work = partial(attempt, settings, weights)
     with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
             for (index, arm), driven in finished(work, todo, place.jobs, place.dask):

@@ -35,16 +35,18 @@ class Place(Options):
 
 def _run(settings: Annotated[Settings, TASKS], place: Place) -> None:
     # Imported here, so that --help does not wait for slow imports.
-    from benchmarks.runs.time_optimal import KIND, attempt, table
+    from benchmarks.runs.time_optimal import ENTRY, KIND, attempt, table
     from foresee.mapping.car_limits import CarLimits
-    from sim.buildings import check_maps
+    from sim.buildings import map_hashes
     from sim.episode import EpisodeConfig
 
-    check_maps(settings.world)
+    maps = map_hashes(settings.world)
     car = asdict(CarLimits(v_max=settings.v_max, braking=settings.braking))
     wanted = {"world": list(settings.world), "episodes": settings.episodes, "seed": settings.seed}
     wanted |= car | {"goal_radius": EpisodeConfig().goal_radius}
-    store = DriveFile(place.out, KIND, wanted, grows="episodes")
+    wanted |= {"maps": maps} if maps else {}
+    # Older files do not name their maps.
+    store = DriveFile(place.out, KIND, wanted, "episodes", {"maps": maps} if maps else {}, ENTRY)
     skipped = store.fill(partial(attempt, settings), range(settings.episodes), place.jobs, _about)
     notes = [f"episode {index} left out: {why}" for index, why in skipped.items()]
     drives = store.first(settings.episodes)

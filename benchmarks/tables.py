@@ -6,6 +6,8 @@ python -m benchmarks.tables docs/results/*.json
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -53,7 +55,11 @@ def _run(settings: TableSettings) -> None:
     from benchmarks.runs.overview import overview, reliances, scores
 
     files = [(path.stem, _read(path)) for path in settings.files]
-    relied = {name: of for name, of in files if "predicted" in of.get("summary", {})}
+    relied = {
+        name: of
+        for name, of in files
+        if of["kind"] == "comparison" and "predicted" in of["summary"]
+    }
     runs = {name: of for name, of in relied.items() if "known" in of["summary"]}
     scored = {name: of for name, of in files if of["kind"] == "evaluation"}
     if settings.overview:
@@ -62,12 +68,13 @@ def _run(settings: TableSettings) -> None:
         print(overview(runs))
         return
     parts = [f"## {name}\n\n{of['tables']}\n" for name, of in files]
-    if scored:
-        parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
-    if len(relied) > 1:
-        parts.insert(0, f"## Reliances\n\n{reliances(relied)}\n")
-    if len(runs) > 1:
-        parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
+    with _broken_refused("one of these files"):
+        if scored:
+            parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
+        if len(relied) > 1:
+            parts.insert(0, f"## Reliances\n\n{reliances(relied)}\n")
+        if len(runs) > 1:
+            parts.insert(0, f"## Overview\n\n{overview(runs)}\n")
     print("\n".join(parts), end="")
 
 
@@ -76,14 +83,21 @@ def _read(path: Path) -> dict[str, Any]:
     from benchmarks.runs.overview import summarised
 
     results = read_results(path)
-    try:
+    with _broken_refused(str(path)):
         if results["kind"] == "comparison":
             results = summarised(results)
         return results | {"tables": tables_of(results)}
+
+
+@contextmanager
+def _broken_refused(where: str) -> Iterator[None]:
+    """Raise UsageError if the results of a file are not what its kind promises."""
+    try:
+        yield
     except ImportError:
-        raise UsageError(f"{path}: the study that makes its tables is not installed") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path} is no results file: {one_line(error)}") from None
+        raise UsageError(f"{where}: the study that makes its tables is not installed") from None
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise UsageError(f"{where} is no results file: {one_line(error)}") from None
 
 
 main = Command("benchmarks.tables", __doc__, _run)

@@ -149,6 +149,9 @@ class Navigator:
         waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
         seed: seed of the path search.
         frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
+
+    Raises:
+        ValueError: if there are waypoints of another shape, or none at all.
     """
 
     def __init__(
@@ -162,6 +165,10 @@ class Navigator:
         seed: int = 0,
         frontiers: FrontierPredictor | None = None,
     ) -> None:
+        if waypoints is not None and not (
+            waypoints.ndim == 2 and waypoints.shape[1] == 2 and waypoints.size
+        ):
+            raise ValueError(f"waypoints are of shape {waypoints.shape}, not (n, 2) with n > 0")
         self.config, self.goal, self.known = config, goal, known
         self._choosers = {1: PlanChooser(config.car, config.mpc, goal)}
         if config.car.reverse > 0.0:

@@ -31,6 +31,8 @@ def _run(config: EvaluateConfig, place: Place) -> None:
     from predictor.evaluation.drive_scores import DriveScores, table
 
     scores = DriveScores(config, place.out)
+    for note in scores.folder.notes:
+        print(f"warning: {note}", file=sys.stderr)
     scores.run(place.jobs)
     results = scores.finish()
     mixed = several_states(results["commits"], "drives")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,9 @@ def fingerprint_of(predictor: Any) -> str | None:
 
 def has_learned(predictor: Any, cells: NDArray[np.int8]) -> bool:
     """Return whether a predictor was trained or validated on a building, according to its facts."""
-    facts = _facts(predictor)
-    return any(world_hash(cells) in facts.get(name, ()) for name in ("worlds", "validation_worlds"))
+    facts, building = _facts(predictor), world_hash(cells)
+    worlds = [facts.get(name) for name in ("worlds", "validation_worlds")]
+    return any(building in these for these in worlds if isinstance(these, Collection))
 
 
 def _facts(predictor: Any) -> dict[str, Any]:

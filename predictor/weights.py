@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -12,11 +14,16 @@ from safetensors import SafetensorError, safe_open
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import LineError
+from foresee.infra.input_file import check_input
 from foresee.infra.plain_json import loads
 
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
+
+
+LARGEST_FILE, LARGEST_HEADER = 2**34, 2**24
+"""Largest file that is read, and largest header of one [bytes]."""
 
 
 class WeightsError(LineError):
@@ -84,7 +91,7 @@ def facts_of(path: Path) -> tuple[str | None, dict[str, Any]]:
     Raises:
         WeightsError: if the file is missing or damaged, or its header broken.
     """
-    header, _ = _read(path, numbers=False)
+    header, _ = _read(path)
     return header.get("architecture"), _facts(path, header)
 
 
@@ -102,7 +109,7 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
     import torch
 
     known: Any = kind
-    header, tensors = _read(path, numbers=True)
+    header, shapes = _read(path)
     if header.get("architecture") not in known.ARCHITECTURES:
         raise WeightsError(
             f"{path} holds weights of {header.get('architecture')!r}, not of "
@@ -118,6 +125,13 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
             raise ValueError(f"it names {header['architecture']!r}, but shapes {net.architecture}")
     except (KeyError, ValueError, TypeError) as error:
         raise WeightsError(f"{path} has a broken header: {error}") from error
+    needed = {name: tuple(v.shape) for name, v in net.state_dict().items()}
+    for name in sorted(needed.keys() | shapes.keys()):
+        if needed.get(name) != shapes.get(name):
+            raise WeightsError(
+                f"{path}: tensor {name} is {shapes.get(name)}, not {needed.get(name)}"
+            )
+    tensors = _tensors(path, shapes)
     wanted = {name: (tuple(v.shape), v.dtype) for name, v in net.state_dict().items()}
     stored = {name: (tuple(v.shape), v.dtype) for name, v in tensors.items()}
     for name in sorted(wanted.keys() | stored.keys()):
@@ -133,15 +147,35 @@ def load_weights(path: Path, kind: type[Kind]) -> tuple[Kind, dict[str, Any]]:
     return net.eval(), facts
 
 
-def _read(path: Path, numbers: bool) -> tuple[dict[str, str], dict[str, Tensor]]:
-    """Read the header of a file and, if `numbers`, its tensors."""
+def _read(path: Path) -> tuple[dict[str, str], dict[str, tuple[int, ...]]]:
+    """Read the header of a file, and the shape of each of its tensors."""
+    with _opened(path) as file:
+        names = file.keys()
+        shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
+        return file.metadata() or {}, shapes
+
+
+def _tensors(path: Path, names: Iterable[str]) -> dict[str, Tensor]:
+    with _opened(path) as file:
+        return {name: file.get_tensor(name) for name in names}
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a safetensors file; raise WeightsError if it is none, or a damaged one."""
     try:
+        check_input(path, LARGEST_FILE)
+        with path.open("rb") as file:
+            # The first eight bytes of a file are the length of its header.
+            if int.from_bytes(file.read(8), "little") > LARGEST_HEADER:
+                raise ValueError(f"its header has over {LARGEST_HEADER} bytes")
         with safe_open(path, framework="pt") as file:
-            names = file.keys() if numbers else ()
-            return file.metadata() or {}, {name: file.get_tensor(name) for name in names}
+            yield file
+    except WeightsError:
+        raise
     except FileNotFoundError:
         raise WeightsError(f"{path} does not exist") from None
-    except (SafetensorError, OSError) as error:
+    except (SafetensorError, OSError, ValueError) as error:
         raise WeightsError(f"{path} is no safetensors file, or a damaged one: {error}") from error
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from foresee.infra.command_line import UsageError
 from foresee.mapping.family_names import FAMILIES
+from foresee.mapping.grid import Grid, world_hash
 from sim.families import generate
 from sim.map_server import load_world
 from sim.task import NoTaskError, Task, sample_task
@@ -53,6 +55,23 @@ def check_maps(names: tuple[str, ...]) -> None:
     for place in sources(names):
         if place not in FAMILIES:
             load_world(place)
+
+
+def map_hashes(names: tuple[str, ...]) -> dict[str, str]:
+    """Return the hash of each map file that `--world` names, see `map_hash`.
+
+    Raises:
+        UsageError: if a name is neither a family, nor a map file, nor a folder with map files.
+        MapError: if a map cannot be read.
+    """
+    places = [place for place in sources(names) if place not in FAMILIES]
+    return {place: map_hash(sealed(load_world(place)).grid) for place in places}
+
+
+def map_hash(grid: Grid) -> str:
+    """Return a hash of the cells of a map, its resolution and its origin."""
+    facts = [world_hash(grid.cells), *map(float, (grid.frame.resolution, *grid.frame.origin))]
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
 
 
 def task_in(place: str, seed: int) -> Task:

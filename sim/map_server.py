@@ -232,8 +232,8 @@ def _read_image(path: Path) -> NDArray[np.unsignedinteger]:
         if not path.is_file():
             raise MapError(f"{path}: the image that the map names is not there")
         with warnings.catch_warnings():
-            # The size is checked below, about as strictly as by Pillow.
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            # Of sizes, which are checked below, and of faults that do not keep it from reading.
+            warnings.simplefilter("ignore")
             with Image.open(path, formats=FORMATS) as image:
                 width, height = image.size
                 if width * height > MAX_CELLS:

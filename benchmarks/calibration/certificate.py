@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -47,14 +47,8 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
     config = navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION)
     weights = fingerprint_of(load_predictor(settings.predictor))
-    maps = [place for place in sources(settings.world) if place not in FAMILIES]
     return {
-        # Maps are identified by the hash of their cells, since a file may change.
-        **(
-            {"maps": sorted(world_hash(load_world(path).grid.cells) for path in maps)}
-            if maps
-            else {}
-        ),
+        **_map_conditions(settings),
         # Without the runtime, which only changes the rounding.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),
@@ -65,6 +59,28 @@ def conditions_of(settings: Settings) -> dict[str, Any]:
         },
         "planner": planner_hash(config),
     }
+
+
+def _map_conditions(settings: Settings) -> dict[str, Any]:
+    """Return the hashes of the cells of all map files, since a file may change, and resolutions."""
+    paths = [place for place in sources(settings.world) if place not in FAMILIES]
+    grids = [load_world(path).grid for path in paths]
+    pairs = sorted((world_hash(grid.cells), grid.frame.resolution) for grid in grids)
+    if not pairs:
+        return {}
+    return {"maps": [cells for cells, _ in pairs], "resolutions": [side for _, side in pairs]}
+
+
+def absent_in(conditions: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of conditions that older calibrations do not contain.
+
+    Args:
+        conditions: conditions of the calibration, or those that are compared with it.
+    """
+    maps = conditions.get("maps")
+    if not isinstance(maps, list):
+        return ABSENT
+    return ABSENT | {"resolutions": [RESOLUTION] * len(maps)}
 
 
 def planner_hash(config: Any) -> str:
@@ -116,7 +132,7 @@ def load_calibration(path: Path) -> Calibration:
         CalibrationError: if it cannot be read.
     """
     found = Calibration.load(path)
-    return replace(found, conditions=ABSENT | found.conditions)
+    return replace(found, conditions=absent_in(found.conditions) | found.conditions)
 
 
 def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.calibration.certificate import ABSENT, conditions_of
+from benchmarks.calibration.certificate import absent_in, conditions_of
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, weights_of
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
@@ -30,6 +30,8 @@ from sim.buildings import sources
 ARM = "predicted"
 KIND_OF_DRIVES = "calibration drives"
 """Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
+ENTRY = {"index": int, "place": str, "outcome": str}
+"""Facts of each entry in these files, and their types."""
 KEPT = (
     "world",
     "seed",
@@ -89,7 +91,9 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
     conditions = conditions_of(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     told = asdict(asked) | conditions
-    with ResumableFolder(out, told, grows=("drives",), absent=ABSENT, exclusive=True):
+    with ResumableFolder(
+        out, told, grows=("drives",), absent=absent_in(conditions), exclusive=True
+    ):
         return _calibrate(settings, asked, out, jobs, conditions)
 
 
@@ -139,9 +143,7 @@ def _test(
     weights = weights_of(settings)
     told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
     absent = {name: value for name, value in OLDER.items() if name in told}
-    file = DriveFile(
-        out / f"level-{level:g}.json", KIND_OF_DRIVES, told, grows="episodes", absent=absent
-    )
+    file = DriveFile(out / f"level-{level:g}.json", KIND_OF_DRIVES, told, "episodes", absent, ENTRY)
 
     def decided() -> bool:
         losses = _losses(_in_order(file, asked.drives))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
-from benchmarks.runs.tasks import facts_of, shortest_length, task_of
+from benchmarks.runs.tasks import facts_of, refuse_edited_map, shortest_length, task_of
 from benchmarks.runs.trace import Drive, Trace
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
@@ -95,7 +96,12 @@ def weights_of(settings: Settings) -> str | None:
     return " and ".join(filter(None, found)) or None
 
 
-def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> Drive | str:
+def attempt(
+    settings: Settings,
+    weights: str | None,
+    item: tuple[int, str],
+    maps: Mapping[str, str] | None = None,
+) -> Drive | str:
     """Return what `drive` returns, or one line that says why the episode has no task.
 
     Args:
@@ -103,14 +109,16 @@ def attempt(settings: Settings, weights: str | None, item: tuple[int, str]) -> D
         weights: what `weights_of` returns where the run was started; another machine may have
             other files.
         item: number of the episode, and name of the arm.
+        maps: hash of each map file where the run was started; None: not checked.
 
     Raises:
-        WorkersError: if this machine has other weights.
+        WorkersError: if this machine has other weights, or another map.
     """
     mine = weights_of(settings)
     if mine != weights:
         raise WorkersError(f"a worker has the weights {mine}, this run is of {weights}")
     try:
+        refuse_edited_map(settings, item[0], maps or {})
         return drive(settings, *item)
     except NoTaskError as error:
         return str(error)

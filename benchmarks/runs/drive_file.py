@@ -12,28 +12,44 @@ from tqdm import tqdm
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.command_line import UsageError
+from foresee.infra.plain_json import fits
 from foresee.infra.results_file import COMMANDS, read_results
 from foresee.infra.resumable import refuse_other_settings
 from foresee.infra.workers import LostError, finished
 
+ENTRY = {"index": int}
+"""Facts that each drive of any kind must have, and their types."""
 NO_TASK = "no task"
 """Outcome in a building without a route that the car can drive."""
 Item = TypeVar("Item", bound=Hashable)
 
 
-def read_drives(path: Path, kind: str) -> dict[str, Any]:
+def read_drives(path: Path, kind: str, entry: Mapping[str, Any] = ENTRY) -> dict[str, Any]:
     """Read a file of drives: `kind`, `settings` and `drives`.
 
+    Args:
+        path: path of the file.
+        kind: kind of the results.
+        entry: facts that each drive must have, and their types, see `plain_json.fits`.
+
     Raises:
-        UsageError: if it cannot be read, or is of another kind.
+        UsageError: if it cannot be read, is of another kind, or lacks facts of a drive.
     """
     found = read_results(path)
-    try:
-        if found["kind"] != kind or not isinstance(found["settings"], dict):
-            raise TypeError
-        [int(drive["index"]) for drive in found["drives"]]
-    except (ValueError, KeyError, TypeError):
-        raise UsageError(f"{path} is no file of {COMMANDS[kind]}") from None
+    drives = found.get("drives")
+    if (
+        found["kind"] != kind
+        or not isinstance(found.get("settings"), dict)
+        or not isinstance(drives, list)
+    ):
+        raise UsageError(f"{path} is no file of {COMMANDS[kind]}")
+    for drive in drives:
+        facts = drive if isinstance(drive, dict) else {}
+        wrong = [name for name, hint in entry.items() if not fits(facts.get(name), hint)]
+        if wrong:
+            raise UsageError(
+                f"{path} is no file of {COMMANDS[kind]}: a drive lacks a proper {wrong[0]}"
+            )
     return found
 
 
@@ -47,6 +63,7 @@ class DriveFile:
         grows: name of the setting that may differ in a file that is continued: the number of
             drives.
         absent: values of settings that older files do not contain.
+        entry: facts that each drive must have, and their types.
 
     Raises:
         UsageError: if the file has other settings or cannot be written.
@@ -59,15 +76,18 @@ class DriveFile:
         settings: dict[str, Any],
         grows: str,
         absent: Mapping[str, Any] | None = None,
+        entry: Mapping[str, Any] = ENTRY,
     ) -> None:
         self.path = path
         self.drives: dict[int, dict[str, Any]] = {}
         self._head = {"kind": kind, "settings": settings}
         if path.exists():
-            found = read_drives(path, kind)
+            found = read_drives(path, kind, entry)
             theirs = dict(absent or {}) | found["settings"]
             refuse_other_settings(path, settings, theirs, (grows,))
             self.drives = {drive["index"]: drive for drive in found["drives"]}
+            if not fits(theirs.get(grows), int):
+                raise UsageError(f"{path} is no file of {COMMANDS[kind]}: it has no {grows}")
             self._head["settings"] = settings | {grows: max(settings[grows], theirs[grows])}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import up_to_date
+from benchmarks.runs.settings import checked, up_to_date
 from benchmarks.runs.summary import broken, gap, no_gap, summarise
 from foresee.infra.markdown import DASH, figure, interval, records
 
 
 def summarised(run: dict[str, Any]) -> dict[str, Any]:
     """Summarise the episodes of a comparison again, since older files lack some measures."""
-    episodes, arms = [*map(DriveResult.from_json, run["episodes"])], tuple(run["settings"]["arms"])
-    route = run["settings"]["route"]
+    settings = checked(up_to_date(run["settings"]))
+    episodes, arms = [*map(DriveResult.from_json, run["episodes"])], tuple(settings["arms"])
+    route = settings["route"]
     return run | {"summary": summarise(episodes, arms), "gap": gap(episodes, arms, route)}
 
 

@@ -8,22 +8,22 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import ARMS, Settings, up_to_date
+from benchmarks.runs.settings import ARMS, Settings, checked, up_to_date
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import read_object
-from foresee.infra.resumable import UNREADABLE
+from foresee.infra.plain_npz import NpzError, PlainNpz
+from foresee.infra.results_file import MOST_BYTES
 from foresee.mapping.conventions import TICK
 
 RESULTS, TRACES = "results.json", "traces.npz"
 """Names of the files of a run."""
-LARGEST = 2**30
-"""Largest size of an array [bytes]; a larger one is not read."""
+LARGEST = 2**28
+"""Largest size of an array [bytes]; a larger one is not read. Those of the largest map that is
+read have half of it."""
 SHOWN_FIRST = ("predicted", "oracle")
 """Arms that figures of one arm show, if a run has them."""
 
@@ -44,24 +44,21 @@ class Archive(Mapping[str, NDArray[Any]]):
         Raises:
             RunError: if it is missing or broken.
         """
-        if name not in self._file:
+        if name not in self:
             raise RunError(f"{self.path} holds no {name!r}")
         try:
-            assert self._file.zip is not None
-            if self._file.zip.getinfo(f"{name}.npy").file_size > LARGEST:
-                raise ValueError(f"it is larger than {LARGEST} bytes")
-            return np.asarray(self._file[name])
-        except (*UNREADABLE, MemoryError, RuntimeError) as error:
-            raise RunError(f"{self.path} is broken at {name!r}: {one_line(error)}") from error
+            return self._file.read(name, LARGEST)
+        except (OSError, NpzError) as error:
+            raise RunError(f"{self.path} is broken: {one_line(error)}") from error
 
     def __contains__(self, name: object) -> bool:
-        return name in self._file
+        return name in self._names
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._file)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._file)
+        return len(self._names)
 
     @cached_property
     def groups(self) -> dict[str, list[str]]:
@@ -72,16 +69,17 @@ class Archive(Mapping[str, NDArray[Any]]):
         return groups
 
     @cached_property
-    def _file(self) -> NpzFile:
+    def _names(self) -> dict[str, None]:
+        return dict.fromkeys(self._file.names)
+
+    @cached_property
+    def _file(self) -> PlainNpz:
         try:
-            file = np.load(self.path)
+            return PlainNpz(self.path)
         except FileNotFoundError as error:
             raise RunError(f"{self.path} does not exist") from error
-        except UNREADABLE as error:
+        except (OSError, NpzError) as error:
             raise RunError(f"{self.path} is broken: {one_line(error)}") from error
-        if not isinstance(file, NpzFile):
-            raise RunError(f"{self.path} is broken: not an archive of arrays")
-        return file
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +127,11 @@ class Run:
         if not directory.is_dir():
             raise RunError(f"{directory} is not a folder")
         try:
-            results = {"unused": [], "skipped": {}} | read_object(path)
+            results = {"unused": [], "skipped": {}} | read_object(path, MOST_BYTES)
             for key in ("settings", "summary", "skipped"):
                 if not isinstance(results[key], dict):
                     raise ValueError(f"{key!r} must be an object")
+            settings = checked(up_to_date(results["settings"]))
             drives, unused = (
                 [DriveResult.from_json(drive) for drive in results[key]]
                 for key in ("episodes", "unused")
@@ -142,7 +141,7 @@ class Run:
             raise RunError(f"{directory} holds no run: there is no {RESULTS}") from error
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise RunError(f"{path} is broken: {one_line(error)}") from error
-        settings, arrays = up_to_date(results["settings"]), Archive(directory / TRACES)
+        arrays = Archive(directory / TRACES)
         return cls(directory, settings, results["summary"], drives, arrays, unused, skipped)
 
     @property
@@ -172,9 +171,7 @@ class Run:
         Args:
             name: field of `Settings`, or "dt", the control period.
         """
-        value = self.settings.get(name)
-        default = TICK if name == "dt" else getattr(Settings, name)
-        return float(value if isinstance(value, int | float) else default)
+        return float(self.settings.get(name, TICK if name == "dt" else getattr(Settings, name)))
 
     @cached_property
     def drives(self) -> dict[tuple[int, str], DriveResult]:

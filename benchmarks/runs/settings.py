@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from json import dumps, loads
-from typing import Any
+from typing import Any, get_type_hints
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, option
+from foresee.infra.plain_json import fits
 from foresee.mapping.conventions import LONGEST_STOP
 from foresee.mapping.family_names import FAMILIES
 
@@ -224,3 +225,16 @@ def up_to_date(settings: dict[str, Any]) -> dict[str, Any]:
     if "reliance" in settings or "risk" not in settings:
         return OLDER | settings
     return OLDER | settings | {"reliance": settings["risk"], "risk": 0.0}
+
+
+def checked(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of saved results, `up_to_date`, if each has the type of its field.
+
+    Raises:
+        ValueError: if one has not; the message names it.
+    """
+    hints = get_type_hints(Settings) | {"dt": float}
+    wrong = [name for name, hint in hints.items() if not fits(settings.get(name, 0.0), hint)]
+    if wrong:
+        raise ValueError(f"the settings have no proper {wrong[0]}")
+    return settings

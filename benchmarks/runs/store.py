@@ -20,14 +20,17 @@ from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.atomic_file import replacing
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
+from foresee.infra.errors import one_line, shown
 from foresee.infra.results_file import write_results
-from foresee.infra.resumable import SETTINGS, ResumableFolder
+from foresee.infra.resumable import SETTINGS, ResumableFolder, difference
 from foresee.mapping.conventions import TICK
 
 PARTS = "parts"
 """Folder of the drives that are not packed yet."""
 GROWS = ("episodes", "arms")
 """Settings that may differ when a run is continued."""
+MAPS = "maps"
+"""Setting of a run: the hash of each map file."""
 
 
 class Store(ResumableFolder):
@@ -39,6 +42,8 @@ class Store(ResumableFolder):
         weights: fingerprint of the predictor's weights; None: it has none.
         baselines: folder of an earlier run. Its drives of arms that do not use the chosen predictor
             are copied, if they would be the same with these settings.
+        maps: hash of each map file, see `sim.buildings.map_hashes`. Runs that do not name their
+            maps are not compared in it; a note says so.
 
     Attributes:
         episodes: results of the finished drives.
@@ -53,20 +58,28 @@ class Store(ResumableFolder):
     """
 
     def __init__(
-        self, out: Path, settings: Settings, weights: str | None, baselines: Path | None = None
+        self,
+        out: Path,
+        settings: Settings,
+        weights: str | None,
+        baselines: Path | None = None,
+        maps: Mapping[str, str] | None = None,
     ) -> None:
         self.settings = settings
         self.skipped: dict[int, str] = {}
         self.lost: list[tuple[int, str]] = []
         # Converted to JSON and back, to be compared with the settings in files.
-        self._marked = json.loads(json.dumps(dataclasses.asdict(settings) | {"weights": weights}))
+        told = dataclasses.asdict(settings) | {"weights": weights} | ({MAPS: maps} if maps else {})
+        self._marked = json.loads(json.dumps(told))
         adopted = None if baselines is None else self._checked(baselines)
         if not (out / SETTINGS).exists() and (out / RESULTS).exists():
             # A folder without settings must at least hold readable results; this raises if not.
             Run.read(out)
         # Some older runs also name the control period, which is not a setting.
         grows = (*GROWS, "dt")
-        super().__init__(out, self._marked, grows=grows, absent=OLDER, exclusive=True)
+        super().__init__(
+            out, self._marked, grows=grows, absent=OLDER, unchecked=(MAPS,), exclusive=True
+        )
         self.commit = commit()
         listed, packed = self._packed()
         self.episodes = packed + self._loose({(e.index, e.arm) for e in packed})
@@ -76,6 +89,8 @@ class Store(ResumableFolder):
                 f"{len(lost)} of {len(listed)} drives have lost their traces and are driven again"
             )
         if adopted is not None:
+            if maps and MAPS not in adopted[0].settings:
+                self.notes.append(f"{baselines} does not name its {MAPS}: not compared")
             self._adopt(*adopted)
 
     def done(self) -> set[tuple[int, str]]:
@@ -137,6 +152,8 @@ class Store(ResumableFolder):
             raise UsageError(f"--baselines: {error}") from None
         mine, theirs = self._marked, run.settings
         other = {k for k, v in mine.items() if k not in GROWS and v != theirs.get(k)}
+        if MAPS not in theirs:
+            other.discard(MAPS)
         arms = [arm for arm in self.settings.arms if not ARMS[arm].has_predictor]
         if not arms:
             raise UsageError(
@@ -145,7 +162,7 @@ class Store(ResumableFolder):
             )
         alike = [arm for arm in arms if ARMS[arm].drives_alike(other)]
         if not alike:
-            what = ", ".join(f"{k} {theirs.get(k)}" for k in mine if k in other)
+            what = ", ".join(difference(k, mine, theirs) for k in mine if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")
         return run, alike
 
@@ -196,31 +213,41 @@ class Store(ResumableFolder):
         if not traces.exists():
             return drives, []
         try:
-            bad = {group for group, names in archive.groups.items() if not _read(archive, names)}
+            there = [drive for drive in drives if _groups_of(drive)[0] in archive.groups]
         except RunError as error:
             self.set_aside(traces, str(error))
             return drives, []
-        whole = [
-            drive
-            for drive in drives
-            if _groups_of(drive)[0] in archive.groups and bad.isdisjoint(_groups_of(drive))
-        ]
-        if not bad:
+        whole, faults = list[DriveResult](), dict[str, str]()
+        for drive in there:
+            names = [name for group in _groups_of(drive) for name in archive.groups.get(group, ())]
+            try:
+                Trace(traces, drive.index, drive.arm, archive).check(names)
+                whole.append(drive)
+            except RunError as error:
+                faults[_groups_of(drive)[0]] = str(error)
+        if not faults:
             return drives, whole
         for drive in whole:
             self._save(_drive_in(archive, drive))
-        self.set_aside(traces, f"arrays of {', '.join(sorted(bad))} do not read")
+        why = next(iter(faults.values()))
+        self.set_aside(traces, shown(f"arrays of {', '.join(faults)} do not read: {why}"))
         return drives, []
 
     def _loose(self, packed: set[tuple[int, str]]) -> list[DriveResult]:
         """Return the drives in files of their own that are not packed."""
         found = []
         for path in self._parts():
+            part = self.read(f"{PARTS}/{path.name}")
+            if part is None:
+                continue
             try:
-                if part := self.read(f"{PARTS}/{path.name}"):
-                    found.append(DriveResult.from_json(part[0]))
+                drive = DriveResult.from_json(part[0])
+                if path != self.folder / _part(drive):
+                    raise ValueError(f"it holds episode {drive.index} of {drive.arm}")
+                Trace(path, drive.index, drive.arm, part[1]).check(part[1])
+                found.append(drive)
             except ValueError as error:
-                self.set_aside(path, str(error))
+                self.set_aside(path, one_line(error))
         return [drive for drive in found if (drive.index, drive.arm) not in packed]
 
     def _parts(self) -> list[Path]:
@@ -237,14 +264,6 @@ def _drive_in(archive: Archive, result: DriveResult) -> Drive:
     names = (name for group in _groups_of(result) for name in archive.groups.get(group, ()))
     arrays = {name: archive[name] for name in names}
     return Drive(result, Trace(archive.path, result.index, result.arm, arrays))
-
-
-def _read(archive: Archive, names: list[str]) -> bool:
-    """Return whether all of some arrays can be read."""
-    try:
-        return all(archive[name] is not None for name in names)
-    except RunError:
-        return False
 
 
 def _part(result: DriveResult) -> str:

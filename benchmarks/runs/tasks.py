@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
 from benchmarks.optimal.shortest_path import NoPathError, path_length, shortest_path
 from benchmarks.runs.settings import Settings
+from foresee.infra.workers import WorkersError
 from foresee.mapping.car_limits import CarLimits
-from sim.buildings import sources, task_in
+from sim.buildings import map_hash, sources, task_in
 from sim.task import Task
 
 
@@ -19,9 +21,30 @@ def task_of(settings: Settings, index: int) -> Task:
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
+    return task_in(*_source_of(settings, index))
+
+
+def refuse_edited_map(settings: Settings, index: int, maps: Mapping[str, str]) -> None:
+    """Refuse an episode in a map that is another than at the start of the run.
+
+    Args:
+        settings: settings of the run.
+        index: number of the episode.
+        maps: hash of each map file at the start of the run, see `sim.buildings.map_hashes`.
+
+    Raises:
+        WorkersError: if the map has been edited since, or is another on this machine.
+        NoTaskError: if the building has no route of at least 10 m.
+    """
+    place, _ = _source_of(settings, index)
+    if place in maps and map_hash(task_of(settings, index).world.grid) != maps[place]:
+        raise WorkersError(f"a worker has another map {place} than at the start of this run")
+
+
+def _source_of(settings: Settings, index: int) -> tuple[str, int]:
+    """Return the family or map file of an episode, and the seed of its task."""
     places = sources(settings.world)
-    place, seed = places[index % len(places)], settings.seed + index // len(places)
-    return task_in(place, seed)
+    return places[index % len(places)], settings.seed + index // len(places)
 
 
 @lru_cache(maxsize=2)

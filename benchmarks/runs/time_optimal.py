@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from benchmarks.runs.tasks import facts_of, shortest_length, task_of
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
+from foresee.infra.plain_json import fits
 from foresee.mapping.car_limits import CarLimits
 from sim.episode import EpisodeConfig
 from sim.task import NoTaskError
@@ -22,6 +23,17 @@ from sim.task import NoTaskError
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identity of a task: building, seed, start (x, y, yaw) and goal (x, y), rounded."""
 KIND = "optimum"
+ENTRY = {
+    "index": int,
+    "world": str,
+    "seed": int,
+    "start": list[float],
+    "goal": list[float],
+    "t_opt": float | None,
+    "t_bound": float | None,
+    "shortest": float | None,
+}
+"""Facts of each drive in the file, and their types."""
 
 
 def task_key(world: str, seed: int, start: Sequence[float], goal: Sequence[float]) -> Key:
@@ -76,28 +88,36 @@ def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
     return result | {"wall": round(time.perf_counter() - started, 2)}
 
 
-def read_t_opt(path: Path, settings: Settings | None = None) -> dict[Key, float | None]:
+def read_t_opt(
+    path: Path, settings: Settings | None = None, maps: Mapping[str, str] | None = None
+) -> dict[Key, float | None]:
     """Read the least time T_opt of each task [s]; None for a task without a drive.
 
     Args:
         path: file that `benchmarks.optimum` has written.
         settings: settings of the run, which must have the same car; None: not checked.
+        maps: hash of each map file of the run, which must be the same in the file, if it names
+            them; None: not checked.
 
     Raises:
-        UsageError: if the file cannot be read, or is something else, or of another car.
+        UsageError: if the file cannot be read, or is something else, of another car, or of a map
+            that has been edited since.
     """
-    found = read_drives(path, KIND)
-    try:
-        for name in ("v_max", "braking"):
-            theirs = float(found["settings"][name])
-            if settings is not None and theirs != getattr(settings, name):
-                raise UsageError(f"{path} is of {name} {theirs:g}, not {getattr(settings, name):g}")
-        return {
-            task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"]
-            for d in found["drives"]
-        }
-    except (KeyError, TypeError):
-        raise UsageError(f"{path} is no file of benchmarks.optimum") from None
+    found = read_drives(path, KIND, ENTRY)
+    told = found["settings"]
+    for name in ("v_max", "braking"):
+        if not fits(told.get(name), float):
+            raise UsageError(f"{path} is no file of benchmarks.optimum: it has no {name}")
+        if settings is not None and told[name] != getattr(settings, name):
+            raise UsageError(f"{path} is of {name} {told[name]:g}, not {getattr(settings, name):g}")
+    theirs = told.get("maps")
+    if maps and isinstance(theirs, dict):
+        edited = [place for place in maps if theirs.get(place, maps[place]) != maps[place]]
+        if edited:
+            raise UsageError(f"{path} is of another version of {', '.join(edited)}")
+    return {
+        task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"] for d in found["drives"]
+    }
 
 
 def table(found: dict[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,9 +11,10 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs.drive_result import FARTHEST, DriveResult
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import SHAPES
 from foresee.infra.errors import LineError
+from foresee.infra.plain_json import FARTHEST
 from foresee.mapping.grid import UNKNOWN, Grid, GridFrame
 from foresee.mapping.polyline import arc_length
 from sim.task import Task
@@ -125,7 +126,10 @@ class Trace:
     @cached_property
     def stage_times(self) -> dict[str, NDArray[np.float32]]:
         """Stage of the control cycle → its duration in each tick, (T,) [ms]."""
-        return dict(zip(self.read("time_names").tolist(), self.read("times").T, strict=True))
+        names, times = self.read("time_names").tolist(), self.read("times")
+        if times.shape[1] != len(names):
+            self._refuse("times", f"has {times.shape[1]} stages, not {len(names)}")
+        return dict(zip(names, times.T, strict=True))
 
     @cached_property
     def truth(self) -> Grid:
@@ -134,8 +138,14 @@ class Trace:
 
     @property
     def waypoints(self) -> NDArray[np.float64]:
-        """Points of the prescribed route, (n, 2) [m]."""
-        return self.arrays[f"w{self.index}/waypoints"]
+        """Points of the prescribed route, at least one, (n, 2) [m]."""
+        name = f"w{self.index}/waypoints"
+        points = self._array(name)
+        if points.ndim != 2 or points.shape[1] != 2 or not len(points):
+            raise RunError(f"{self.path} is broken: {name} has shape {points.shape}, not (n, 2)")
+        if points.dtype.kind != "f" or not (np.abs(points) <= FARTHEST).all():
+            raise RunError(f"{self.path} is broken: {name} holds no finite numbers")
+        return points
 
     def observed(self, tick: int) -> Grid:
         """Return the map of what was observed up to a tick, with the true values of cells."""
@@ -162,6 +172,21 @@ class Trace:
             other,
         )
 
+    def check(self, names: Iterable[str]) -> None:
+        """Read and check some arrays of this drive and its building, given by their full names.
+
+        Raises:
+            RunError: if one is missing or broken, or there are no states or no map.
+        """
+        own = self._full("")
+        for full_name in names:
+            if full_name.removeprefix(own) in SHAPES:
+                self.read(full_name.removeprefix(own))
+            else:
+                self._array(full_name)
+        self.read("states")
+        self._frame(f"w{self.index}/frame", self._cells)
+
     def __contains__(self, name: str) -> bool:
         return self._full(name) in self.arrays
 
@@ -171,7 +196,7 @@ class Trace:
         Raises:
             RunError: if it is missing or broken.
         """
-        found, wanted = self.arrays[self._full(name)], self._shape_of(name)
+        found, wanted = self._array(self._full(name)), self._shape_of(name)
         fits = [want in ("any", size) for want, size in zip(wanted, found.shape, strict=False)]
         if len(wanted) != found.ndim or not all(fits):
             self._refuse(name, f"has shape {found.shape}, not ({', '.join(map(str, wanted))})")
@@ -185,10 +210,15 @@ class Trace:
 
     @cached_property
     def _cells(self) -> NDArray[np.int8]:
-        cells = self.arrays[f"w{self.index}/cells"]
+        cells = self._array(f"w{self.index}/cells")
         if cells.ndim != 2 or not cells.size or cells.dtype != np.int8:
             raise RunError(f"{self.path} is broken: w{self.index}/cells is no map")
         return cells
+
+    def _array(self, full_name: str) -> NDArray[Any]:
+        if full_name not in self.arrays:
+            raise RunError(f"{self.path} holds no {full_name!r}")
+        return self.arrays[full_name]
 
     def _full(self, name: str) -> str:
         return f"e{self.index}/{self.arm}/{name}"
@@ -203,7 +233,7 @@ class Trace:
 
     def _frame(self, full_name: str, cells: NDArray[Any]) -> GridFrame:
         """Return the frame of a map: an array holds its resolution, and x and y of its origin."""
-        numbers = self.arrays[full_name]
+        numbers = self._array(full_name)
         if (
             numbers.shape != (3,)
             or numbers.dtype.kind != "f"

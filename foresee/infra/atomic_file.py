@@ -39,7 +39,7 @@ def _runs(pid: int) -> bool:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:
-        # The process exists, but belongs to another user.
+    except (PermissionError, OverflowError):
+        # The process belongs to another user, or the number is none of a process.
         pass
     return True

@@ -11,7 +11,7 @@ from typing import Any, NoReturn, get_args, get_type_hints
 
 # Imported before numpy, this limits the libraries to one thread in each process.
 import foresee.infra.workers  # noqa: F401
-from foresee.infra.errors import LineError, one_line
+from foresee.infra.errors import LineError, one_line, shown
 from foresee.infra.streams import lasting_streams
 
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
@@ -75,7 +75,8 @@ class Command:
             # The program that read the output, such as `head`, has ended.
             return 1
         except OSError as error:
-            self._complain(f"{one_line(error)}; what was finished is kept")
+            where = "" if error.filename is None else f"{error.filename}: "
+            self._complain(shown(f"{where}{one_line(error)}; what was finished is kept"))
             return 1 if error.errno in DISK else 2
         except KeyboardInterrupt:
             self._complain("interrupted; the same command goes on where it stopped")

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field, fields
+from pathlib import Path
 from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from foresee.infra.command_line import UsageError
@@ -125,7 +126,8 @@ def _add(parser: argparse._ActionsContainer, setting: Field[Any], hint: Any) -> 
         return
     parse = metadata.get("parse")
     words: dict[str, Any] = {"metavar": metadata["metavar"], "choices": metadata.get("choices")}
-    words["type"] = parse or next(iter(get_args(hint)), hint)
+    kind = next(iter(get_args(hint)), hint)
+    words["type"] = parse or (_path if kind is Path else kind)
     if get_origin(hint) is tuple and not parse:
         words["nargs"] = "+"
     if "positional" in metadata:
@@ -136,6 +138,16 @@ def _add(parser: argparse._ActionsContainer, setting: Field[Any], hint: Any) -> 
         text += f" (default: {(',' if parse else ' ').join(map(str, values))})"
     required = default is MISSING
     parser.add_argument(_flag(setting), default=default, required=required, help=text, **words)
+
+
+def _path(word: str) -> Path:
+    """Return the path that a word names."""
+    if not word:
+        # Path("") would be the working folder.
+        raise argparse.ArgumentTypeError("the path is empty; the working folder is .")
+    if "\0" in word:
+        raise argparse.ArgumentTypeError("a path cannot hold the character NUL")
+    return Path(word)
 
 
 def _flag(setting: Field[Any]) -> str:

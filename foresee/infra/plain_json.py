@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin
+
+from foresee.infra.input_file import read_input
 
 MOST_BYTES = 100_000_000
 """Largest file that is read [bytes]; the largest published results have a tenth of it."""
+FARTHEST = 1e9
+"""Largest number accepted from a file; larger ones cannot be drawn."""
 
 
 def read_json(path: Path, most: int = MOST_BYTES) -> Any:
@@ -22,14 +27,7 @@ def read_json(path: Path, most: int = MOST_BYTES) -> Any:
         OSError: if it cannot be read.
         ValueError: if it is no regular file, too large, or not valid JSON.
     """
-    with path.open("rb") as file:
-        # A device may never end; a folder raises an OSError when it is opened.
-        if not path.is_file():
-            raise ValueError("it is no regular file")
-        data = file.read(most + 1)
-    if len(data) > most:
-        raise ValueError(f"it has over {most} bytes")
-    return loads(data)
+    return loads(read_input(path, most))
 
 
 def loads(text: str | bytes) -> Any:
@@ -44,17 +42,42 @@ def loads(text: str | bytes) -> Any:
         raise ValueError("it is nested too deep") from None
 
 
-def read_object(path: Path) -> dict[str, Any]:
+def read_object(path: Path, most: int = MOST_BYTES) -> dict[str, Any]:
     """Read a file that holds a JSON object.
+
+    Args:
+        path: path of the file.
+        most: largest size allowed [bytes].
 
     Raises:
         OSError: if it cannot be read.
-        ValueError: if it is not valid JSON, nested too deeply, or no object.
+        ValueError: if it is no regular file, too large, not valid JSON, or no object.
     """
-    value = loads(path.read_text(encoding="utf-8"))
+    value = read_json(path, most)
     if not isinstance(value, dict):
         raise ValueError("it holds no object")
     return value
+
+
+def fits(value: Any, hint: Any) -> bool:
+    """Return whether a JSON value has an annotated type, with numbers up to `FARTHEST`.
+
+    Args:
+        value: value that `loads` has returned.
+        hint: str, bool, int, float, None, a union of these, or a list, tuple or dict of them; a
+            tuple stands for a list of any length, int is a float, too.
+    """
+    kind, inner = get_origin(hint), get_args(hint)
+    if kind is UnionType:
+        return any(fits(value, choice) for choice in inner)
+    if kind is dict:
+        return isinstance(value, dict) and all(fits(v, inner[1]) for v in value.values())
+    if kind in (list, tuple):
+        return isinstance(value, list) and all(fits(entry, inner[0]) for entry in value)
+    if hint in (str, bool, NoneType):
+        return isinstance(value, hint)
+    numbers = int | float if hint is float else int
+    return isinstance(value, numbers) and not isinstance(value, bool) and abs(value) <= FARTHEST
 
 
 def without_nan(value: Any, digits: int | None = None) -> Any:

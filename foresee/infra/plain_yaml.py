@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from foresee.infra.errors import LineError
+from foresee.infra.input_file import read_input
 
 LONGEST = 4000
 """Longest scalar allowed [characters]; a longer number would take seconds to parse."""
@@ -32,12 +33,13 @@ def read_yaml(path: Path, most: int) -> Any:
 
     Raises:
         OSError: if the file cannot be read.
-        YamlError: if it is too large, not valid YAML, or uses something that is refused.
+        YamlError: if it is no regular file, too large, not valid YAML, or uses something that is
+            refused.
     """
-    with path.open("rb") as file:
-        data = file.read(most + 1)
-    if len(data) > most:
-        raise YamlError(f"it has over {most} bytes")
+    try:
+        data = read_input(path, most)
+    except ValueError as error:
+        raise YamlError(str(error)) from None
     try:
         text = data.decode("utf-8-sig")
         _refuse(text)

@@ -29,6 +29,8 @@ COMMANDS = {
     "risk drives": "benchmarks.studies.risk",
 }
 """Kind of results → command that writes it."""
+MOST_BYTES = 4 * 10**8
+"""Largest results file that is read [bytes]: that of some 400 000 drives."""
 
 
 def write_results(path: Path, kind: str, results: Mapping[str, Any]) -> None:
@@ -50,7 +52,7 @@ def read_results(path: Path) -> dict[str, Any]:
         UsageError: if it cannot be read, or has no entry `kind`, or an unknown one.
     """
     try:
-        results = read_object(path)
+        results = read_object(path, MOST_BYTES)
     except (OSError, ValueError) as error:
         raise UsageError(f"{path} is no results file: {one_line(error)}") from None
     if "kind" not in results:
@@ -58,6 +60,6 @@ def read_results(path: Path) -> dict[str, Any]:
             f"{path} does not say what kind of results it holds: add "
             f'"kind" at its beginning, one of {", ".join(COMMANDS)}, or run its command again'
         )
-    if results["kind"] not in COMMANDS:
+    if not isinstance(results["kind"], str) or results["kind"] not in COMMANDS:
         raise UsageError(f"{path} is no results file: no kind is called {results['kind']!r}")
     return results

@@ -6,11 +6,9 @@ import fcntl
 import io
 import itertools
 import json
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,22 +16,12 @@ from numpy.typing import NDArray
 from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
-from foresee.infra.plain_json import loads, read_object
+from foresee.infra.input_file import check_input
+from foresee.infra.plain_json import loads, read_json, read_object
+from foresee.infra.plain_npz import MOST_BYTES, read_npz
 
 SETTINGS = "settings.json"
 """Name of the file with the settings that the results of a folder were made with."""
-UNREADABLE = (
-    OSError,
-    ValueError,
-    KeyError,
-    TypeError,
-    EOFError,
-    RecursionError,
-    NotImplementedError,
-    zlib.error,
-    zipfile.BadZipFile,
-)
-"""Exceptions that reading a damaged file may raise."""
 Part = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 """One part of the results: facts (plain data for JSON), and arrays by name."""
 
@@ -71,15 +59,22 @@ def write_part(
     write_arrays(path, {**arrays, key: text}, compress)
 
 
-def read_part(path: Path, key: str = "facts") -> Part:
+def read_part(path: Path, key: str = "facts", most: int = MOST_BYTES) -> Part:
     """Read facts and arrays without running code from their file.
 
+    Args:
+        path: path of the file.
+        key: name of the array with the facts.
+        most: largest size of all arrays [bytes].
+
     Raises:
-        UNREADABLE: one of these, if the file is missing or damaged.
+        OSError: if the file cannot be read.
+        ValueError: if it is damaged, too large, or has no facts.
     """
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    facts = loads(bytes(arrays.pop(key)))
+    arrays = read_npz(path, most)
+    if key not in arrays:
+        raise ValueError(f"it has no {key}")
+    facts = loads(arrays.pop(key).tobytes())
     if not isinstance(facts, dict):
         raise ValueError(f"its {key} are no JSON object")
     return facts, arrays
@@ -99,10 +94,12 @@ class ResumableFolder:
         grows: names of settings that may differ from those of an earlier run, such as the number of
             drives.
         absent: values of settings that older folders do not name.
+        unchecked: names of settings that are not compared with a folder that does not name them; a
+            line in `notes` says so.
         exclusive: whether to refuse other processes until this one closes the folder or ends.
 
     Attributes:
-        notes: one line for each damaged file.
+        notes: one line for each damaged file, and for each setting that was not compared.
 
     Raises:
         UsageError: if the folder holds results with other settings, cannot be written, or is in
@@ -117,18 +114,19 @@ class ResumableFolder:
         marker: str = SETTINGS,
         grows: Iterable[str] = (),
         absent: Mapping[str, Any] | None = None,
+        unchecked: Iterable[str] = (),
         exclusive: bool = False,
     ) -> None:
         self.folder, self.notes = folder, list[str]()
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (folder / ".lock").open("wb") if exclusive else None
+            self._lock = _lock_file(folder) if exclusive else None
             if self._lock is not None:
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise UsageError(f"{folder} is in use: another run is at work there") from None
-        except OSError as error:
-            raise UsageError(f"{folder} cannot be used: {error.strerror}") from None
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{folder} cannot be used: {one_line(error)}") from None
         clear(folder)
         path = folder / marker
         if settings is None:
@@ -138,7 +136,9 @@ class ResumableFolder:
                 theirs = dict(absent or {}) | read_object(path)
             except (OSError, ValueError) as error:
                 raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
-            refuse_other_settings(folder, settings, theirs, grows)
+            older = [name for name in unchecked if name in settings and name not in theirs]
+            self.notes += [f"{folder} does not name its {name}: not compared" for name in older]
+            refuse_other_settings(folder, settings, theirs, (*grows, *older))
         write_whole(path, json.dumps(settings, indent=1).encode())
 
     def __enter__(self) -> Self:
@@ -167,7 +167,7 @@ class ResumableFolder:
             return read_part(path)
         except FileNotFoundError:
             return None
-        except UNREADABLE as error:
+        except (OSError, ValueError) as error:
             self.set_aside(path, one_line(error))
             return None
 
@@ -180,7 +180,7 @@ class ResumableFolder:
         """
         path = self.folder / name
         try:
-            return loads(path.read_bytes())
+            return read_json(path)
         except FileNotFoundError:
             pass
         except (OSError, ValueError) as error:
@@ -195,6 +195,14 @@ class ResumableFolder:
         target = next(name for name in names if not name.exists())
         path.rename(target)
         self.notes.append(f"{path} is damaged ({why}); it is kept as {target.name}")
+
+
+def _lock_file(folder: Path) -> TextIO:
+    """Open the file by whose lock a process excludes others from a folder."""
+    path = folder / ".lock"
+    if path.exists():
+        check_input(path, 0)
+    return path.open("a")
 
 
 def refuse_other_settings(
@@ -214,5 +222,23 @@ def refuse_other_settings(
     plain = json.loads(json.dumps(mine))
     other = [k for k in plain | theirs if k not in grows and plain.get(k) != theirs.get(k)]
     if other:
-        told = ", ".join(f"{k} {theirs[k]}" if k in theirs else f"no {k}" for k in other)
+        told = ", ".join(difference(k, plain, theirs) for k in other)
         raise UsageError(f"{where} holds a run with {told}; choose another place")
+
+
+def difference(name: str, mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> str:
+    """Return a setting of earlier results that differs, as text; of an object, what differs in it.
+
+    Args:
+        name: name of the setting.
+        mine: settings of this run, plain data.
+        theirs: settings of the earlier results.
+    """
+    if name not in theirs:
+        return f"no {name}"
+    here, there = mine.get(name), theirs[name]
+    if not (isinstance(here, dict) and isinstance(there, dict)):
+        return f"{name} {there}"
+    return f"other {name}: " + ", ".join(
+        str(key) for key in here | there if here.get(key) != there.get(key)
+    )

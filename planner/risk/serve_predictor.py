@@ -83,7 +83,7 @@ def serve(memory: int, connection: int, lifeline: int) -> None:
     _end_with(lifeline)
     with contextlib.suppress(OSError):
         # If memory runs out, the kernel ends this process, and not the planner's.
-        Path("/proc/self/oom_score_adj").write_text("1000")
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
     planner, here = socket.socket(fileno=connection), os.getpid()
     try:
         with os.fdopen(memory, "rb", closefd=False) as file:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.input_file import check_input, read_input
 from foresee.infra.plain_yaml import read_yaml
 from foresee.mapping.scan import Scan
 from predictor.data import BAGS, PACKED
@@ -41,6 +42,8 @@ POSED = "(pose topic)"
 METADATA = "metadata.yaml"
 MAX_METADATA = 1_000_000
 """Largest metadata file of a ROS 2 bag that is read [bytes]."""
+LARGEST_BAG = 2**40
+"""Largest file of a bag that is read [bytes]."""
 LEVEL = math.cos(math.radians(10.0))
 """Cosine of the largest tilt at which a laser counts as level."""
 
@@ -91,13 +94,13 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
     if path.suffix in PACKED and path.is_file():
         # ROS 2 compresses the files of a bag; its folder says how.
         beside = path.parent / METADATA
-        if not beside.is_file() or path.name not in beside.read_text(
-            encoding="utf-8", errors="replace"
-        ):
+        if not beside.is_file() or path.name not in _text(beside):
             raise LogError(f"{path} is a compressed bag: unpack it, or give a ROS 2 bag's folder")
         path = path.parent
     described = path / METADATA
     try:
+        for file in _files(path):
+            check_input(file, LARGEST_BAG)
         if described.is_file():
             # Checked first, since rosbags would expand any YAML.
             read_yaml(described, MAX_METADATA)
@@ -110,6 +113,19 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
         # On a damaged file rosbags raises exceptions of any kind.
         line = (str(error) or type(error).__name__).splitlines()[0]
         raise LogError(f"{path} cannot be read as a bag: {line}") from error
+
+
+def _text(metadata: Path) -> str:
+    """Return the text of a metadata file; "" if it cannot be read."""
+    try:
+        return read_input(metadata, MAX_METADATA).decode(errors="replace")
+    except (OSError, ValueError):
+        return ""
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files of a bag: its only one, or all of its folder."""
+    return [file for file in path.iterdir() if not file.is_dir()] if path.is_dir() else [path]
 
 
 class _Bag:

@@ -28,7 +28,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.infra.plain_json import loads
+from foresee.infra.errors import one_line
+from foresee.infra.input_file import check_input
+from foresee.infra.plain_json import read_json
 from foresee.mapping.scan import Scan
 from predictor.data import CARMEN
 from predictor.data.laser_log import LaserLog, LogError, cleaned
@@ -41,6 +43,8 @@ COMMON = (180, 181, 360, 361)
 """Usual numbers of beams of a SICK's scan."""
 BINARY = frozenset(map(chr, range(32))) - frozenset("\t\n\v\f\r\x1a")
 """Characters that no text holds; control-Z ends the files of old systems."""
+LARGEST_LOG, MOST_TEXT, MOST_LINE = 2**32, 2**30, 2**20
+"""Largest log that is read [bytes], longest text that it unpacks to, and longest line."""
 ANGLES = ("angle_min_deg", "angle_inc_deg")
 """Keys of the first beam's direction, and of the angle from one beam to the next."""
 
@@ -70,11 +74,11 @@ class Sidecar:
         if not beside.is_file():
             return cls()
         try:
-            said = loads(beside.read_text(encoding="utf-8")).items()
+            said = read_json(beside, MOST_LINE).items()
             facts = {key: value for key, value in said if value is not None}
             angles = {key: float(facts[key]) for key in ANGLES if key in facts}
             no_return = float(facts.get("no_return_at_or_above_m", NO_RETURN))
-        except (OSError, ValueError, TypeError, AttributeError) as error:
+        except (OSError, ValueError, TypeError, AttributeError, OverflowError) as error:
             raise LogError(f"{beside} cannot be read: {error}") from error
         sense = angles.get(ANGLES[1]) != 0 and all(map(math.isfinite, angles.values()))
         if not (no_return > 0 and sense):
@@ -155,8 +159,9 @@ def read_carmen(path: Path) -> LaserLog:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the lines of a log with their numbers from 1."""
-    number = 0
+    number = length = 0
     try:
+        check_input(path, LARGEST_LOG)
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
         unpacked = gzip.open if packed else open
@@ -165,18 +170,25 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
         # Comments may be in any encoding; what is read is ASCII.
         encoding = "utf-16" if wide else "utf-8-sig"
         with unpacked(path, "rt", encoding=encoding, errors="surrogateescape") as file:
-            for number, line in enumerate(file, 1):
+            for number, line in enumerate(iter(lambda: file.readline(MOST_LINE), ""), 1):
+                length += len(line)
+                if len(line) == MOST_LINE or length > MOST_TEXT:
+                    raise LogError(
+                        f"{path} is no CARMEN log: line {number} or the text is too long"
+                    )
                 if not BINARY.isdisjoint(line):
                     raise LogError(f"{path} is no CARMEN log: it is not text (line {number})")
                 yield number, line
+    except LogError:
+        raise
     except EOFError:
         raise LogError(f"{path} is cut off after line {number}") from None
     except UnicodeError:
         raise LogError(f"{path} is no CARMEN log: it is not text (line {number + 1})") from None
     except (gzip.BadGzipFile, zlib.error) as error:
         raise LogError(f"{path} is damaged after line {number}: {error}") from error
-    except OSError as error:
-        raise LogError(f"{path}: {error.strerror}") from error
+    except (OSError, ValueError) as error:
+        raise LogError(f"{path} cannot be read: {one_line(error)}") from error
 
 
 def _numbers(path: Path, number: int, words: list[str]) -> NDArray[np.float64]:

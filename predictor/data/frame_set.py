@@ -18,6 +18,7 @@ from foresee.mapping.grid import GridFrame, OccupancyGrid
 from predictor.data.frames import (
     ARRAYS,
     FORMAT,
+    LARGEST_FILE,
     MANIFEST,
     SIDE,
     FramesError,
@@ -98,7 +99,7 @@ class FrameSet:
         if facts is None or facts.get("source") != self.sources.get(name):
             return False
         path = self.folder / facts["file"]
-        return path.is_file() and checksum(path) == facts["sha256"]
+        return path.is_file() and checksum(path, LARGEST_FILE) == facts["sha256"]
 
     def _write(self) -> None:
         entries = [self.done[name] for name in self.names if name in self.done]

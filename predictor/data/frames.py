@@ -26,7 +26,6 @@ describes the format.
 from __future__ import annotations
 
 import hashlib
-import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -36,8 +35,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.errors import LineError
+from foresee.infra.input_file import check_input
 from foresee.infra.plain_json import read_object
-from foresee.infra.resumable import UNREADABLE
+from foresee.infra.plain_npz import NpzError, PlainNpz, read_npz
 from foresee.mapping.conventions import CROP_CELLS
 from predictor.data.squares import NOTHING, Square
 
@@ -56,6 +56,9 @@ ARRAYS: dict[str, tuple[str, tuple[int, ...]]] = {
 """Arrays of a trajectory's file with one entry for each frame: type and shape of an entry."""
 ROWS = ("states", "actions", "times", "corners")
 """Arrays that `Frames.load` reads at once; the others are images, which are read on access."""
+LARGEST_FILE, LARGEST_IMAGES = 2**33, 2**31
+"""Largest file of a trajectory that is read, and largest array of images in it [bytes]: those of
+53 000 frames."""
 NEEDED = dict.fromkeys(("file", "split", "map", "world", "sha256"), str) | {"count": int}
 """Facts that the manifest must give of a trajectory, with their types."""
 
@@ -206,19 +209,29 @@ class Frames:
         for facts in self.about:
             path = self.folder / facts["file"]
             try:
-                with np.load(path, allow_pickle=False) as file:
-                    images = file[name]
-            except UNREADABLE as error:
+                with PlainNpz(path) as file:
+                    images = file.read(name, LARGEST_IMAGES)
+            except (OSError, NpzError) as error:
                 raise _damaged(path, str(error)) from error
-            if images.max(initial=0) > NOTHING:
+            if images.shape != (facts["count"], *out.shape[1:]) or images.max(initial=0) > NOTHING:
                 raise _damaged(path, f"{name} holds codes other than 0, 1, 2")
             out[at : at + len(images)] = images
             at += len(images)
         return out
 
 
-def checksum(path: Path) -> str:
-    """Return the SHA-256 of a file, in hexadecimal."""
+def checksum(path: Path, most: int = 2**40) -> str:
+    """Return the SHA-256 of a file, in hexadecimal.
+
+    Args:
+        path: path of the file.
+        most: largest size allowed [bytes].
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is no regular file, or too large.
+    """
+    check_input(path, most)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -263,35 +276,29 @@ def _read(path: Path, facts: dict[str, Any]) -> dict[str, NDArray[Any]]:
     """Read a trajectory without its images, of which only types and shapes are checked."""
     if not path.is_file():
         raise FramesError(f"{path} is missing: the command that made the set makes it again")
-    if checksum(path) != facts["sha256"]:
-        raise _damaged(path, "its checksum is another than the manifest's")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            part = {name: file[name] for name in (*ROWS, "map", "origin")}
-        heads = {name: _head(path, name) for name in ARRAYS}
-    except UNREADABLE as error:
+        if checksum(path, LARGEST_FILE) != facts["sha256"]:
+            raise ValueError("its checksum is another than the manifest's")
+        part = read_npz(path, names=(*ROWS, "map", "origin"))
+        with PlainNpz(path) as file:
+            heads = {name: file.head(name, LARGEST_IMAGES) for name in ARRAYS}
+    except (OSError, ValueError) as error:
         raise _damaged(path, str(error)) from error
     for name, (kind, shape) in ARRAYS.items():
         wanted = kind, (facts["count"], *shape)
-        if heads[name] != wanted:
-            raise _damaged(path, f"{name} is {heads[name]}, not {wanted}")
+        has = heads[name].dtype.str, heads[name].shape
+        if has != wanted:
+            raise _damaged(path, f"{name} is {has}, not {wanted}")
     cells, origin, corners = part["map"], part["origin"], part["corners"]
     if cells.ndim != 2 or cells.dtype != np.uint8 or cells.max(initial=0) > NOTHING:
         raise _damaged(path, "its map is not a 2-D array of codes 0, 1, 2")
-    if origin.shape != (2,) or not np.isfinite(part["states"][:, :3]).all():
-        raise _damaged(path, "poses or origin are missing or not finite")
+    if origin.shape != (2,) or origin.dtype.kind != "f" or not np.isfinite(origin).all():
+        raise _damaged(path, "the origin of its map is missing or not finite")
+    if not np.isfinite(part["states"][:, :3]).all():
+        raise _damaged(path, "poses are missing or not finite")
     if (corners < -SIDE).any() or (corners > np.array(cells.shape)).any():
         raise _damaged(path, "frames lie outside their map")
     return part
-
-
-def _head(path: Path, name: str) -> tuple[str, tuple[int, ...]]:
-    """Read type and shape of an array in an archive, but not the array."""
-    with zipfile.ZipFile(path) as archive, archive.open(f"{name}.npy") as file:
-        if np.lib.format.read_magic(file) != (1, 0):
-            raise ValueError(f"{name} is no array of NumPy's format 1.0")
-        shape, _, dtype = np.lib.format.read_array_header_1_0(file)
-    return dtype.str, shape
 
 
 def _damaged(path: Path, why: str) -> FramesError:

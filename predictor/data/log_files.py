@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
+from foresee.infra.errors import one_line
 from predictor.data import CARMEN, LOG_FORMATS, PACKED
 from predictor.data.bags import BagConfig, is_bag, read_bag
 from predictor.data.carmen import name_of, read_carmen, sidecar_of
@@ -74,7 +75,10 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
     for path in paths:
         if not path.exists():
             raise LogError(f"{path}: no such file")
-    logs = {site_of(path): _fingerprint(path) for path in paths}
+    try:
+        logs = {site_of(path): _fingerprint(path) for path in paths}
+    except (OSError, ValueError) as error:
+        raise LogError(f"--log: {one_line(error)}: {', '.join(map(str, paths))}") from None
     if len(logs) < len(paths):
         raise LogError("--log: name each site once, and give each log a file name of its own")
     return logs

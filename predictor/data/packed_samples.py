@@ -21,7 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.errors import LineError, one_line
-from foresee.infra.resumable import UNREADABLE, Part, read_part, write_part
+from foresee.infra.resumable import Part, read_part, write_part
+
+MOST_BYTES = 2**30
+"""Largest size of the arrays of a file [bytes]; those of a drive have a few MB."""
 
 
 class SamplesError(LineError):
@@ -168,7 +171,7 @@ class PackedSamples:
     def _read(cls, path: Path) -> Part:
         """Read the facts of a file, and its arrays by name."""
         try:
-            facts, arrays = read_part(path, "about")
+            facts, arrays = read_part(path, "about", MOST_BYTES)
             if not cls.HEAD.items() <= facts.items():
                 raise SamplesError(
                     f"{path} is of format {facts.get('format')}, not {cls.HEAD['format']}: make "
@@ -192,7 +195,7 @@ class PackedSamples:
             return facts, arrays
         except SamplesError:
             raise
-        except UNREADABLE as error:
+        except (OSError, ValueError, KeyError, TypeError) as error:
             raise SamplesError(
                 f"{path} is damaged ({one_line(error)}); delete it and make it again"
             ) from error

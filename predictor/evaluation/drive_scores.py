@@ -27,7 +27,7 @@ from predictor.provenance import fingerprint_of
 from predictor.recording.settings import LEARNED
 from predictor.registry import load_predictor
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
-from sim.buildings import check_maps, sources
+from sim.buildings import map_hashes, sources
 
 
 def group_of(place: str) -> str:
@@ -73,13 +73,13 @@ class DriveScores:
         out: folder of the scores.
 
     Raises:
-        UsageError: if the folder holds scores with other settings or weights, or a name is given
-            twice.
+        UsageError: if the folder holds scores with other settings, weights or maps, or a name is
+            given twice.
     """
 
     def __init__(self, config: EvaluateConfig, out: Path) -> None:
         self.config, self.out = config, out
-        check_maps(config.world)
+        maps = map_hashes(config.world)
         places = sources(config.world)
         if len(set(config.predictors)) < len(config.predictors):
             raise UsageError("--predictors: a name is given more than once")
@@ -87,8 +87,9 @@ class DriveScores:
         # The weights are compared, too, since a file of the same name may have changed.
         fingerprints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
         kept = asdict(config) | {"weights": fingerprints, "measures": VERSION}
+        kept |= {"maps": maps} if maps else {}
         self.settings = json.loads(json.dumps(kept))
-        self.folder = ResumableFolder(out, self.settings)
+        self.folder = ResumableFolder(out, self.settings, unchecked=("maps",))
 
     def run(self, jobs: int) -> None:
         """Score the missing drives, with a progress bar."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.command_line import UsageError
-from foresee.infra.plain_json import loads
+from foresee.infra.plain_json import read_object
 from foresee.infra.resumable import ResumableFolder
 from foresee.mapping.context import SIDE as CONTEXT_SIDE
 from foresee.mapping.grid import Grid, OccupancyGrid, world_hash
@@ -300,8 +300,8 @@ def _claim(config: DrivesConfig, own: OwnBuildings) -> None:
         "apart": APART,
     }
     recorded = own.hashes
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        recorded = loads((config.out / RECIPE).read_bytes()).get("own", recorded)
+    with contextlib.suppress(OSError, ValueError):
+        recorded = read_object(config.out / RECIPE).get("own", recorded)
     if recorded != own.hashes:
         raise UsageError(
             f"{config.out} holds samples of other buildings of --world: choose another folder "

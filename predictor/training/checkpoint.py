@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee.infra.atomic_file import write_whole
-from foresee.infra.errors import LineError
-from predictor.weights import WeightsError, facts_of
+from foresee.infra.errors import LineError, one_line
+from foresee.infra.input_file import check_input
+from predictor.weights import LARGEST_FILE, WeightsError, facts_of
 
 if TYPE_CHECKING:
     import torch
@@ -50,19 +52,39 @@ def read_checkpoint(
     if not path.exists():
         return None
     try:
+        _refuse_compressed(path)
         state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
-        saved = state["facts"]
+        saved = dict(state["facts"])
+        names = sorted(saved.keys() | facts.keys())
+        changed = [name for name in names if saved.get(name) != facts.get(name)]
     except Exception as error:
         # On a damaged file torch.load raises exceptions of any kind.
-        raise TrainError(f"{path} cannot be read: {error}; delete it to start again") from error
-    if saved != facts:
-        changed = [name for name in sorted(facts) if saved.get(name) != facts[name]]
-        other = ", ".join(_difference(name, saved.get(name), facts[name]) for name in changed)
+        raise TrainError(
+            f"{path} cannot be read: {one_line(error)}; delete it to start again"
+        ) from error
+    if changed:
+        other = ", ".join(_difference(name, saved.get(name), facts.get(name)) for name in changed)
         raise TrainError(
             f"{path.parent} holds a training with another {other}; give the command "
             "that began it, or choose another folder by --out"
         )
     return state
+
+
+def _refuse_compressed(path: Path) -> None:
+    """Refuse a file that unpacks to more than its own size; torch compresses nothing.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: if it is no regular file, or compressed.
+        zipfile.BadZipFile: if it is no archive.
+    """
+    check_input(path, LARGEST_FILE)
+    with zipfile.ZipFile(path) as file:
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in file.infolist()):
+            raise ValueError("it is compressed")
+        if sum(entry.file_size for entry in file.infolist()) > path.stat().st_size:
+            raise ValueError("it is smaller than it says")
 
 
 def is_trained(weights: Path, facts: dict[str, Any]) -> bool:

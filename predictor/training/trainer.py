@@ -27,7 +27,8 @@ from tqdm import tqdm
 from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.drawing import new_figure, own_style
 from foresee.infra.environment import commit
-from predictor.training.checkpoint import read_checkpoint, write_checkpoint
+from foresee.infra.errors import one_line
+from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
 from predictor.training.optimisation import restore, states
 
 SAVE_EVERY = 60.0
@@ -103,10 +104,15 @@ class Trainer(ABC):
         clear(weights.parent)
         state = read_checkpoint(self.checkpoint, facts, device)
         if state is not None:
-            self._load(state["learner"])
-            self.step, self.seconds = state["step"], state["seconds"]
-            self.log, self.losses = state["log"], state["losses"]
-            self.commits = set(state["commits"])
+            try:
+                self._load(state["learner"])
+                self.step, self.seconds = int(state["step"]), float(state["seconds"])
+                self.log, self.losses = list(state["log"]), list(state["losses"])
+                self.commits = set(state["commits"])
+            except (LookupError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+                raise TrainError(
+                    f"{self.checkpoint} is damaged: {one_line(error)}; delete it to start again"
+                ) from error
 
     @property
     def checkpoint(self) -> Path:

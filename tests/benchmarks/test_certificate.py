@@ -3,8 +3,10 @@
 import json
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from calibrations import written
 
 from benchmarks.calibration import certificate
 from benchmarks.calibration.certificate import (
@@ -17,9 +19,14 @@ from benchmarks.calibration.certificate import (
 )
 from benchmarks.runs.settings import CONDITIONS, OLDER, Settings
 from foresee.infra.options import option
+from foresee.mapping.grid import Grid
 from planner.mpc.mpc import MPCConfig
 from planner.navigator import NavigatorConfig
 from planner.risk.calibration import CalibrationError
+from predictor.provenance import has_learned
+from sim import empty_straight, save_world
+from sim.map_server import load_world
+from sim.world import World
 
 RESULTS = Path(__file__).parents[2] / "docs/results"
 SHIPPED = [RESULTS / "calibration.json", *sorted((RESULTS / "calibration-fixed").glob("*.json"))]
@@ -147,3 +154,44 @@ def test_the_hash_of_the_planner_is_a_condition(monkeypatch):
     before = conditions_of(AT_RISK)
     with_planner(monkeypatch, start_margin=0.3)
     assert {k: v for k, v in conditions_of(AT_RISK).items() if before[k] != v}.keys() == {"planner"}
+
+
+def own_map(folder, resolution):
+    world = empty_straight(20.0, 3.0)
+    frame = replace(world.grid.frame, resolution=resolution)
+    save_world(World("straight", Grid(frame, world.grid.cells)), folder / "straight.yaml")
+    return replace(AT_RISK, world=(str(folder / "straight.yaml"),), predictor="none")
+
+
+def test_a_calibration_holds_for_the_resolution_of_its_maps(tmp_path):
+    here = own_map(tmp_path, 0.05)
+    path = written(tmp_path / "c.json", conditions=conditions_of(here))
+    assert at_risk(here, path).level > 0.0
+    assert conditions_of(here)["resolutions"] == [0.05]
+    with pytest.raises(CalibrationError, match=r"resolutions 0\.05, not 0\.1"):
+        at_risk(own_map(tmp_path, 0.1), path)
+
+
+def test_an_older_calibration_of_own_maps_is_of_the_usual_resolution(tmp_path):
+    here = own_map(tmp_path, 0.05)
+    conditions = conditions_of(here)
+    del conditions["resolutions"]
+    path = written(tmp_path / "c.json", conditions=conditions)
+    assert at_risk(here, path).level > 0.0
+    with pytest.raises(CalibrationError, match=r"resolutions 0\.05, not 0\.1"):
+        at_risk(own_map(tmp_path, 0.1), path)
+
+
+@pytest.mark.parametrize("maps", [5, None, "x", {"a": 1}, [[]]])
+def test_conditions_of_maps_may_be_anything(tmp_path, maps):
+    here = own_map(tmp_path, 0.05)
+    path = written(tmp_path / "c.json", conditions=conditions_of(here) | {"maps": maps})
+    with pytest.raises(CalibrationError, match="maps"):
+        at_risk(here, path)
+
+
+def test_a_learned_building_is_known_by_its_cells(tmp_path):
+    here = own_map(tmp_path, 0.05)
+    cells = load_world(here.world[0]).grid.cells
+    learned = SimpleNamespace(facts={"worlds": conditions_of(here)["maps"]})
+    assert has_learned(learned, cells)

@@ -1,5 +1,9 @@
 """Bad arguments and bad input of a comparison: status 2 and one line."""
 
+import importlib
+import os
+import re
+
 import pytest
 from comparison import run
 
@@ -90,3 +94,37 @@ def test_an_out_that_is_a_file_is_refused_in_one_line(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert run("--out", tmp_path / "file") == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "why"),
+    [
+        ("", "empty"),
+        ("a\0b", "NUL"),
+        ("x" * 300, "File name too long"),
+        ("taken", "File exists"),
+        ("taken/inside", "Not a directory"),
+        ("pipe", "File exists"),
+        ("/dev/null", "File exists"),
+        ("/proc/nowhere", "No such file"),
+    ],
+    ids=["empty", "NUL", "long", "file", "in a file", "pipe", "device", "no place"],
+)
+@pytest.mark.parametrize("command", ["corridor", "calibrate", "evaluate", "drives", "optimum"])
+def test_a_place_that_cannot_be_written_is_refused_in_one_line(
+    command, place, why, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("precious")
+    os.mkfifo(tmp_path / "pipe")
+    if command == "optimum" and place in ("taken", "pipe", "/dev/null", "taken/inside"):
+        why = "no results file|File exists"
+    module = "predictor" if command in ("evaluate", "drives") else "benchmarks"
+    main = importlib.import_module(f"{module}.{command}").main
+    assert main(["--jobs", "1", "--out", place]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert re.search(why, captured.err)
+    assert "Traceback" not in captured.err
+    assert {path.name for path in tmp_path.iterdir()} == {"taken", "pipe"}
+    assert (tmp_path / "taken").read_text() == "precious"

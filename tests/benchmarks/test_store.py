@@ -1,5 +1,6 @@
 """A run on disk: each drive is there once, whenever it was packed, and whoever was interrupted."""
 
+import io
 import subprocess
 import sys
 import zipfile
@@ -26,8 +27,9 @@ def driven(index, arm):
         arm=arm, index=index, world=f"w{index % 5}", seed=index, path_length=20.0 + index % 7
     )
     arrays = {
-        f"e{index}/{arm}/states": np.array([index, len(arm)]),
-        f"w{index}/cells": np.array([index]),
+        f"e{index}/{arm}/states": np.array([[index, len(arm), 0.0, 0.0]]),
+        f"w{index}/cells": np.array([[index % 100]], dtype=np.int8),
+        f"w{index}/frame": np.array([0.05, 0.0, 0.0]),
     }
     return Drive(result, Trace(Path("nowhere"), index, arm, arrays))
 
@@ -53,10 +55,10 @@ def test_thousands_of_drives_are_packed_in_pieces_and_each_is_there_once(tmp_pat
     assert results["summary"]["oracle"]["episodes"] == count
     assert not list((tmp_path / "parts").glob("*.npz"))
     with np.load(tmp_path / "traces.npz") as traces:
-        assert len(traces.files) == len(set(traces.files)) == len(everything) + count
+        assert len(traces.files) == len(set(traces.files)) == len(everything) + 2 * count
         for index, arm in everything[::37]:
-            assert traces[f"e{index}/{arm}/states"].tolist() == [index, len(arm)]
-            assert traces[f"w{index}/cells"].tolist() == [index]
+            assert traces[f"e{index}/{arm}/states"].tolist() == [[index, len(arm), 0, 0]]
+            assert traces[f"w{index}/cells"].tolist() == [[index % 100]]
 
 
 def test_drives_that_are_not_asked_for_any_more_are_kept(tmp_path):
@@ -179,7 +181,7 @@ def assert_whole(folder, results, before):
     assert results["episodes"] == before["episodes"]
     with np.load(folder / "traces.npz") as traces:
         for index in range(len(before["episodes"])):
-            assert traces[f"e{index}/known/states"].tolist() == [index, len("known")]
+            assert traces[f"e{index}/known/states"].tolist() == [[index, len("known"), 0, 0]]
 
 
 @pytest.mark.parametrize("damage", ["truncated", "empty", "missing"])
@@ -263,3 +265,91 @@ def test_a_loose_drive_with_a_flipped_byte_is_set_aside_and_driven_again(tmp_pat
     assert_whole(
         tmp_path, results, {"episodes": [asdict(driven(i, "known").result) for i in range(2)]}
     )
+
+
+def objects():
+    out = io.BytesIO()
+    np.save(out, np.array([{}], dtype=object), allow_pickle=True)
+    return out.getvalue()
+
+
+def array(values):
+    out = io.BytesIO()
+    np.save(out, values)
+    return out.getvalue()
+
+
+LIES = {
+    "objects": objects(),
+    "more than there is": array(np.zeros((1, 4))).replace(b"(1, 4)", b"(9, 4)"),
+    "another type": array(np.zeros((1, 4))).replace(b"<f8", b"<c8"),
+    "another shape": array(np.zeros(4)),
+    "no numbers": array(np.full((1, 4), np.nan)),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_traces_that_lie_are_set_aside_and_their_drives_driven_again(tmp_path, lie):
+    before = run_of(tmp_path)
+    traces = tmp_path / "traces.npz"
+    with zipfile.ZipFile(traces) as packed:
+        members = {name: packed.read(name) for name in packed.namelist()}
+    members["e2/known/states.npy"] = LIES[lie]
+    with zipfile.ZipFile(traces, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
+        for name, content in members.items():
+            packed.writestr(name, content)
+    damaged = traces.read_bytes()
+    missing, notes, results = again(tmp_path)
+    assert missing == [2]
+    assert any("do not read" in note and "e2/known" in note for note in notes)
+    assert_whole(tmp_path, results, before)
+    assert (tmp_path / "traces.npz.damaged").read_bytes() == damaged
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_loose_drive_that_lies_is_set_aside_and_driven_again(tmp_path, lie):
+    with Store(tmp_path, TWO, None) as run:
+        for index in range(2):
+            run.add(driven(index, "known"))
+    part = tmp_path / "parts" / "1-known.npz"
+    with zipfile.ZipFile(part) as packed:
+        members = {name: packed.read(name) for name in packed.namelist()}
+    members["e1/known/states.npy"] = LIES[lie]
+    with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
+        for name, content in members.items():
+            packed.writestr(name, content)
+    missing, notes, _ = again(tmp_path, episodes=2)
+    assert missing == [1]
+    assert len(notes) == 1
+
+
+def test_traces_that_unpack_to_gigabytes_are_set_aside(tmp_path):
+    run_of(tmp_path)
+    traces = tmp_path / "traces.npz"
+    with (
+        zipfile.ZipFile(traces, "a", zipfile.ZIP_DEFLATED, compresslevel=1) as packed,
+        packed.open("e2/known/plans.npy", "w") as file,
+    ):
+        for _ in range(257):
+            file.write(bytes(2**20))
+    missing, notes, _ = again(tmp_path)
+    assert missing == [2]
+    assert any("larger than" in note for note in notes)
+
+
+def test_a_loose_drive_under_the_name_of_another_is_set_aside(tmp_path):
+    with Store(tmp_path, TWO, None) as run:
+        run.add(driven(0, "known"))
+    (tmp_path / "parts" / "0-known.npz").rename(tmp_path / "parts" / "1-known.npz")
+    missing, notes, _ = again(tmp_path, episodes=2)
+    assert missing == [0, 1]
+    assert "it holds episode 0 of known" in notes[0]
+
+
+def test_the_lock_of_a_folder_destroys_nothing(tmp_path):
+    (tmp_path / "precious").write_text("kept")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / ".lock").symlink_to(tmp_path / "precious")
+    with pytest.raises(UsageError, match="cannot be used"):
+        Store(tmp_path / "run", TWO, None)
+    assert (tmp_path / "precious").read_text() == "kept"

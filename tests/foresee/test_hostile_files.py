@@ -1,9 +1,14 @@
 """Files from strangers: any bytes give a value or the reader's own error, and nothing runs."""
 
+import gzip
 import json
+import os
 import struct
+import zipfile
 import zlib
 from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,19 +18,34 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 from safetensors.torch import save
+from short_drive import straight
 
+from benchmarks.calibration.certificate import load_calibration
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import RunError
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.summary import title
+from benchmarks.runs.time_optimal import read_t_opt
+from benchmarks.runs.trace import RunError, Trace
+from benchmarks.tables import main as main_of_tables
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
+from foresee.infra.resumable import ResumableFolder
 from foresee.mapping.context import CELLS
+from planner.navigator import Navigator, NavigatorConfig
+from planner.risk.calibration import CalibrationError
 from predictor.compact import of_logs
+from predictor.data.bags import read_bag
 from predictor.data.carmen import read_carmen
+from predictor.data.frames import Frames, FramesError
 from predictor.data.laser_log import LogError
+from predictor.data.log_files import read_log, sources_of
 from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, write_samples
-from predictor.weights import WeightsError, facts_of
+from predictor.networks.compact_net import CompactNet
+from predictor.provenance import has_learned
+from predictor.training.checkpoint import TrainError, read_checkpoint
+from predictor.weights import WeightsError, facts_of, load_weights
 from sim.map_server import MapError, load_world
 
 YAML = b"""image: map.pgm
@@ -257,3 +277,203 @@ def test_a_png_that_decodes_to_gigabytes_is_refused_before_it_is_decoded(tmp_pat
 
 def test_the_published_weights_still_read():
     assert callable(of_logs().predict)
+
+
+def as_map(folder, path):
+    (folder / "here.yaml").write_bytes(YAML.replace(b"map.pgm", path.name.encode()))
+    return load_world(folder / "here.yaml")
+
+
+def as_results(folder, path):
+    path.rename(folder / "results.json")
+    try:
+        return Run.load(folder)
+    finally:
+        (folder / "results.json").rename(path)
+
+
+def as_traces(folder, path):
+    (folder / "results.json").write_bytes(RESULTS)
+    path.rename(folder / "traces.npz")
+    try:
+        return Run.load(folder).trace(0, "known").states
+    finally:
+        (folder / "traces.npz").rename(path)
+
+
+def as_shard(folder, path):
+    path.rename(folder / "0.npz")
+    try:
+        return Samples.load(folder)
+    finally:
+        (folder / "0.npz").rename(path)
+
+
+def as_frames(folder, path):
+    path.rename(folder / "manifest.json")
+    try:
+        return Frames.load(folder)
+    finally:
+        (folder / "manifest.json").rename(path)
+
+
+def as_settings(folder, path):
+    path.rename(folder / "settings.json")
+    try:
+        return ResumableFolder(folder, {"a": 1})
+    finally:
+        (folder / "settings.json").rename(path)
+
+
+def as_lock(folder, path):
+    path.rename(folder / ".lock")
+    try:
+        return ResumableFolder(folder, {"a": 1}, exclusive=True)
+    finally:
+        (folder / ".lock").rename(path)
+
+
+CPU = torch.device("cpu")
+READERS = {
+    "map": (lambda _, path: load_world(path.rename(path.with_suffix(".yaml"))), MapError),
+    "image": (as_map, MapError),
+    "YAML": (lambda _, path: read_yaml(path, 1000), YamlError),
+    "weights": (lambda _, path: load_weights(path, CompactNet), WeightsError),
+    "facts": (lambda _, path: facts_of(path), WeightsError),
+    "checkpoint": (lambda _, path: read_checkpoint(path, {}, CPU), TrainError),
+    "calibration": (lambda _, path: load_calibration(path), CalibrationError),
+    "time-optimal drives": (lambda _, path: read_t_opt(path), UsageError),
+    "results": (as_results, RunError),
+    "traces": (as_traces, RunError),
+    "samples": (as_shard, SamplesError),
+    "frames": (as_frames, FramesError),
+    "settings": (as_settings, UsageError),
+    "lock": (as_lock, UsageError),
+    "log": (lambda _, path: read_log(path), LogError),
+    "log's checksum": (lambda _, path: sources_of([path]), LogError),
+    "bag": (lambda _, path: read_bag(path), LogError),
+}
+
+
+def make_pipe(path):
+    os.mkfifo(path)
+
+
+def make_device(path):
+    path.symlink_to("/dev/zero")
+
+
+def make_folder(path):
+    path.mkdir()
+
+
+def make_sparse(path):
+    with path.open("wb") as file:
+        file.truncate(2**43)
+
+
+@pytest.mark.parametrize("make", [make_pipe, make_device, make_folder, make_sparse])
+@pytest.mark.parametrize("name", READERS)
+def test_what_is_no_sensible_file_is_refused_at_once(tmp_path, name, make):
+    if name == "bag":
+        pytest.importorskip("rosbags")
+    if name == "log's checksum" and make is make_folder:
+        pytest.skip("a folder may be a bag, whose files are hashed")
+    read, error = READERS[name]
+    path = tmp_path / "x"
+    make(path)
+    with pytest.raises(error) as found:
+        read(tmp_path, path)
+    assert str(found.value).isprintable()
+    assert 0 < len(str(found.value)) < 1100
+
+
+def test_a_bag_is_no_folder_of_pipes(tmp_path):
+    pytest.importorskip("rosbags")
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    os.mkfifo(tmp_path / "x.db3")
+    with pytest.raises(LogError, match="no regular file"):
+        read_bag(tmp_path)
+
+
+def test_a_line_of_a_log_is_not_read_without_end(tmp_path):
+    with gzip.open(tmp_path / "a.log.gz", "wb", 1) as file:
+        for _ in range(20):
+            file.write(b"1 " * 2**19)
+    with pytest.raises(LogError, match="too long"):
+        read_carmen(tmp_path / "a.log.gz")
+
+
+@pytest.mark.parametrize("wrong", [{}, {"facts": 3}, {"facts": {"a": torch.zeros(3)}}, [1], "x"])
+def test_a_checkpoint_of_something_else_is_named(tmp_path, wrong):
+    torch.save(wrong, tmp_path / "checkpoint.pt")
+    with pytest.raises(TrainError):
+        read_checkpoint(tmp_path / "checkpoint.pt", {"a": 1}, CPU)
+
+
+def test_a_checkpoint_that_is_compressed_is_refused(tmp_path):
+    torch.save({"facts": {"a": 1}, "x": torch.zeros(100_000)}, tmp_path / "plain.pt")
+    with (
+        zipfile.ZipFile(tmp_path / "plain.pt") as plain,
+        zipfile.ZipFile(tmp_path / "c.pt", "w", zipfile.ZIP_DEFLATED) as packed,
+    ):
+        for entry in plain.infolist():
+            packed.writestr(entry.filename, plain.read(entry))
+    assert read_checkpoint(tmp_path / "plain.pt", {"a": 1}, CPU)
+    with pytest.raises(TrainError, match="compressed"):
+        read_checkpoint(tmp_path / "c.pt", {"a": 1}, CPU)
+
+
+ODD = [None, True, "x", [], {}, [[]], [None], float("nan"), float("inf"), 10**400, -(10**400)]
+
+
+@pytest.mark.parametrize("value", ODD, ids=range(len(ODD)))
+def test_a_field_of_the_wrong_kind_is_refused_in_one_line(tmp_path, value):
+    good = json.loads(RESULTS)
+    fits = {"world", "arm", "outcome", "commit", "vehicle"} if value == "x" else set()
+    fits |= {"impact_speed", "t_opt", "t_bound", "sct", "detour", "commit", "shortest_length"}
+    fits = fits if value in (None, "x") else {"learned"} if value is True else set()
+    fits |= {"faults", "paths"} if value == {} else set()
+    for name in good["episodes"][0]:
+        drive = good["episodes"][0] | {name: value}
+        (tmp_path / "results.json").write_text(json.dumps(good | {"episodes": [drive]}))
+        if name in fits:
+            said_in_one_line(lambda: Run.load(tmp_path), RunError)
+            continue
+        with pytest.raises(RunError, match=name):
+            Run.load(tmp_path)
+    for name in asdict(Settings()):
+        changed = good | {"settings": {name: value}}
+        (tmp_path / "results.json").write_text(json.dumps(changed))
+        said_in_one_line(lambda: title(Run.load(tmp_path).settings), RunError)
+    for name in good:
+        changed = good | {name: value}
+        (tmp_path / "results.json").write_text(json.dumps(changed))
+        said_in_one_line(lambda: Run.load(tmp_path), RunError)
+        said_in_one_line(lambda: read_drives(tmp_path / "results.json", "optimum"), UsageError)
+        assert main_of_tables([str(tmp_path / "results.json")]) in (0, 2)
+
+
+@pytest.mark.parametrize("times", [[], [1.0], [1.0, 2.0, 3.0], [1.0, None], {"0": 1.0}])
+def test_the_times_of_a_drive_are_two_numbers(tmp_path, times):
+    good = json.loads(RESULTS)
+    good["episodes"][0]["cycle_ms"] = times
+    (tmp_path / "results.json").write_text(json.dumps(good))
+    with pytest.raises(RunError, match="cycle_ms"):
+        Run.load(tmp_path)
+
+
+@pytest.mark.parametrize("points", [np.empty((0, 2)), np.empty((0,)), np.ones((2, 3)), np.ones(2)])
+def test_a_route_without_points_is_refused(points):
+    task = straight()
+    with pytest.raises(ValueError, match="waypoints"):
+        Navigator(NavigatorConfig(), None, np.array(task.start), task.goal, task.blank(5.0), points)
+    trace = Trace(Path("traces.npz"), 0, "known", {"w0/waypoints": points})
+    with pytest.raises(RunError, match="waypoints"):
+        _ = trace.waypoints
+
+
+@pytest.mark.parametrize("worlds", [5, None, "abc", {"a": 1}, [["a"]], [5]])
+def test_learned_worlds_of_any_kind_are_no_error(worlds):
+    predictor = SimpleNamespace(facts={"worlds": worlds})
+    assert not has_learned(predictor, np.zeros((2, 2), np.int8))

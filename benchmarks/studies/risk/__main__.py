@@ -65,7 +65,7 @@ class RiskSettings(Options):
 
 def _run(settings: RiskSettings) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.calibration.certificate import ABSENT, load_calibration
+    from benchmarks.calibration.certificate import absent_in, load_calibration
     from benchmarks.studies.risk.series import series_of
     from foresee.infra.resumable import ResumableFolder
     from sim.buildings import check_maps
@@ -81,7 +81,7 @@ def _run(settings: RiskSettings) -> int:
         settings.quick,
     )
     conditions = calibration.conditions | {"quick": settings.quick}
-    with ResumableFolder(settings.out, conditions, absent=ABSENT, exclusive=True):
+    with ResumableFolder(settings.out, conditions, absent=absent_in(conditions), exclusive=True):
         return _study(settings, calibration, all_series)
 
 
