@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,25 @@ class LineConfig:
     iterations: int = 15
 
 
+class _Stiffness(NamedTuple):
+    """Settings of `relax`; those that `LineConfig` has, too, mean the same.
+
+    Attributes:
+        bending: weight of the squared curvature, relative to tension [m²].
+        push: weight of the squared lack of clearance, relative to tension [1/m²].
+        comfort: clearance below which points are pushed away from obstacles [m].
+        tightest: curvature above which the curve is made stiffer [1/m].
+        iterations: number of Gauss-Newton steps, at most; twice as many for a curve that is too
+            tight.
+    """
+
+    bending: float
+    push: float
+    comfort: float
+    tightest: float
+    iterations: int
+
+
 def lines_along(
     way: NDArray[np.float64],
     pose: NDArray[np.float64],
@@ -87,10 +107,8 @@ def lines_along(
         way[passed], tether[passed] = goal, config.hold
     guess = _begun(way, pose)
     for comfort in config.comfort:
-        weights = config.bending, config.push, comfort
-        yield relax(
-            guess, way, tether, clearance, *frame.lattice, *weights, config.iterations, tightest
-        )
+        settings = _Stiffness(config.bending, config.push, comfort, tightest, config.iterations)
+        yield relax(guess, way, tether, frame.field(clearance), settings)
 
 
 def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,24 +148,15 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(  # type: ignore[no-untyped-def]
-    guess, way, tether, field, resolution, origin, bending, push, comfort, iterations, tightest
-):
+def relax(guess, way, tether, clearance, settings):  # type: ignore[no-untyped-def]
     """Return the curve (n, 2) [m] of least cost, with the first two points and the last one fixed.
 
     Args:
         guess: initial points of the curve, evenly spaced, (n, 2) [m].
         way: points to which those of the curve are tethered, (n, 2) [m].
         tether: weights of the tethers, (n,) [1/m²].
-        field: distance to the nearest obstacle [m], (rows, columns).
-        resolution: side of the field's cells [m].
-        origin: x, y of the field's lower-left corner [m].
-        bending: weight of the squared curvature, relative to tension [m²].
-        push: weight of the squared lack of clearance, relative to tension [1/m²].
-        comfort: clearance below which points are pushed away from obstacles [m].
-        iterations: number of Gauss-Newton steps, at most; twice as many for a curve that is too
-            tight.
-        tightest: curvature above which the curve is made stiffer [1/m].
+        clearance: `Field` of the distances to the nearest obstacle [m].
+        settings: weights and bounds, of `_Stiffness`.
     """
     n = guess.shape[0]
     p = guess.copy()
@@ -160,12 +169,12 @@ def relax(  # type: ignore[no-untyped-def]
     band = np.empty((size, 5))
     right = np.empty(size)
     stiffer = np.ones(n)
-    for iteration in range(2 * iterations):
+    for iteration in range(2 * settings.iterations):
         band[:] = 0.0
         right[:] = 0.0
-        _add_differences(band, right, p, stiffer, 1.0 / h, bending / (h * h * h))
+        _add_differences(band, right, p, stiffer, 1.0 / h, settings.bending / (h * h * h))
         _add_tethers(band, right, p, way, tether, h)
-        _add_push(band, right, p, field, resolution, origin, push * h, comfort)
+        _add_push(band, right, p, clearance, settings.push * h, settings.comfort)
         longest = _solve(band, right)
         # The step is limited, since the slope of the clearance holds only near the old points.
         share = min(1.0, 0.3 / max(longest, 1e-9))
@@ -174,10 +183,11 @@ def relax(  # type: ignore[no-untyped-def]
             p[i + 2, 1] += share * right[2 * i + 1]
         if longest < 2e-3 or iteration % 5 == 4:
             bent = np.abs(curvatures(p))
-            if bent.max() <= tightest and (longest < 2e-3 or iteration >= iterations):
+            smooth = bent.max() <= settings.tightest
+            if smooth and (longest < 2e-3 or iteration >= settings.iterations):
                 break
             for i in range(n):
-                if bent[i] > tightest:
+                if bent[i] > settings.tightest:
                     for j in range(max(0, i - 2), min(n, i + 3)):
                         stiffer[j] *= 1.3
     return p
@@ -220,8 +230,9 @@ def _add_tethers(band, right, p, way, tether, h):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, nogil=True)
-def _add_push(band, right, p, field, resolution, origin, w, comfort):  # type: ignore[no-untyped-def]
+def _add_push(band, right, p, clearance, w, comfort):  # type: ignore[no-untyped-def]
     """Add the push of each free point away from obstacles that are closer than `comfort`."""
+    field, resolution, origin = clearance
     rows, cols = field.shape
     for i in range(p.shape[0] - 3):
         u = min(max((p[i + 2, 0] - origin[0]) / resolution - 0.5, 0.0), cols - 1.001)
@@ -276,28 +287,25 @@ def _factor(order, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-untyped-def]
+def speeds(points, start, limits):  # type: ignore[no-untyped-def]
     """Return the highest possible speeds along a line, (n,) [m/s]: a backward and a forward pass.
 
     Args:
         points: points of the line, (n, 2) [m].
         start: speed at the first point [m/s].
-        v_max: top speed [m/s].
-        accel: maximum acceleration [m/s²].
-        braking: maximum deceleration [m/s²].
-        lateral: maximum lateral acceleration [m/s²].
+        limits: the car's `DrivingLimits`.
     """
     n = points.shape[0]
     kappa = curvatures(points)
     squares = np.empty(n)
     for i in range(n):
-        squares[i] = min(v_max * v_max, lateral / max(abs(kappa[i]), 1e-9))
+        squares[i] = min(limits.v_max * limits.v_max, limits.cornering / max(abs(kappa[i]), 1e-9))
     for i in range(n - 2, -1, -1):
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
-        squares[i] = min(squares[i], squares[i + 1] + 2.0 * braking * step)
+        squares[i] = min(squares[i], squares[i + 1] + 2.0 * limits.braking * step)
     # A higher speed at the start gains nothing: the car would leave the line.
     squares[0] = min(squares[0], start * start)
     for i in range(n - 1):
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
-        squares[i + 1] = min(squares[i + 1], squares[i] + 2.0 * accel * step)
+        squares[i + 1] = min(squares[i + 1], squares[i] + 2.0 * limits.acceleration * step)
     return np.sqrt(squares)

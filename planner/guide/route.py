@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import GridFrame
+from foresee.mapping.grid import Field, GridFrame
 from foresee.mapping.kernels import njit
 from planner.risk.cost_map import CostMap
 
@@ -37,20 +37,18 @@ def find_route(
     return np.vstack([np.asarray(start)[None], points[1:-1], np.asarray(goal)[None]])
 
 
-def cost_to_go(
-    cost: CostMap, goal: tuple[float, float]
-) -> tuple[NDArray[np.float32], float] | None:
+def cost_to_go(cost: CostMap, goal: tuple[float, float]) -> Field | None:
     """Compute the cost of the cheapest way from each cell to the goal, ignoring the turning radius.
 
     Returns:
-        Costs in metres of free space, infinite where there is no way, (rows, columns), and the side
-        of these cells [m]; None if the goal lies in cells that were observed occupied.
+        Costs in metres of free space, infinite where there is no route; None if the goal lies in
+        cells that were observed occupied.
     """
     coarse, step = coarse_costs(cost)
     end = open_cell(cost, coarse, step, goal)
     if end is None:
         return None
-    return costs_from(coarse, step, end), step
+    return Field(costs_from(coarse, step, end), step, cost.frame.origin)
 
 
 def costs_from(

@@ -75,7 +75,7 @@ class Smoother:
         """
         car, points = self.car, path.points
         head = points[: max(2, min(path.drivable or 120, len(points)))]
-        v = speeds(head, max(speed, SLOWEST), *car.driving)
+        v = speeds(head, max(speed, SLOWEST), car.driving)
         slowness = np.ones(len(points))
         slowness[: len(head)] = car.v_max / np.maximum(v, SLOWEST)
         return self.cost.along(points, slowness)

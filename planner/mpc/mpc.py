@@ -30,7 +30,10 @@ from planner.motion.dynamics import rollout
 from planner.motion.path import SPACING, Path
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
+from planner.mpc.clearance import add_closeness_gradient, add_closeness_hessian, clearances
 from planner.mpc.codegen import compiled
+from planner.mpc.initial_guess import LOOK, pursue
+from planner.mpc.merit import Weights, merit
 from planner.mpc.references import references
 from planner.mpc.stages import NX, REFERENCE, stage_functions
 from planner.risk.risk_map import RiskMap
@@ -80,6 +83,20 @@ class MPCConfig:
     curvature_step: float = 0.6
     iterations: int = 10
     tolerance: float = 1e-4
+
+    @property
+    def weights(self) -> Weights:
+        """The weights of the cost, as kernels read them."""
+        return Weights(
+            self.progress,
+            self.contour,
+            *self.final,
+            *self.effort,
+            self.smoothness,
+            self.closeness,
+            self.comfort,
+            self.violation,
+        )
 
 
 class Status(StrEnum):
@@ -163,7 +180,6 @@ class MPC:
         config: settings.
         stages: number N of steps of a plan.
         required: clearance that the circles around the body need [m].
-        driving: arguments of `planner.motion.dynamics.rollout` after the controls.
     """
 
     limits: CarLimits = field(default_factory=CarLimits)
@@ -178,7 +194,7 @@ class MPC:
         # no gap.
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
-        self.driving = (c.dt, *car.driving, car.max_curvature)
+        self._driving, self._weights = car.driving, c.weights
         # Number of a path's segments that one step may advance.
         self._reach = math.ceil(2.0 * car.v_max * c.dt / SPACING) + 2
         self._io = {
@@ -197,7 +213,28 @@ class MPC:
 
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
         """Return the plan that results from controls (N, 2), clipped to the car's limits."""
-        return Plan(*rollout(state, controls, *self.driving))
+        return Plan(*rollout(state, controls, self.config.dt, self._driving))
+
+    def pursue(
+        self,
+        state: NDArray[np.float64],
+        path: Path,
+        segment: int,
+        look: float = LOOK,
+        free: float = math.inf,
+    ) -> NDArray[np.float64]:
+        """Return controls (N, 2) that follow a path by pure pursuit, as an initial guess.
+
+        Args:
+            state: current x, y, yaw, v of the car, (4,).
+            path: path to follow.
+            segment: index of the path's segment near which the car is.
+            look: distance of the point to aim at, at least [m].
+            free: distance within which the car is to stop [m].
+        """
+        limits = self._driving._replace(cornering=self.limits.lateral_acceleration)
+        n, dt = self.stages, self.config.dt
+        return np.asarray(pursue(path.points, segment, state, n, dt, limits, look, min(free, 1e6)))
 
     def solve(
         self,
@@ -227,8 +264,8 @@ class MPC:
         if not (np.isfinite(state).all() and np.isfinite(guess).all()):
             raise ValueError("state and guess must be finite")
         problem = _Problem(state, path, segment, risk, last_curvature)
-        states, controls = rollout(state, guess, *self.driving)
-        merit = self._merit(problem, states, controls)
+        states, controls = rollout(state, guess, self.config.dt, self._driving)
+        cost = self._merit(problem, states, controls)
         step: _Step | None = None
         status = Status.ITERATION_LIMIT
         for _ in range(self.config.iterations):
@@ -236,27 +273,27 @@ class MPC:
             if step is None:
                 status = Status.QP_FAILED
                 break
-            before = merit
-            length, states, controls, merit = self._search(problem, states, controls, merit, step)
-            little = self.config.tolerance * (1.0 + abs(merit))
-            if before - merit <= little:
+            before = cost
+            length, states, controls, cost = self._search(problem, states, controls, cost, step)
+            little = self.config.tolerance * (1.0 + abs(cost))
+            if before - cost <= little:
                 status = Status.CONVERGED
                 break
             # A QP whose step was shortened is too inaccurate for a second step.
             second = self._second_step(qp, problem, states, controls) if length == 1.0 else None
             if second is None:
                 continue
-            step, before = second, merit
+            step, before = second, cost
             if step.gain > little:
-                _, states, controls, merit = self._search(problem, states, controls, merit, step)
+                _, states, controls, cost = self._search(problem, states, controls, cost, step)
             # A step that gains much less than it predicts shows that the QP is inaccurate, and not
             # that the plan is optimal.
-            if before - merit <= little and step.gain <= DOUBTED * little:
+            if before - cost <= little and step.gain <= DOUBTED * little:
                 status = Status.CONVERGED
                 break
-        if not math.isfinite(merit):
+        if not math.isfinite(cost):
             status = Status.NOT_FINITE
-        return Solution(Plan(states, controls), merit, status)
+        return Solution(Plan(states, controls), cost, status)
 
     def evaluate(
         self, plan: Plan, path: Path, risk: RiskMap, segment: int, last_curvature: float
@@ -272,10 +309,7 @@ class MPC:
     def _references(
         self, path: Path, segment: int, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        c = self.config
-        refs, costs = references(
-            path.points, segment, states, self._reach, c.progress, c.contour, *c.final
-        )
+        refs, costs = references(path.points, segment, states, self._reach, self._weights)
         return refs, costs
 
     def _clearances(
@@ -283,28 +317,23 @@ class MPC:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the clearance of both circles at each state (n, 2), and its gradient (n, 2, 3)."""
         risk = problem.risk
-        value, gradient = condense.clearances(
-            risk.clearance, *risk.frame.lattice, states, self._offset
-        )
+        value, gradient = clearances(risk.frame.field(risk.clearance), states, self._offset)
         return value, gradient
 
     def _merit(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> float:
-        c = self.config
         _, costs = self._references(problem.path, problem.segment, states[1:])
         value, _ = self._clearances(problem, states[1:])
-        weights = c.comfort, c.effort, c.smoothness, c.closeness, c.violation
-        return condense.merit(
-            states, controls, problem.last_curvature, costs, value, self.required, *weights
-        )
+        last = problem.last_curvature
+        return merit(states, controls, last, costs, value, self.required, self._weights)
 
     def _search(
         self,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
-        merit: float,
+        cost: float,
         step: _Step,
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
         """Find the largest of some shares of a step that lowers the merit.
@@ -314,11 +343,12 @@ class MPC:
             share lowers the merit.
         """
         for length in (1.0, 0.5, 0.2, 0.05):
-            trial = rollout(problem.state, controls + length * step.controls, *self.driving)
+            changed = controls + length * step.controls
+            trial = rollout(problem.state, changed, self.config.dt, self._driving)
             value = self._merit(problem, *trial)
-            if value < merit:
+            if value < cost:
                 return length, trial[0], trial[1], value
-        return 0.0, states, controls, merit
+        return 0.0, states, controls, cost
 
     def _first_step(
         self,
@@ -337,7 +367,7 @@ class MPC:
         condense.costates(io["jacobian"], io["gradient"], normal, clearance, io["multiplier"])
         self._evaluate()
         hessian = io["hessian"]
-        condense.add_curvature(hessian, lacking, normal, c.closeness)
+        add_closeness_hessian(hessian, lacking, normal, c.closeness)
         condense.make_positive(hessian, 1e-6)
         h, sensitivity = condense.condense(io["jacobian"], hessian)
         condense.add_smoothness(h, c.smoothness)
@@ -413,7 +443,7 @@ class MPC:
         value, normal = self._clearances(problem, states)
         lacking = np.maximum(0.0, self.required + c.comfort - value)
         lacking[0] = 0.0
-        condense.add_closeness(io["gradient"], lacking, normal, c.closeness)
+        add_closeness_gradient(io["gradient"], lacking, normal, c.closeness)
         g = condense.condense_gradient(io["jacobian"], io["gradient"])
         condense.add_smoothness_gradient(g, controls, problem.last_curvature, c.smoothness)
         return g, value, normal, lacking
@@ -425,12 +455,8 @@ class MPC:
         value: NDArray[np.float64],
         near: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        c, lacking = self.config, self.required - value[near[:, 0], near[:, 1]]
         lower, upper = constraints.bounds(
-            states, controls, value, near, *self.driving, self.required, self.config.curvature_step
+            states, controls, lacking, c.dt, self._driving, c.curvature_step
         )
         return lower, upper
-
-
-def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:
-    """Return controls (stages, 2) that brake as hard as the car can, on a curvature [1/m]."""
-    return np.tile([-braking, curvature], (stages, 1))

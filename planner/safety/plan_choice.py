@@ -14,8 +14,8 @@ from planner.fault import Fault
 from planner.motion.goal import GOES_ON, PLAN_REACHES
 from planner.motion.path import SPACING, Path, project
 from planner.motion.plan import Plan
-from planner.mpc.initial_guess import LOOK, pursue, shifted
-from planner.mpc.mpc import MPC, MPCConfig, stop_controls
+from planner.mpc.initial_guess import LOOK, shifted, stop_controls
+from planner.mpc.mpc import MPC, MPCConfig
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
@@ -172,7 +172,7 @@ class PlanChooser:
         if sooner is not None:
             return _Intention(sooner, faults)
         # Or it brakes and swerves to where it can go on, while there is still room for that.
-        stops = (self.mpc.roll(now.state, way) for way in self.resort.ways(best))
+        stops = (self.mpc.roll(now.state, controls) for controls in self.resort.manoeuvres(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
         # A plan that stands still is no better than a stop at the wall.
@@ -295,22 +295,10 @@ class PlanChooser:
             look: distance of the point to aim at, at least [m].
             free: distance within which the car is to stop [m].
         """
-        mpc, car = self.mpc, self.mpc.limits
-        limits = car.v_max, car.acceleration, car.braking, car.lateral_acceleration
-        controls = np.zeros((mpc.stages, 2))
+        controls = np.zeros((self.mpc.stages, 2))
         for _ in range(2):
-            controls = pursue(
-                path.points,
-                now.segment,
-                now.state,
-                mpc.stages,
-                mpc.config.dt,
-                *limits,
-                car.max_curvature,
-                look,
-                min(free, 1e6),
-            )
-            rolled = mpc.roll(now.state, controls)
+            controls = self.mpc.pursue(now.state, path, now.segment, look, free)
+            rolled = self.mpc.roll(now.state, controls)
             met = self.checker.contact(rolled, ~now.risk.safe, now.risk.frame)
             if met is None:
                 break

@@ -14,7 +14,7 @@ from planner.motion.path import SPACING, Path
 from planner.risk.distance_transform import distance_field
 
 CONFIG = LineConfig()
-LIMITS = CAR.v_max, CAR.acceleration, CAR.braking, CAR.planned_cornering
+LIMITS = CAR.driving
 ANYWHERE = (100.0, 100.0)
 """A goal that no way here passes."""
 
@@ -46,7 +46,7 @@ def line_in(*args, **settings):
 
 def seconds(points, start) -> float:
     """The time of the fastest drive along a line [s]."""
-    v = speeds(points, start, *LIMITS)
+    v = speeds(points, start, LIMITS)
     return float((2 * np.hypot(*np.diff(points, axis=0).T) / (v[1:] + v[:-1])).sum())
 
 
@@ -177,8 +177,8 @@ def curves(draw):
 
 @given(curves(), st.floats(0.0, 4.0))
 def test_no_speed_breaks_a_limit_of_the_car(points, start):
-    v_max, accel, braking, lateral = LIMITS
-    v = speeds(points, start, *LIMITS)
+    v_max, accel, braking, lateral, _ = LIMITS
+    v = speeds(points, start, LIMITS)
     assert (v <= v_max + 1e-9).all()
     assert v[0] <= start + 1e-9
     assert (v**2 * np.abs(curvatures(points)) <= lateral + 1e-9).all()
@@ -190,8 +190,8 @@ def test_no_speed_breaks_a_limit_of_the_car(points, start):
 
 @given(curves(), st.floats(0.0, 4.0))
 def test_no_speed_could_be_higher(points, start):
-    v_max, accel, braking, lateral = LIMITS
-    square = speeds(points, start, *LIMITS) ** 2
+    v_max, accel, braking, lateral, _ = LIMITS
+    square = speeds(points, start, LIMITS) ** 2
     steps = np.hypot(*np.diff(points, axis=0).T)
     cap = np.minimum(v_max**2, lateral / np.maximum(np.abs(curvatures(points)), 1e-9))
     cap[0] = min(cap[0], start**2)

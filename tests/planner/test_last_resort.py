@@ -88,7 +88,7 @@ def test_the_rest_of_the_last_manoeuvre_is_tried_again(mpc):
     resort.controls = np.column_stack(
         [np.full(mpc.stages, -1.2), np.linspace(-0.7, 0.4, mpc.stages)]
     )
-    assert any(np.array_equal(way, resort.controls) for way in resort.ways(plan))
+    assert any(np.array_equal(each, resort.controls) for each in resort.manoeuvres(plan))
 
 
 def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):

@@ -22,7 +22,6 @@ from benchmarks.studies.performance.hall import (
     Solver,
     Tick,
     drive,
-    pursuit,
     segment_at,
     straight,
 )
@@ -77,7 +76,8 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
         solves = [solver(tick)]
         turn, between = divmod(ticks, AFRESH)
         if between == 0:
-            guess = pursuit(mpc, pursued[turn % len(pursued)], tick.state)
+            aside = pursued[turn % len(pursued)]
+            guess = mpc.pursue(tick.state, aside, segment_at(tick.state[0]))
             solves.append(afresh(replace(tick, guess=guess, is_first=True)))
         segment = segment_at(tick.state[0])
 

@@ -8,7 +8,7 @@ from benchmarks.studies.performance import hall, peers, peers_mpc
 from benchmarks.studies.performance.peers_casadi import clearance_function, general
 from benchmarks.studies.performance.sized_maps import along
 from benchmarks.studies.performance.tables import peers_table
-from planner.mpc import condense
+from planner.mpc.clearance import clearances
 from planner.mpc.mpc import MPC
 from planner.navigator import AFRESH
 from sim.buildings import task_in
@@ -44,12 +44,8 @@ def test_the_map_is_read_and_derived_as_ours_is():
     read = ca.Function("read", [x], [read, ca.jacobian(read, x)])
     rng = np.random.default_rng(0)
     states = rng.uniform([2, -2, -3, 0], [8, 2, 3, 4], (50, 4))
-    value, gradient = condense.clearances(
-        risk.clearance,
-        risk.frame.resolution,
-        risk.frame.origin,
-        states,
-        mpc.limits.body.length / 4,
+    value, gradient = clearances(
+        risk.frame.field(risk.clearance), states, mpc.limits.body.length / 4
     )
     for i, state in enumerate(states):
         got, derived = read([*state, 0.0])
