@@ -18,7 +18,7 @@ CELL = 0.2
 """Side of the squares of positions that the search distinguishes [m]."""
 CHECKS = 3
 """Number of poses on an arc at which the body is tested."""
-RINGS = 64
+BUCKETS = 64
 """Number of buckets in the ring of the search; it exceeds the cost of any arc."""
 
 
@@ -34,7 +34,7 @@ class _Circles(NamedTuple):
     needed: float
 
 
-def arc_ways(
+def search_arcs(
     world: World,
     start: tuple[float, float, float],
     body: Body,
@@ -43,7 +43,7 @@ def arc_ways(
     comfort: float,
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Find the cheapest ways from a pose to all poses that a car reaches on forward arcs.
+    """Find the cheapest paths from a pose to all poses that a car reaches on forward arcs.
 
     Args:
         world: building in which the car drives.
@@ -52,7 +52,7 @@ def arc_ways(
         radius: radius of the arcs [m].
         clearance: free space to keep around the circles [m].
         comfort: additional clearance from which on a wall adds no cost [m].
-        longest: maximum length of a way [m].
+        longest: maximum length of a path [m].
 
     Returns:
         The same as `explore`.
@@ -86,11 +86,11 @@ def _spare(field, circles, x, y, yaw):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no-untyped-def]
-    """Find the cheapest ways from a pose, over arcs to the left, straight on and to the right.
+    """Find the cheapest paths from a pose, over arcs to the left, straight on and to the right.
 
     This is Dijkstra's algorithm with a ring of buckets, since costs are small whole numbers. Poses
     are exact: the lattice only decides which of them count as the same, so the car can drive every
-    way found. Arcs near walls cost more, so that ways keep to the middle where there is room.
+    path found. Arcs near walls cost more, so that paths keep to the middle where there is room.
 
     Args:
         start: x, y, yaw at the start, (3,).
@@ -98,7 +98,7 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
         circles: `_Circles` that cover the body.
         radius: radius of the arcs [m]; an arc turns by one of `HEADINGS`.
         comfort: additional clearance from which on a wall adds no cost [m].
-        longest: maximum length of a way [m].
+        longest: maximum length of a path [m].
 
     Returns:
         Poses reached, in the order of cost, (n, 3); index of each pose's parent, −1 for the start,
@@ -120,7 +120,7 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
     parents = np.empty(size, dtype=np.int32)
     arcs = np.empty(size, dtype=np.int32)
     following = np.empty(size, dtype=np.int32)
-    buckets = np.full(RINGS, -1, dtype=np.int32)
+    buckets = np.full(BUCKETS, -1, dtype=np.int32)
     settled = np.empty(size, dtype=np.int32)
     first = np.empty(size, dtype=np.bool_)
 
@@ -129,11 +129,11 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
     buckets[0] = 0
     proposed, waiting, done, cost = 1, 1, 0, 0
     while waiting:
-        node = buckets[cost % RINGS]
+        node = buckets[cost % BUCKETS]
         if node < 0:
             cost += 1
             continue
-        buckets[cost % RINGS] = following[node]
+        buckets[cost % BUCKETS] = following[node]
         waiting -= 1
         row = int((poses[node, 1] - origin[1]) / CELL)
         col = int((poses[node, 0] - origin[0]) / CELL)
@@ -172,25 +172,29 @@ def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no
             if spare < 0.0:
                 continue
             heading = (headings[node] + side) % HEADINGS
-            if closed[int((end_y - origin[1]) / CELL), int((end_x - origin[0]) / CELL), heading]:
+            if closed[
+                int((end_y - origin[1]) / CELL),
+                int((end_x - origin[0]) / CELL),
+                heading,
+            ]:
                 continue
             price = 20 + abs(side) + int(20.0 * max(0.0, 1.0 - spare / comfort))
             poses[proposed, 0], poses[proposed, 1], poses[proposed, 2] = end_x, end_y, end_yaw
             headings[proposed] = heading
             parents[proposed] = node
             arcs[proposed] = arcs[node] + 1
-            bucket = (cost + price) % RINGS
+            bucket = (cost + price) % BUCKETS
             following[proposed] = buckets[bucket]
             buckets[bucket] = proposed
             proposed += 1
             waiting += 1
 
     settled = settled[:done]
-    place = np.full(proposed, -1, dtype=np.int32)
+    rank = np.full(proposed, -1, dtype=np.int32)
     for i in range(done):
-        place[settled[i]] = i
-    found_parents = np.empty(done, dtype=np.int32)
+        rank[settled[i]] = i
+    settled_parents = np.empty(done, dtype=np.int32)
     for i in range(done):
         parent = parents[settled[i]]
-        found_parents[i] = place[parent] if parent >= 0 else -1
-    return poses[settled], found_parents, arcs[settled], first[:done].copy()
+        settled_parents[i] = rank[parent] if parent >= 0 else -1
+    return poses[settled], settled_parents, arcs[settled], first[:done].copy()

@@ -13,7 +13,7 @@ from foresee.infra.errors import LineError
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from foresee.mapping.polyline import arc_length
-from sim.arc_search import HEADINGS, arc_ways
+from sim.arc_search import HEADINGS, search_arcs
 from sim.car import wrap
 from sim.lidar import cast_rays
 from sim.world import World
@@ -217,7 +217,7 @@ def _ways(
         whether they can be goals (n,), for which they must lie in `roomy` cells.
     """
     radius = SLACK * car.turning_radius
-    poses, parents, arcs, first = arc_ways(
+    poses, parents, arcs, first = search_arcs(
         world, start, car.body, radius, WAY_CLEARANCE, COMFORT, longest
     )
     _, rows, cols = world.grid.frame.locate(poses[:, :2])

@@ -1,12 +1,12 @@
-"""The line: a smooth curve along a given way, an elastic band (Quinlan and Khatib 1993).
+"""The line: a smooth curve along a polyline, by an elastic band (Quinlan and Khatib 1993).
 
-A way is a polyline that was found on a grid or by sampling, and has kinks. The line is the curve p
+A route that was found on a grid or by sampling is a polyline with kinks. The line is the curve p
 near it that minimises
 
-    ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - way|² ds,
+    ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - polyline|² ds,
 
 with the curvature κ, by Gauss-Newton steps on evenly spaced points. The car's pose fixes the first
-two points of the line, and the way's end fixes the last.
+two points of the line, and the polyline's end fixes the last.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
-from planner.motion.goal import PLAN_REACHES
-from planner.motion.path import SPACING
+from planner.motion.goal import PLAN_GOAL_RADIUS
+from planner.motion.path import POINT_SPACING
+from planner.risk.cost_map import CostMap
 
 BODY_MARGIN = 0.02
 """Margin that paths keep around the body's outline, or around the circles that cover it [m]."""
@@ -33,13 +33,13 @@ class LineConfig:
     """Settings of the line.
 
     Attributes:
-        reach: length of the part of the way that is smoothed, from the car on [m].
+        reach: length of the part of the polyline that is smoothed, from the car on [m].
         bending: weight of the squared curvature, relative to tension [m²].
         push: weight of the squared lack of clearance, relative to tension [1/m²].
         comfort: clearances below which the line's points are pushed away from obstacles [m], tried
             in this order until the car can drive the line.
-        tether: weight of the squared distance from the way, in unsure cells [1/m²].
-        hold: weight of the squared distance from the goal, where the way passes it [1/m²].
+        tether: weight of the squared distance from the polyline, in unsure cells [1/m²].
+        hold: weight of the squared distance from the goal, where the polyline passes it [1/m²].
         iterations: number of Gauss-Newton steps, at most; twice as many for a line that is too
             tight.
     """
@@ -53,7 +53,7 @@ class LineConfig:
     iterations: int = 15
 
 
-class _Stiffness(NamedTuple):
+class _BandSettings(NamedTuple):
     """Settings of `relax`; those that `LineConfig` has, too, mean the same.
 
     Attributes:
@@ -73,51 +73,48 @@ class _Stiffness(NamedTuple):
 
 
 def lines_along(
-    way: NDArray[np.float64],
+    polyline: NDArray[np.float64],
     pose: NDArray[np.float64],
-    clearance: NDArray[np.float32],
-    frame: GridFrame,
-    unsure: NDArray[np.bool_],
+    cost: CostMap,
     goal: tuple[float, float],
     tightest: float,
     config: LineConfig,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield a line (n, 2) [m] along a way for each value of `config.comfort`.
+    """Yield a line (n, 2) [m] along a polyline for each value of `config.comfort`.
 
-    There is none along a way shorter than 0.5 m.
+    There is none along a polyline shorter than 0.5 m.
 
     Args:
-        way: points of the way, `SPACING` apart, the first near the pose, (n, 2) [m].
+        polyline: points of a route or path, `POINT_SPACING` apart, the first near the pose,
+            (n, 2) [m].
         pose: x, y, yaw at which the line begins, (3,).
-        clearance: distance to the nearest obstacle [m], (rows, columns).
-        frame: position and resolution of the cells.
-        unsure: cells in which the line is tethered to the way, (rows, columns).
-        goal: x, y of the goal [m]; a line passes it if its way does.
+        cost: cost map, whose room the line keeps to, and in whose unsure cells it is tethered.
+        goal: x, y of the goal [m]; a line passes it if its polyline does.
         tightest: curvature that the line should not exceed [1/m].
         config: settings of the line.
     """
-    way = way[: round(config.reach / SPACING) + 1].copy()
-    if len(way) < 6:
+    anchors = polyline[: round(config.reach / POINT_SPACING) + 1].copy()
+    if len(anchors) < 6:
         return
-    inside, rows, cols = frame.locate(way)
-    tether = np.full(len(way), config.tether)
-    tether[inside] *= unsure[rows, cols]
-    passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
-    if math.dist(way[passed], goal) < PLAN_REACHES:
-        way[passed], tether[passed] = goal, config.hold
-    guess = _begun(way, pose)
+    inside, rows, cols = cost.frame.locate(anchors)
+    tether = np.full(len(anchors), config.tether)
+    tether[inside] *= cost.unsure[rows, cols]
+    passed = int(np.argmin(np.hypot(*(anchors - np.array(goal)).T)))
+    if math.dist(anchors[passed], goal) < PLAN_GOAL_RADIUS:
+        anchors[passed], tether[passed] = goal, config.hold
+    guess, room = _from_pose(anchors, pose), cost.frame.field(cost.room)
     for comfort in config.comfort:
-        settings = _Stiffness(config.bending, config.push, comfort, tightest, config.iterations)
-        yield relax(guess, way, tether, frame.field(clearance), settings)
+        settings = _BandSettings(config.bending, config.push, comfort, tightest, config.iterations)
+        yield relax(guess, anchors, tether, room, settings)
 
 
-def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the way with its first points shifted so that it begins at a pose."""
-    guess = way.copy()
-    fade = np.clip(1.0 - np.arange(len(way)) * SPACING / 1.5, 0.0, None)[:, None]
-    guess += fade * (pose[:2] - way[0])
+def _from_pose(anchors: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the anchors, the first of them shifted so that they begin at a pose."""
+    guess = anchors.copy()
+    fade = np.clip(1.0 - np.arange(len(guess)) * POINT_SPACING / 1.5, 0.0, None)[:, None]
+    guess += fade * (pose[:2] - guess[0])
     guess[0] = pose[:2]
-    guess[1] = pose[:2] + SPACING * np.array([math.cos(pose[2]), math.sin(pose[2])])
+    guess[1] = pose[:2] + POINT_SPACING * np.array([math.cos(pose[2]), math.sin(pose[2])])
     return guess
 
 
@@ -148,15 +145,15 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(guess, way, tether, clearance, settings):  # type: ignore[no-untyped-def]
+def relax(guess, anchors, tether, clearance, settings):  # type: ignore[no-untyped-def]
     """Return the curve (n, 2) [m] of least cost, with the first two points and the last one fixed.
 
     Args:
         guess: initial points of the curve, evenly spaced, (n, 2) [m].
-        way: points to which those of the curve are tethered, (n, 2) [m].
+        anchors: points to which those of the curve are tethered, (n, 2) [m].
         tether: weights of the tethers, (n,) [1/m²].
         clearance: `Field` of the distances to the nearest obstacle [m].
-        settings: weights and bounds, of `_Stiffness`.
+        settings: weights and bounds, of `_BandSettings`.
     """
     n = guess.shape[0]
     p = guess.copy()
@@ -164,7 +161,7 @@ def relax(guess, way, tether, clearance, settings):  # type: ignore[no-untyped-d
     size = 2 * free
     h = 0.0
     for i in range(n - 1):
-        h += math.hypot(way[i + 1, 0] - way[i, 0], way[i + 1, 1] - way[i, 1])
+        h += math.hypot(anchors[i + 1, 0] - anchors[i, 0], anchors[i + 1, 1] - anchors[i, 1])
     h /= n - 1
     band = np.empty((size, 5))
     right = np.empty(size)
@@ -173,7 +170,7 @@ def relax(guess, way, tether, clearance, settings):  # type: ignore[no-untyped-d
         band[:] = 0.0
         right[:] = 0.0
         _add_differences(band, right, p, stiffer, 1.0 / h, settings.bending / (h * h * h))
-        _add_tethers(band, right, p, way, tether, h)
+        _add_tethers(band, right, p, anchors, tether, h)
         _add_push(band, right, p, clearance, settings.push * h, settings.comfort)
         longest = _solve(band, right)
         # The step is limited, since the slope of the clearance holds only near the old points.
@@ -219,12 +216,12 @@ def _add_differences(band, right, p, stiffer, taut, stiff):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _add_tethers(band, right, p, way, tether, h):  # type: ignore[no-untyped-def]
-    """Add the pull of each free point towards the way."""
+def _add_tethers(band, right, p, anchors, tether, h):  # type: ignore[no-untyped-def]
+    """Add the pull of each free point towards its anchor."""
     for i in range(p.shape[0] - 3):
         w = tether[i + 2] * h
-        right[2 * i] -= w * (p[i + 2, 0] - way[i + 2, 0])
-        right[2 * i + 1] -= w * (p[i + 2, 1] - way[i + 2, 1])
+        right[2 * i] -= w * (p[i + 2, 0] - anchors[i + 2, 0])
+        right[2 * i + 1] -= w * (p[i + 2, 1] - anchors[i + 2, 1])
         band[2 * i, 0] += w
         band[2 * i + 1, 0] += w
 

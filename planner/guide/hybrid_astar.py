@@ -22,14 +22,14 @@ from foresee.mapping.grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from foresee.mapping.kernels import njit
 from planner.guide.route import cost_to_go
 from planner.motion.dynamics import pose_along
-from planner.motion.goal import PATH_REACHES
+from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.risk.cost_map import STUCK_REACH, CostMap, around
 
 HEADINGS = 48
 """Number of headings that the lattice distinguishes."""
 CELL = 0.125
 """Side of the squares of positions that the lattice distinguishes [m]."""
-STEP, CHECKS = 0.25, 3
+ARC_LENGTH, CHECKS = 0.25, 3
 """Length of an arc [m], and number of poses on it at which the body is tested."""
 SHARES = np.array([0.0, 0.5, -0.5, 1.0, -1.0])
 """Curvatures of the arcs, as shares of that of the tightest arc."""
@@ -176,24 +176,24 @@ def _search(start, goal, onward, to_go, cost, scenes, settings):  # type: ignore
     closed.add(np.int64(-1))
     poses[0] = start
     spent[0], parents[0], gears[0], shares[0] = 0.0, -1, 1, 0.0
-    begun = _remaining(to_go, start[0], start[1])
-    if not begun < np.inf:
-        # No way leads on from the start's cell, as with the front at a wall. With this value, the
+    start_cost = _remaining(to_go, start[0], start[1])
+    if not start_cost < np.inf:
+        # No route leads on from the start's cell, as with the front at a wall. With this value, the
         # search ends at the first pose in a cell from which one does.
-        begun = 1e6
-    queue = [(begun, 0)]
-    count, looked = 1, 0
-    while len(queue) > 0 and looked < settings.nodes:
+        start_cost = 1e6
+    queue = [(start_cost, 0)]
+    count, expanded = 1, 0
+    while len(queue) > 0 and expanded < settings.nodes:
         _, node = heapq.heappop(queue)
         x, y, yaw = poses[node, 0], poses[node, 1], poses[node, 2]
         key = _key(cost, x, y, yaw, gears[node])
         if key in closed:
             continue
         closed.add(key)
-        looked += 1
-        left = _remaining(to_go, x, y)
-        near = math.hypot(x - goal[0], y - goal[1]) < PATH_REACHES
-        if node > 0 and (near or (gears[node] > 0 and left <= begun - onward)):
+        expanded += 1
+        remaining = _remaining(to_go, x, y)
+        near = math.hypot(x - goal[0], y - goal[1]) < PATH_GOAL_RADIUS
+        if node > 0 and (near or (gears[node] > 0 and remaining <= start_cost - onward)):
             return _trace(node, poses, parents, gears, shares, settings.curvature)
         for direction in range(2 if settings.reverse else 1):
             gear, scene = 1 - 2 * direction, scenes[direction]
@@ -202,13 +202,12 @@ def _search(start, goal, onward, to_go, cost, scenes, settings):  # type: ignore
                 hit, ex, ey, eyaw = _drive(scene, x, y, yaw, kappa, gear, node == 0)
                 if hit or not _inside(cost, ex, ey):
                     continue
-                left = _remaining(to_go, ex, ey)
-                if not left < np.inf:
-                    left = begun
+                remaining = _remaining(to_go, ex, ey)
+                if not remaining < np.inf:
+                    remaining = start_cost
                 row, col = _cell(cost, cost.resolution, ex, ey)
-                price = (
-                    STEP * cost.values[row, col] * (1.0 + (settings.steering - 1.0) * abs(share))
-                )
+                steering = 1.0 + (settings.steering - 1.0) * abs(share)
+                price = ARC_LENGTH * cost.values[row, col] * steering
                 if gear < 0:
                     price *= settings.reversing
                 if node > 0 and gear != gears[node]:
@@ -217,7 +216,7 @@ def _search(start, goal, onward, to_go, cost, scenes, settings):  # type: ignore
                 poses[count, 0], poses[count, 1], poses[count, 2] = ex, ey, eyaw
                 spent[count] = spent[node] + price
                 parents[count], gears[count], shares[count] = node, gear, share
-                heapq.heappush(queue, (spent[count] + left, count))
+                heapq.heappush(queue, (spent[count] + remaining, count))
                 count += 1
     return np.empty((0, 3)), np.empty(0, dtype=np.int64)
 
@@ -236,7 +235,7 @@ def _drive(scene, x, y, yaw, kappa, gear, is_first):  # type: ignore[no-untyped-
     """Return whether the body meets a blocked cell on an arc, and the pose at the arc's end."""
     ex, ey, eyaw = x, y, yaw
     for check in range(1, CHECKS + 1):
-        ex, ey, eyaw = pose_along(x, y, yaw, kappa, gear * STEP * check / CHECKS)
+        ex, ey, eyaw = pose_along(x, y, yaw, kappa, gear * ARC_LENGTH * check / CHECKS)
         # A car that starts too close to an obstacle must be able to leave.
         if (not is_first or check == CHECKS) and meets(scene, ex, ey, eyaw):
             return True, ex, ey, eyaw
@@ -276,7 +275,7 @@ def _trace(node, poses, parents, gears, shares, curvature):  # type: ignore[no-u
         chosen[i] = gears[node]
         x, y, yaw = poses[before, 0], poses[before, 1], poses[before, 2]
         for check in range(1, CHECKS + 1):
-            part = gears[node] * STEP * check / CHECKS
+            part = gears[node] * ARC_LENGTH * check / CHECKS
             path[CHECKS * i + check] = pose_along(x, y, yaw, shares[node] * curvature, part)
         node = before
     return path, chosen

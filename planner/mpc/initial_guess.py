@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along
-from planner.motion.path import SPACING, project
+from planner.motion.path import POINT_SPACING, project
 
 LOOK = 0.7
 """Distance of the point on a path that pure pursuit aims at, at low speed [m]."""
@@ -41,7 +41,7 @@ def pursue(points, segment, state, stages, dt, limits, look, free):  # type: ign
     travelled = 0.0
     for k in range(stages):
         segment, _, _ = project(points, x, y, segment - 3, segment + 12)
-        target = min(segment + int(max(look, 0.4 * v) / SPACING) + 1, points.shape[0] - 1)
+        target = min(segment + int(max(look, 0.4 * v) / POINT_SPACING) + 1, points.shape[0] - 1)
         dx, dy = points[target, 0] - x, points[target, 1] - y
         along = dx * math.cos(yaw) + dy * math.sin(yaw)
         across = dy * math.cos(yaw) - dx * math.sin(yaw)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import TICK
 from planner.motion.dynamics import rollout
-from planner.motion.path import SPACING, Path
+from planner.motion.path import POINT_SPACING, Path
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
 from planner.mpc.clearance import add_closeness_gradient, add_closeness_hessian, clearances
@@ -38,12 +38,12 @@ from planner.mpc.references import references
 from planner.mpc.stages import NX, REFERENCE, stage_functions
 from planner.risk.risk_map import RiskMap
 
-NEAR = 1.0
+CONSTRAINED_EXCESS = 1.0
 """Excess over the required clearance above which a circle has no constraint in the QP [m]."""
-DOUBTED = 10.0
+DOUBTFUL_GAIN = 10.0
 """Largest gain that a second step may predict without achieving any, in tolerances, for the
 iteration to count as converged."""
-DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
+DAQP_SETTINGS = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
 """Settings of daqp: softness of the soft constraints, maximum number of iterations, and no proximal
 term, since the Hessian is positive definite."""
 
@@ -196,7 +196,7 @@ class MPC:
         self._offset, self.required = float(offsets[-1]), radius + c.margin
         self._driving, self._weights = car.driving, c.weights
         # Number of a path's segments that one step may advance.
-        self._reach = math.ceil(2.0 * car.v_max * c.dt / SPACING) + 2
+        self._reach = math.ceil(2.0 * car.v_max * c.dt / POINT_SPACING) + 2
         self._io = {
             "z": np.zeros((n, 6)),
             "multiplier": np.zeros((n, NX)),
@@ -288,7 +288,7 @@ class MPC:
                 _, states, controls, cost = self._search(problem, states, controls, cost, step)
             # A step that gains much less than it predicts shows that the QP is inaccurate, and not
             # that the plan is optimal.
-            if before - cost <= little and step.gain <= DOUBTED * little:
+            if before - cost <= little and step.gain <= DOUBTFUL_GAIN * little:
                 status = Status.CONVERGED
                 break
         if not math.isfinite(cost):
@@ -309,16 +309,14 @@ class MPC:
     def _references(
         self, path: Path, segment: int, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        refs, costs = references(path.points, segment, states, self._reach, self._weights)
-        return refs, costs
+        return references(path.points, segment, states, self._reach, self._weights)
 
     def _clearances(
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the clearance of both circles at each state (n, 2), and its gradient (n, 2, 3)."""
         risk = problem.risk
-        value, gradient = clearances(risk.frame.field(risk.clearance), states, self._offset)
-        return value, gradient
+        return clearances(risk.frame.field(risk.clearance), states, self._offset)
 
     def _merit(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
@@ -371,11 +369,11 @@ class MPC:
         condense.make_positive(hessian, 1e-6)
         h, sensitivity = condense.condense(io["jacobian"], hessian)
         condense.add_smoothness(h, c.smoothness)
-        near = constraints.nearby(value, self.required + NEAR)
+        near = constraints.nearby(value, self.required + CONSTRAINED_EXCESS)
         a, sense = constraints.rows(sensitivity, states, controls, normal, near, c.dt)
         lower, upper = self._bounds(states, controls, value, near)
         qp = _QP(daqp.Model(), near)
-        qp.model.settings = DAQP
+        qp.model.settings = DAQP_SETTINGS
         # Warm start with the active set of the guess, and later with that of the last QP.
         start = (
             {"primal_start": np.zeros(len(g))}
@@ -383,7 +381,7 @@ class MPC:
             else {"dual_start": np.append(last.limits, -clearance[near[:, 0], near[:, 1]])}
         )
         flag, _ = qp.model.setup(h, g, a, upper, lower, sense, **start)
-        return qp, self._solved(qp, flag, lower, upper, value)
+        return qp, self._solve_qp(qp, flag, lower, upper, value)
 
     def _second_step(
         self, qp: _QP, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
@@ -392,9 +390,9 @@ class MPC:
         g, value, _, _ = self._first_order(problem, states, controls)
         lower, upper = self._bounds(states, controls, value, qp.near)
         flag = qp.model.update(f=g, bupper=upper, blower=lower)
-        return self._solved(qp, flag, lower, upper, value)
+        return self._solve_qp(qp, flag, lower, upper, value)
 
-    def _solved(
+    def _solve_qp(
         self,
         qp: _QP,
         flag: int,
@@ -416,13 +414,13 @@ class MPC:
         step, cost, flag, info = qp.model.solve()
         if flag not in (1, 2) or not np.isfinite(step).all():
             return None
-        keeps = lower.max() <= 1e-6 and upper.min() >= -1e-6
-        keeps = keeps and value[1:].min() >= self.required - 1e-6
-        found, limits = np.asarray(info["lam"]), 2 * step.size
+        feasible = lower.max() <= 1e-6 and upper.min() >= -1e-6
+        feasible = feasible and value[1:].min() >= self.required - 1e-6
+        multipliers, limits = np.asarray(info["lam"]), 2 * step.size
         clearance = np.zeros_like(value)
-        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -found[limits:])
-        gain = -cost if keeps else math.inf
-        return _Step(np.asarray(step).reshape(-1, 2), gain, found[:limits].copy(), clearance)
+        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -multipliers[limits:])
+        gain = -cost if feasible else math.inf
+        return _Step(np.asarray(step).reshape(-1, 2), gain, multipliers[:limits].copy(), clearance)
 
     def _first_order(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
@@ -456,7 +454,4 @@ class MPC:
         near: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         c, lacking = self.config, self.required - value[near[:, 0], near[:, 1]]
-        lower, upper = constraints.bounds(
-            states, controls, lacking, c.dt, self._driving, c.curvature_step
-        )
-        return lower, upper
+        return constraints.bounds(states, controls, lacking, c.dt, self._driving, c.curvature_step)

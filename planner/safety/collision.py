@@ -16,7 +16,7 @@ from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
-from planner.safety.contact import CONTACT_SPACING, Arcs, first_meeting, leads_on
+from planner.safety.contact import CONTACT_SPACING, Arcs, leads_on, plan_contact
 
 ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
@@ -57,7 +57,7 @@ class CollisionChecker:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
         scene = self.body_in(blocked, frame)
-        along, speed = first_meeting(plan.states, plan.controls, self.dt, CONTACT_SPACING, scene)
+        along, speed = plan_contact(plan.states, plan.controls, self.dt, CONTACT_SPACING, scene)
         return None if along < 0.0 else (along, speed)
 
     def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Scene:

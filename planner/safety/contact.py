@@ -33,7 +33,7 @@ class Arcs(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def first_meeting(states, controls, dt, spacing, scene):  # type: ignore[no-untyped-def]
+def plan_contact(states, controls, dt, spacing, scene):  # type: ignore[no-untyped-def]
     """Find where and how fast the body first meets a blocked cell on a plan.
 
     The body is tested at the poses that `planner.motion.dynamics.swept` returns.
@@ -107,9 +107,9 @@ def first_free(state, manoeuvres, dt, limits, scene, onward, arcs):  # type: ign
         if states[-1, 3] > 1e-6:
             continue
         # Most manoeuvres fail, and most of these already fail at few poses.
-        if first_meeting(states, controls, dt, 5.0 * CONTACT_SPACING, scene)[0] >= 0.0:
+        if plan_contact(states, controls, dt, 5.0 * CONTACT_SPACING, scene)[0] >= 0.0:
             continue
-        if first_meeting(states, controls, dt, CONTACT_SPACING, scene)[0] >= 0.0:
+        if plan_contact(states, controls, dt, CONTACT_SPACING, scene)[0] >= 0.0:
             continue
         if not onward or leads_on(states[-1], arcs):
             return i

@@ -14,7 +14,7 @@ from planner.safety.contact import first_free, swerves
 
 ACCELERATIONS = 16
 """Number of accelerations, from the plan's own to full braking, tried for the first step."""
-SLOW = 0.2
+ONWARD_SPEED = 0.2
 """Speed below which the car need not be able to go on from the end of a last resort [m/s]: it is
 about to stop anyway, and must not stay at rest because of this rule."""
 
@@ -41,7 +41,7 @@ class LastResort:
         """Controls of the last resort from the next state on, (N, 2); None: none is needed."""
         self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
 
-    def begin(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
+    def filter(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
         """Return a plan, with its first step slowed down as far as a last resort requires it.
 
         Returns:
@@ -58,7 +58,7 @@ class LastResort:
         accelerations = np.linspace(plan.controls[0, 0], -braking, ACCELERATIONS)
         firsts = np.column_stack([accelerations, np.full(ACCELERATIONS, curvature)])
         fastest = None
-        if state[3] > SLOW:
+        if state[3] > ONWARD_SPEED:
             fastest = self._fastest(state, firsts, manoeuvres, risk, onward=True)
         if fastest is None:
             fastest = self._fastest(state, firsts, manoeuvres, risk, onward=False)

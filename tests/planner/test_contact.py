@@ -11,7 +11,7 @@ from planner.motion.dynamics import rollout, swept
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
-from planner.safety.contact import Arcs, first_free, first_meeting, leads_on, swerves
+from planner.safety.contact import Arcs, first_free, leads_on, plan_contact, swerves
 from planner.safety.last_resort import LastResort
 
 CAR = CarLimits()
@@ -53,7 +53,7 @@ def manoeuvres_after(first):
 def test_the_first_meeting_is_that_of_the_swept_poses(seed):
     states, controls = some_plan(seed)
     blocked = scattered(seed)
-    along, speed = first_meeting(states, controls, 0.1, 0.02, scene(blocked))
+    along, speed = plan_contact(states, controls, 0.1, 0.02, scene(blocked))
     poses = swept(states, controls, 0.1, 0.02)
     i = first_contact(scene(blocked), poses)
     if i < 0:
@@ -77,7 +77,7 @@ def test_a_body_that_stands_in_something_has_met_it():
     states, controls = some_plan(0)
     blocked = np.zeros((120, 160), dtype=bool)
     blocked[60, 20] = True
-    assert first_meeting(states, controls, 0.1, 0.02, scene(blocked)) == (0.0, states[0, 3])
+    assert plan_contact(states, controls, 0.1, 0.02, scene(blocked)) == (0.0, states[0, 3])
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -152,7 +152,7 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
         manoeuvres[:, 0] = acceleration, curvature
         index = first_free(state, manoeuvres, 0.1, CAR.driving, cells, True, arcs)
         can_lead_on.append(index >= 0)
-    driven, survivable = resort.begin(state, plan, risk)
+    driven, survivable = resort.filter(state, plan, risk)
     assert survivable
     last = mpc.roll(driven.states[1], resort.controls)
     assert checker.contact(last, ~risk.certain, risk.frame) is None

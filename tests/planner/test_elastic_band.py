@@ -1,6 +1,7 @@
 """The laws of the line: its shape, its curvature, and how fast it is driven."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from rooms import CAR, RESOLUTION, Room, length, turned
 
 from foresee.mapping.grid import OCCUPIED
 from planner.guide.elastic_band import LineConfig, curvatures, lines_along, speeds
-from planner.motion.path import SPACING, Path
+from planner.motion.path import POINT_SPACING, Path
 from planner.risk.distance_transform import distance_field
 
 CONFIG = LineConfig()
@@ -22,15 +23,17 @@ ANYWHERE = (100.0, 100.0)
 def lines_in(room, vertices, pose, unsure=False, goal=ANYWHERE, config=CONFIG):
     """A way through a room, and the lines along it; unsure: everywhere or nowhere."""
     way = Path.through(np.array(vertices), "").points
-    clearance = distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION)
-    everywhere = np.full(room.frame.shape, unsure)
+    cost = replace(
+        room.cost,
+        frame=room.frame,
+        room=distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION),
+        unsure=np.full(room.frame.shape, unsure),
+    )
     return way, list(
         lines_along(
             way,
             np.array(pose, dtype=float),
-            clearance,
-            room.frame,
-            everywhere,
+            cost,
             goal,
             0.95 * CAR.max_curvature,
             config,
@@ -89,7 +92,7 @@ def test_a_line_begins_at_the_pose_in_its_heading_and_ends_where_the_way_ends(x,
 def test_a_line_reaches_as_far_as_it_is_told():
     config = LineConfig(reach=4.0)
     way, line = line_in(Room(12.0, 4.0), [(1.0, 2.0), (11.0, 2.0)], (1.0, 2.0, 0.0), config=config)
-    assert line[-1] == pytest.approx(way[round(4.0 / SPACING)])
+    assert line[-1] == pytest.approx(way[round(4.0 / POINT_SPACING)])
 
 
 @pytest.mark.parametrize("width", [1.4, 2.0, 3.0])
@@ -147,7 +150,7 @@ def test_the_mirror_image_of_a_map_has_the_mirror_image_of_the_line(vertices, po
 
 @given(radius=st.floats(0.8, 50.0), sign=st.sampled_from([-1, 1]), count=st.integers(3, 60))
 def test_on_a_circle_the_curvature_is_one_over_its_radius(radius, sign, count):
-    angles = sign * np.arange(count) * SPACING / radius
+    angles = sign * np.arange(count) * POINT_SPACING / radius
     points = radius * np.column_stack([np.cos(angles), np.sin(angles)]) + (3.0, -2.0)
     assert curvatures(points) == pytest.approx(np.full(count, sign / radius), rel=1e-4)
 
@@ -170,8 +173,8 @@ def curves(draw):
     """Polylines whose curvature wanders within what the car can steer."""
     bends = draw(st.lists(st.floats(-1.25, 1.25), min_size=2, max_size=12))
     kappa = np.repeat(bends, 8)
-    yaw = np.cumsum(kappa * SPACING)
-    steps = SPACING * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    yaw = np.cumsum(kappa * POINT_SPACING)
+    steps = POINT_SPACING * np.column_stack([np.cos(yaw), np.sin(yaw)])
     return np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)])
 
 

@@ -49,4 +49,4 @@ def test_a_wall_that_appears_too_near_to_stop_is_an_emergency():
         state = car.step(state, decision.control, 0.1)
     assert decision.emergency
     assert not driver.chooser.checker.is_safe(decision.plan, decision.risk_map)
-    assert decision.control[0] == -car.limits.braking
+    assert decision.control.acceleration == -car.limits.braking
