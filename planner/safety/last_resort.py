@@ -42,7 +42,7 @@ class LastResort:
         self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
 
     def filter(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
-        """Return a plan, with its first step slowed down as far as a last resort requires it.
+        """Slow a plan's first step down, as far as is needed for a last resort to remain after it.
 
         Returns:
             Plan to drive, and whether a last resort remains after its first step.
