@@ -8,8 +8,7 @@ from enum import StrEnum
 class Fault(StrEnum):
     """A failure of one part of the planner, with which the drive goes on.
 
-    The values are the names in results files. docs/reference/faults.md says what the planner
-    does.
+    The values are the names in results files. docs/reference/faults.md describes the reactions.
     """
 
     NO_SAFE_SOLUTION = "no_safe_solution"

@@ -29,16 +29,16 @@ from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
 
-BESIDE = 5.0
+WAYPOINT_SIDE = 5.0
 """Side of the square around each waypoint that the map covers from the start [m]."""
-AHEAD = 2.5
+RISK_MAP_AHEAD = 2.5
 """Distance from the car to the centre of the risk map, ahead of the car [m]."""
-PATIENCE = 4
+REST_TICKS = 4
 """Number of ticks at rest after which a car searches for a recovery manoeuvre, and again each time
 as many have passed."""
-LONG_PATIENCE = 15
+LINGER_TICKS = 15
 """The same number for ticks within 0.1 m, since a stuck car may start and brake repeatedly."""
-AFRESH = 5
+FRESH_GUESS_TICKS = 5
 """Number of ticks after which the MPC also starts from a pure-pursuit guess, in normal driving."""
 
 
@@ -102,7 +102,7 @@ class NavigatorConfig:
     @property
     def risk_side(self) -> float:
         """Side of the risk map [m]: a stop from top speed fits into it ahead of the car."""
-        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - AHEAD))
+        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - RISK_MAP_AHEAD))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,7 @@ class Navigator:
             self._asker = Asker(predictor)
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
-            known.cover(known.frame.square(float(x), float(y), BESIDE))
+            known.cover(known.frame.square(float(x), float(y), WAYPOINT_SIDE))
         known.mark_free(start, config.car.body, config.start_margin)
 
     @property
@@ -234,7 +234,7 @@ class Navigator:
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg)
-        choice = self.chooser.choose(now, self._tick % AFRESH == 0 or self.guide.is_new)
+        choice = self.chooser.choose(now, self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new)
         faults += choice.faults
         clock.lap("mpc")
         clock.total("cycle", first_path)
@@ -294,7 +294,7 @@ class Navigator:
     def _risk_map(self, driven: NDArray[np.float64], prediction: Prediction | None) -> RiskMap:
         """Return the risk map around the car, whose state `driven` is mirrored in reverse."""
         c = self.config
-        centre = driven[:2] + AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
+        centre = driven[:2] + RISK_MAP_AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         # In reverse the car enters only cells that were observed free.
         level = self._adaptive.level if c.adapt else c.level
@@ -332,8 +332,8 @@ class Navigator:
         self._lingered += 1
         moves = max(state[3], ahead[min(1, len(ahead) - 1), 3]) > 0.02
         self._rested = 0 if moves else self._rested + 1
-        stuck = self._rested and self._rested % PATIENCE == 0
-        if stuck or self._lingered % LONG_PATIENCE == 0:
+        stuck = self._rested and self._rested % REST_TICKS == 0
+        if stuck or self._lingered % LINGER_TICKS == 0:
             return self.guide.unstick(self._tick, state, self.known, steering)
         return self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
 

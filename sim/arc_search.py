@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,23 @@ CELL = 0.2
 """Side of the squares of positions that the search distinguishes [m]."""
 CHECKS = 3
 """Number of poses on an arc at which the body is tested."""
-RINGS = 64
+BUCKETS = 64
 """Number of buckets in the ring of the search; it exceeds the cost of any arc."""
 
 
-def arc_ways(
+class _Circles(NamedTuple):
+    """The circles that cover the body.
+
+    Attributes:
+        offsets: positions of their centres along the body, (n,) [m].
+        needed: clearance that each of them needs [m].
+    """
+
+    offsets: NDArray[np.float64]
+    needed: float
+
+
+def search_arcs(
     world: World,
     start: tuple[float, float, float],
     body: Body,
@@ -30,7 +43,7 @@ def arc_ways(
     comfort: float,
     longest: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Find the cheapest ways from a pose to all poses that a car reaches on forward arcs.
+    """Find the cheapest paths from a pose to all poses that a car reaches on forward arcs.
 
     Args:
         world: building in which the car drives.
@@ -39,7 +52,7 @@ def arc_ways(
         radius: radius of the arcs [m].
         clearance: free space to keep around the circles [m].
         comfort: additional clearance from which on a wall adds no cost [m].
-        longest: maximum length of a way [m].
+        longest: maximum length of a path [m].
 
     Returns:
         The same as `explore`.
@@ -49,47 +62,43 @@ def arc_ways(
     # Clearances are measured between the centres of cells, up to a diagonal more than the free
     # space.
     needed = circle + clearance + math.sqrt(2.0) * frame.resolution
-    turning = np.array(start), radius, offsets, needed
-    return explore(world.clearance, *frame.lattice, *turning, comfort, longest)
+    field, circles = frame.field(world.clearance), _Circles(offsets, needed)
+    return explore(np.array(start), field, circles, radius, comfort, longest)
 
 
 @njit(cache=True, nogil=True)
-def _fits(clearance, resolution, origin, x, y, yaw, offsets, needed):  # type: ignore[no-untyped-def]
-    """Return by how much the clearance of each circle exceeds `needed`, at least [m].
+def _spare(field, circles, x, y, yaw):  # type: ignore[no-untyped-def]
+    """Return the least excess of a circle's clearance over the needed one [m].
 
-    It is negative if one of them is too close to a solid cell.
+    It is negative if a circle is too close to a solid cell, or outside the map.
     """
+    clearance, resolution, origin = field
     cos, sin = math.cos(yaw), math.sin(yaw)
     spare = np.inf
-    for offset in offsets:
+    for offset in circles.offsets:
         row = math.floor((y + offset * sin - origin[1]) / resolution)
         col = math.floor((x + offset * cos - origin[0]) / resolution)
         if not (0 <= row < clearance.shape[0] and 0 <= col < clearance.shape[1]):
             return -1.0
-        spare = min(spare, clearance[row, col] - needed)
+        spare = min(spare, clearance[row, col] - circles.needed)
     return spare
 
 
 @njit(cache=True, nogil=True)
-def explore(  # type: ignore[no-untyped-def]
-    clearance, resolution, origin, start, radius, offsets, needed, comfort, longest
-):
-    """Find the cheapest ways from a pose, over arcs to the left, straight on and to the right.
+def explore(start, field, circles, radius, comfort, longest):  # type: ignore[no-untyped-def]
+    """Find the cheapest paths from a pose, over arcs to the left, straight on and to the right.
 
     This is Dijkstra's algorithm with a ring of buckets, since costs are small whole numbers. Poses
     are exact: the lattice only decides which of them count as the same, so the car can drive every
-    way found. Arcs near walls cost more, so that ways keep to the middle where there is room.
+    path found. Arcs near walls cost more, so that paths keep to the middle where there is room.
 
     Args:
-        clearance: distance to the nearest solid cell, (rows, columns) [m].
-        resolution: side of a cell [m].
-        origin: x, y of the map's lower-left corner [m].
         start: x, y, yaw at the start, (3,).
+        field: `Field` of the distances to the nearest solid cell [m].
+        circles: `_Circles` that cover the body.
         radius: radius of the arcs [m]; an arc turns by one of `HEADINGS`.
-        offsets: positions of the circles along the body, (n,) [m].
-        needed: clearance that each circle needs [m].
         comfort: additional clearance from which on a wall adds no cost [m].
-        longest: maximum length of a way [m].
+        longest: maximum length of a path [m].
 
     Returns:
         Poses reached, in the order of cost, (n, 3); index of each pose's parent, −1 for the start,
@@ -98,8 +107,9 @@ def explore(  # type: ignore[no-untyped-def]
     """
     turn = 2.0 * math.pi / HEADINGS
     length = radius * turn
-    rows = int(clearance.shape[0] * resolution / CELL) + 1
-    cols = int(clearance.shape[1] * resolution / CELL) + 1
+    origin = field.origin
+    rows = int(field.values.shape[0] * field.resolution / CELL) + 1
+    cols = int(field.values.shape[1] * field.resolution / CELL) + 1
     closed = np.zeros((rows, cols, HEADINGS), dtype=np.bool_)
     entered = np.zeros((rows, cols), dtype=np.bool_)
 
@@ -110,7 +120,7 @@ def explore(  # type: ignore[no-untyped-def]
     parents = np.empty(size, dtype=np.int32)
     arcs = np.empty(size, dtype=np.int32)
     following = np.empty(size, dtype=np.int32)
-    buckets = np.full(RINGS, -1, dtype=np.int32)
+    buckets = np.full(BUCKETS, -1, dtype=np.int32)
     settled = np.empty(size, dtype=np.int32)
     first = np.empty(size, dtype=np.bool_)
 
@@ -119,11 +129,11 @@ def explore(  # type: ignore[no-untyped-def]
     buckets[0] = 0
     proposed, waiting, done, cost = 1, 1, 0, 0
     while waiting:
-        node = buckets[cost % RINGS]
+        node = buckets[cost % BUCKETS]
         if node < 0:
             cost += 1
             continue
-        buckets[cost % RINGS] = following[node]
+        buckets[cost % BUCKETS] = following[node]
         waiting -= 1
         row = int((poses[node, 1] - origin[1]) / CELL)
         col = int((poses[node, 0] - origin[0]) / CELL)
@@ -156,34 +166,35 @@ def explore(  # type: ignore[no-untyped-def]
                 end_x = x + straight * math.cos(yaw + half)
                 end_y = y + straight * math.sin(yaw + half)
                 end_yaw = yaw + 2.0 * half
-                spare = min(
-                    spare,
-                    _fits(clearance, resolution, origin, end_x, end_y, end_yaw, offsets, needed),
-                )
+                spare = min(spare, _spare(field, circles, end_x, end_y, end_yaw))
                 if spare < 0.0:
                     break
             if spare < 0.0:
                 continue
             heading = (headings[node] + side) % HEADINGS
-            if closed[int((end_y - origin[1]) / CELL), int((end_x - origin[0]) / CELL), heading]:
+            if closed[
+                int((end_y - origin[1]) / CELL),
+                int((end_x - origin[0]) / CELL),
+                heading,
+            ]:
                 continue
             price = 20 + abs(side) + int(20.0 * max(0.0, 1.0 - spare / comfort))
             poses[proposed, 0], poses[proposed, 1], poses[proposed, 2] = end_x, end_y, end_yaw
             headings[proposed] = heading
             parents[proposed] = node
             arcs[proposed] = arcs[node] + 1
-            bucket = (cost + price) % RINGS
+            bucket = (cost + price) % BUCKETS
             following[proposed] = buckets[bucket]
             buckets[bucket] = proposed
             proposed += 1
             waiting += 1
 
     settled = settled[:done]
-    place = np.full(proposed, -1, dtype=np.int32)
+    rank = np.full(proposed, -1, dtype=np.int32)
     for i in range(done):
-        place[settled[i]] = i
-    found_parents = np.empty(done, dtype=np.int32)
+        rank[settled[i]] = i
+    settled_parents = np.empty(done, dtype=np.int32)
     for i in range(done):
         parent = parents[settled[i]]
-        found_parents[i] = place[parent] if parent >= 0 else -1
-    return poses[settled], found_parents, arcs[settled], first[:done].copy()
+        settled_parents[i] = rank[parent] if parent >= 0 else -1
+    return poses[settled], settled_parents, arcs[settled], first[:done].copy()

@@ -21,28 +21,28 @@ def sources(names: tuple[str, ...]) -> list[str]:
         UsageError: if a name is neither a family, nor a map file, nor a folder with map files; if
             a family or file is named twice.
     """
-    found: list[str] = []
+    places: list[str] = []
     for name in names:
         path = Path(name)
         if name in FAMILIES:
-            found.append(name)
+            places.append(name)
         elif path.is_dir():
             maps = sorted(str(p) for p in path.iterdir() if p.suffix in (".yaml", ".yml"))
             if not maps:
                 raise UsageError(f"--world: no .yaml map in the folder {name}")
-            found += maps
+            places += maps
         elif path.suffix in (".yaml", ".yml"):
             if not path.is_file():
                 raise UsageError(f"--world: no such file: {name}")
-            found.append(name)
+            places.append(name)
         else:
             raise UsageError(
                 f"--world: {name!r} is no family ({', '.join(FAMILIES)}), no .yaml map, no folder"
             )
-    for name in found:
-        if found.count(name) > 1:
+    for name in places:
+        if places.count(name) > 1:
             raise UsageError(f"--world: {name} is given twice: its tasks would be driven twice")
-    return found
+    return places
 
 
 def check_maps(names: tuple[str, ...]) -> None:

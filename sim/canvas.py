@@ -12,7 +12,7 @@ from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
-WALL = 3
+WALL_CELLS = 3
 """Thickness of the walls around free space [cells]."""
 
 Point = tuple[float, float]
@@ -71,7 +71,7 @@ class Canvas:
     def world(self, name: str) -> World:
         """Return the building: FREE where carved, OCCUPIED walls around, UNKNOWN beyond them."""
         solid = ~self.free
-        near = binary_dilation(self.free, np.ones((3, 3), dtype=np.bool_), iterations=WALL)
+        near = binary_dilation(self.free, np.ones((3, 3), dtype=np.bool_), iterations=WALL_CELLS)
         cells = np.where(self.free, np.int8(FREE), np.int8(UNKNOWN))
         cells[solid & near] = OCCUPIED
         rows, cols = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
@@ -90,7 +90,7 @@ class Canvas:
         row, col = self.frame.cell(centre[0] - reach, centre[1] - reach)
         row_end, col_end = self.frame.cell(centre[0] + reach, centre[1] + reach)
         part = (
-            slice(max(row, WALL), max(min(row_end + 1, rows - WALL), WALL)),
-            slice(max(col, WALL), max(min(col_end + 1, cols - WALL), WALL)),
+            slice(max(row, WALL_CELLS), max(min(row_end + 1, rows - WALL_CELLS), WALL_CELLS)),
+            slice(max(col, WALL_CELLS), max(min(col_end + 1, cols - WALL_CELLS), WALL_CELLS)),
         )
         return part, (self.x[part[1]] - centre[0])[None, :], (self.y[part[0]] - centre[1])[:, None]

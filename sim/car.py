@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from foresee.mapping.body import Body, first_contact
+from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.car_limits import JUDGE_MARGIN, CarLimits
 from foresee.mapping.control import Control
 from sim.world import World
@@ -163,4 +163,4 @@ def collides(world: World, poses: ArrayLike, body: Body, margin: float = 0.0) ->
     frame = world.grid.frame
     grown = body.inflated(margin)
     array = np.atleast_2d(np.asarray(poses, dtype=np.float64))
-    return bool(first_contact(world.solid, *frame.lattice, array, *grown.halves) >= 0)
+    return bool(first_contact(Scene(world.solid, *frame.lattice, *grown.halves), array) >= 0)

@@ -22,7 +22,7 @@ class CorridorsConfig:
         segments: number of segments at which the growth stops.
         oblique: share of bends that are not right angles.
         gap: smallest width of solid ground between corridors that do not meet [m].
-        reach: minimum length of the longest way from the first segment's start to an end [m].
+        reach: minimum length of the longest route from the first segment's start to an end [m].
     """
 
     size: float
@@ -44,7 +44,7 @@ class Segment:
         length: length of the middle line [m].
         width: width of the corridor [m].
         parent: index of the segment at whose end this one starts; -1: it is the first one.
-        depth: length of the way from the first segment's start to this one's end [m].
+        depth: length of the route from the first segment's start to this one's end [m].
         children: indices of the segments that start at this one's end.
     """
 
@@ -140,7 +140,7 @@ def _grow_once(config: CorridorsConfig, rng: np.random.Generator) -> list[Segmen
     first = _first(config, rng)
     segments, open_ends = [first], [0]
     while open_ends and len(segments) < config.segments:
-        # Mostly the newest end is continued, which gives long ways instead of many short branches.
+        # Mostly the newest end is continued: long corridors instead of many short branches.
         pick = -1 if rng.random() < 0.7 else int(rng.integers(len(open_ends)))
         index = open_ends.pop(pick)
         for turn in _turns(config, rng):

@@ -43,7 +43,7 @@ class EpisodeConfig:
     Attributes:
         dt: length of a tick [s].
         goal_radius: distance to the goal within which it is reached [m].
-        timeout: time limit, as a multiple of the time for the task's way at top speed.
+        timeout: time limit, as a multiple of the time for the task's path at top speed.
         stuck_distance: distance driven in `stuck_time` below which the car is stuck [m].
         stuck_time: period over which `stuck_distance` is measured [s].
     """

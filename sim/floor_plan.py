@@ -40,6 +40,12 @@ class Space:
         """Extent along x and along y [m]."""
         return self.high[0] - self.low[0], self.high[1] - self.low[1]
 
+    def inside(self, wall: float) -> tuple[Point, Point]:
+        """Return the corners of the space inside walls of a thickness [m]."""
+        half = 0.5 * wall
+        low = (self.low[0] + half, self.low[1] + half)
+        return low, (self.high[0] - half, self.high[1] - half)
+
 
 @dataclass(frozen=True)
 class Style:
@@ -71,7 +77,7 @@ class Style:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Style:
-        """Draw the style of a building: a plan as architects draw it, or a map made by a robot.
+        """Draw the style of a building: an architect's plan, or a map made by a robot.
 
         A plan has clean walls and nearly all rooms. A robot's map has ragged walls, and lacks the
         rooms whose doors were closed. A predictor can therefore tell from the walls what to expect
@@ -99,16 +105,16 @@ def draw_floor_plan(rng: np.random.Generator) -> Canvas:
     canvas = Canvas(size[0] + 2.0, size[1] + 2.0)
     whole = Space((1.0, 1.0), (1.0 + size[0], 1.0 + size[1]))
     spaces = list(_divided(whole, style, rng))
-    largest = max(spaces, key=lambda one: math.prod(one.size))
+    largest = max(spaces, key=lambda space: math.prod(space.size))
     if rng.random() < 0.5:
         spaces = _with_courtyard(spaces, whole, rng)
-    spaces = [one for one in spaces if one.corridor or rng.random() >= style.unmapped] or [largest]
+    spaces = [s for s in spaces if s.corridor or rng.random() >= style.unmapped] or [largest]
     doors = _doors(spaces, style, rng)
     joined = _largest_piece(len(spaces), [pair for pair, _ in doors])
     for number in sorted(joined):
         _carve(canvas, spaces[number], style, rng)
-    for (one, _), (centre, extent) in doors:
-        if one in joined:
+    for (number, _), (centre, extent) in doors:
+        if number in joined:
             canvas.box(centre, extent, free=True)
     entrances: dict[int, Door] = {}
     for pair, door in doors:
@@ -179,11 +185,11 @@ def _with_courtyard(spaces: list[Space], whole: Space, rng: np.random.Generator)
     centre = [rng.uniform(whole.low[axis], whole.high[axis]) for axis in (0, 1)]
     half = [rng.uniform(0.15, 0.35) * whole.size[axis] for axis in (0, 1)]
 
-    def outside(one: Space) -> bool:
-        middle = [0.5 * (one.low[axis] + one.high[axis]) for axis in (0, 1)]
+    def outside(space: Space) -> bool:
+        middle = [0.5 * (space.low[axis] + space.high[axis]) for axis in (0, 1)]
         return any(abs(middle[axis] - centre[axis]) > half[axis] for axis in (0, 1))
 
-    return [one for one in spaces if one.corridor or outside(one)]
+    return [space for space in spaces if space.corridor or outside(space)]
 
 
 Door = tuple[Point, Point]
@@ -195,10 +201,10 @@ def _doors(
 ) -> list[tuple[tuple[int, int], Door]]:
     """Draw doors that join all spaces that can be joined, and some more."""
     walls = {}
-    for one, other in combinations(range(len(spaces)), 2):
-        wall = _wall(spaces[one], spaces[other])
+    for pair in combinations(range(len(spaces)), 2):
+        wall = _wall(spaces[pair[0]], spaces[pair[1]])
         if wall is not None:
-            walls[one, other] = wall
+            walls[pair] = wall
     if not walls:
         return []
     corridors = {pair: sum(spaces[n].corridor for n in pair) for pair in walls}
@@ -213,16 +219,16 @@ def _doors(
     return [(pair, _door(walls[pair], corridors[pair] == 2, style, rng)) for pair in chosen]
 
 
-def _wall(one: Space, other: Space) -> tuple[int, float, float, float] | None:
+def _wall(a: Space, b: Space) -> tuple[int, float, float, float] | None:
     """Return the wall that two spaces share, if a door fits into it.
 
     Returns:
         Axis across the wall, the wall's coordinate on it, and its ends on the other axis [m].
     """
     for axis in (0, 1):
-        low = max(one.low[1 - axis], other.low[1 - axis])
-        high = min(one.high[1 - axis], other.high[1 - axis])
-        for first, second in ((one, other), (other, one)):
+        low = max(a.low[1 - axis], b.low[1 - axis])
+        high = min(a.high[1 - axis], b.high[1 - axis])
+        for first, second in ((a, b), (b, a)):
             if abs(first.high[axis] - second.low[axis]) < 1e-6 and high - low > SHARED:
                 return axis, second.low[axis], low, high
     return None
@@ -249,18 +255,16 @@ def _door(
 def _largest_piece(count: int, pairs: list[tuple[int, int]]) -> set[int]:
     """Return the numbers of the spaces in the largest group that doors join."""
     groups = [{number} for number in range(count)]
-    for one, other in pairs:
-        if groups[one] is not groups[other]:
-            groups[one] |= groups[other]
-            for number in groups[other]:
-                groups[number] = groups[one]
+    for first, second in pairs:
+        if groups[first] is not groups[second]:
+            groups[first] |= groups[second]
+            for number in groups[second]:
+                groups[number] = groups[first]
     return max(groups, key=len)
 
 
 def _carve(canvas: Canvas, space: Space, style: Style, rng: np.random.Generator) -> None:
-    half = 0.5 * style.wall
-    low = (space.low[0] + half, space.low[1] + half)
-    high = (space.high[0] - half, space.high[1] - half)
+    low, high = space.inside(style.wall)
     canvas.room(low, high)
     if space.corridor:
         return
@@ -293,10 +297,7 @@ def _furnish(
 ) -> None:
     if min(space.size) < 2.4 or rng.random() >= style.furnished:
         return
-    half = 0.5 * style.wall
-    low = (space.low[0] + half, space.low[1] + half)
-    high = (space.high[0] - half, space.high[1] - half)
-    furnish(canvas, Room(low, high, door[0]), rng)
+    furnish(canvas, Room(*space.inside(style.wall), door[0]), rng)
 
 
 def _leaf(canvas: Canvas, door: Door, rng: np.random.Generator) -> None:

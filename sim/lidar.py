@@ -220,8 +220,8 @@ def cast_rays(skips, cells, x, y, bearing, beams, longest):  # type: ignore[no-u
                 ahead[i] = squares[plane[i] + start]
                 beam[i] = begun
                 begun += 1
-            # Without branches, which the processor could not predict: compute both ways out of the
-            # square, and then take the one that comes first.
+            # Without branches, which the processor could not predict: compute where the ray
+            # leaves the square along x and along y, and take what comes first.
             past_col, past_row = col[i] + step_x[i] * ahead[i], row[i] + step_y[i] * ahead[i]
             to_x, to_y = (past_col - edge_x[i]) * inv_x[i], (past_row - edge_y[i]) * inv_y[i]
             through_x = to_x <= to_y

@@ -34,13 +34,14 @@ def draw_maze(rng: np.random.Generator) -> Canvas:
     for column in range(CELLS):
         for row in range(CELLS):
             canvas.box(_middle((column, row)), (CORRIDOR, CORRIDOR), free=True)
-    for one, other in sorted(joined):
-        canvas.passage(_middle(one), _middle(other), CORRIDOR)
+    for start, end in sorted(joined):
+        canvas.passage(_middle(start), _middle(end), CORRIDOR)
     return canvas
 
 
 def _middle(node: Node) -> tuple[float, float]:
-    return tuple(EDGE + 0.5 * CORRIDOR + PITCH * at for at in node)  # type: ignore[return-value]
+    column, row = (EDGE + 0.5 * CORRIDOR + PITCH * index for index in node)
+    return column, row
 
 
 def _neighbours() -> list[tuple[Node, Node]]:
@@ -53,16 +54,16 @@ def _neighbours() -> list[tuple[Node, Node]]:
 def _tree(rng: np.random.Generator) -> set[tuple[Node, Node]]:
     """Draw a spanning tree of the cells by a depth-first walk, which makes long corridors."""
     first = (int(rng.integers(CELLS)), int(rng.integers(CELLS)))
-    way, seen, joined = [first], {first}, set()
-    while way:
-        column, row = here = way[-1]
+    stack, seen, joined = [first], {first}, set()
+    while stack:
+        column, row = here = stack[-1]
         around = [(column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1)]
         new = [n for n in around if n not in seen and min(n) >= 0 and max(n) < CELLS]
         if not new:
-            way.pop()
+            stack.pop()
             continue
         there = new[int(rng.integers(len(new)))]
         joined.add((min(here, there), max(here, there)))
         seen.add(there)
-        way.append(there)
+        stack.append(there)
     return joined

@@ -26,7 +26,7 @@ EDGE = 0.5
 """Width of the solid ground around the field [m]."""
 END = 2.5
 """Length of the free ground at both ends, for start and goal [m]."""
-EIGHT = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
+NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
 """Kernel that counts the eight neighbours of a cell."""
 
 
@@ -35,7 +35,7 @@ def draw_obstacle_field(rng: np.random.Generator) -> Canvas:
     share, steps = float(rng.choice(FILLED)), int(rng.choice(STEPS))
     filled = rng.random((ROWS, COLUMNS)) < share
     for _ in range(steps):
-        around = convolve(filled.astype(np.int8), EIGHT, mode="constant")
+        around = convolve(filled.astype(np.int8), NEIGHBOURS, mode="constant")
         filled = (filled | (around >= FILL)) & (around > CLEAR)
     filled = _reachable(filled)
     length, width = COLUMNS * PITCH, ROWS * PITCH

@@ -77,13 +77,13 @@ def _corridors(
     `between` and `ends` are the smallest and largest distance between two corridors, and from the
     span's ends [m].
     """
-    found: list[tuple[float, float]] = []
+    corridors: list[tuple[float, float]] = []
     at = low + rng.uniform(*ends)
     while True:
         width = rng.uniform(1.8, 2.8)
         if at + width + ends[0] > high:
-            return found
-        found.append((at, at + width))
+            return corridors
+        corridors.append((at, at + width))
         at += width + rng.uniform(*between)
 
 

@@ -30,8 +30,8 @@ def draw_paper(rng: np.random.Generator) -> Canvas:
     Every crossing can be reached from every other; most can be reached from two sides.
     """
     canvas = Canvas(PITCH * COLUMNS + 2.0, PITCH * ROWS + 2.0)
-    xs, wide_of_column = _lines(COLUMNS, rng)
-    ys, wide_of_row = _lines(ROWS, rng)
+    xs, column_widths = _lines(COLUMNS, rng)
+    ys, row_widths = _lines(ROWS, rng)
     at: dict[Node, Point] = {}
     askew: set[Node] = set()
     for column in range(COLUMNS):
@@ -41,12 +41,12 @@ def draw_paper(rng: np.random.Generator) -> Canvas:
                 askew.add((column, row))
                 shift = (rng.uniform(-1.2, 1.2), rng.uniform(-1.2, 1.2))
             at[column, row] = (xs[column] + shift[0], ys[row] + shift[1])
-    for one, other in _joined(rng):
+    for start, end in _joined(rng):
         # A path is as wide as its line, or narrower, so that no wall stands in a crossing.
-        line = wide_of_row[one[1]] if one[1] == other[1] else wide_of_column[one[0]]
+        line = row_widths[start[1]] if start[1] == end[1] else column_widths[start[0]]
         width = line if rng.random() < 0.6 else rng.uniform(WIDTH[0], line)
-        canvas.passage(at[one], at[other], width)
-        for node in (one, other):
+        canvas.passage(at[start], at[end], width)
+        for node in (start, end):
             if node in askew:
                 canvas.disc(at[node], 0.5 * width, free=True)
             else:
@@ -68,18 +68,18 @@ def _joined(rng: np.random.Generator) -> list[tuple[Node, Node]]:
     """Draw which neighbouring crossings a path joins: a spanning tree, and some other pairs."""
     nodes = [(column, row) for column in range(COLUMNS) for row in range(ROWS)]
     pairs = [
-        (one, other)
-        for one in nodes
-        for other in ((one[0] + 1, one[1]), (one[0], one[1] + 1))
-        if other in nodes
+        ((column, row), neighbour)
+        for column, row in nodes
+        for neighbour in ((column + 1, row), (column, row + 1))
+        if neighbour in nodes
     ]
     group = {node: number for number, node in enumerate(nodes)}
     joined = []
     for index in rng.permutation(len(pairs)):
-        one, other = pairs[index]
-        mine, theirs = group[one], group[other]
-        if mine == theirs and rng.random() >= LOOPS:
+        node, neighbour = pairs[index]
+        kept, merged = group[node], group[neighbour]
+        if kept == merged and rng.random() >= LOOPS:
             continue
-        joined.append((one, other))
-        group = {node: mine if g == theirs else g for node, g in group.items()}
+        joined.append((node, neighbour))
+        group = {node: kept if g == merged else g for node, g in group.items()}
     return joined

@@ -18,7 +18,7 @@ APART = 1.2
 
 
 class People:
-    """Discs that walk straight until something is in their way, and then in another direction.
+    """Discs that walk straight up to an obstacle, and then in another direction.
 
     Args:
         world: the building.

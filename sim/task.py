@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from foresee.infra.errors import LineError
-from foresee.mapping.body import Body, first_contact
+from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from foresee.mapping.polyline import arc_length
-from sim.arc_search import HEADINGS, arc_ways
+from sim.arc_search import HEADINGS, search_arcs
 from sim.car import wrap
 from sim.lidar import cast_rays
 from sim.world import World
@@ -69,10 +69,10 @@ class Task:
 
         A driver counts these cells as observed, since the LIDAR does not see all of them.
         """
-        place, world = np.array([self.start]), self.world
+        solid, frame = self.world.solid, self.world.grid.frame
         for margin in START_MARGINS:
-            halves = body.inflated(margin).halves
-            if first_contact(world.solid, *world.grid.frame.lattice, place, *halves) < 0:
+            scene = Scene(solid, *frame.lattice, *body.inflated(margin).halves)
+            if first_contact(scene, np.array([self.start])) < 0:
                 return margin
         return 0.0
 
@@ -232,7 +232,7 @@ def _ways(
         whether they can be goals (n,), for which they must lie in `roomy` cells.
     """
     radius = SLACK * car.turning_radius
-    poses, parents, arcs, first = arc_ways(
+    poses, parents, arcs, first = search_arcs(
         world, start, car.body, radius, WAY_CLEARANCE, COMFORT, longest
     )
     _, rows, cols = world.grid.frame.locate(poses[:, :2])

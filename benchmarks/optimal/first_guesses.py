@@ -14,7 +14,7 @@ from benchmarks.optimal.minimum_time import Guess
 from benchmarks.optimal.shortest_path import NoPathError, shortest_path
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.polyline import arc_length
-from sim.arc_search import arc_ways
+from sim.arc_search import search_arcs
 from sim.car import along_arc, wrap
 from sim.task import Task
 
@@ -136,7 +136,7 @@ def _arcs(
     task: Task, car: CarLimits, radius: float, comfort: float, goal_radius: float
 ) -> NDArray[np.float64] | None:
     """Return the cheapest path of arcs to near the goal, (n, 2) [m]; None if there is none."""
-    poses, parents, _, _ = arc_ways(
+    poses, parents, _, _ = search_arcs(
         task.world, task.start, car.body, radius, CLEARANCE, comfort, DETOUR * task.path_length
     )
     # Poses are in the order of their cost.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,24 @@ class Body:
         return Body(self.length + 2 * margin, self.width + 2 * margin)
 
 
+class Scene(NamedTuple):
+    """Obstacles on a grid, and the body that is tested against them, as kernels read them.
+
+    Attributes:
+        blocked: cells that the body must not meet, (rows, columns); outside, all are blocked.
+        resolution: side of a cell [m].
+        origin: x, y of the grid's lower-left corner [m].
+        half_length: half the body's extent along its yaw [m].
+        half_width: half its extent across [m].
+    """
+
+    blocked: NDArray[np.bool_]
+    resolution: float
+    origin: tuple[float, float]
+    half_length: float
+    half_width: float
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _overlaps(dx, dy, cos, sin, half_length, half_width, half):  # type: ignore[no-untyped-def]
     """Return whether a rectangle overlaps or touches an axis-aligned square centred at dx, dy.
@@ -109,27 +128,23 @@ def covered(shape, resolution, origin, x, y, yaw, half_length, half_width):  # t
 
 
 @njit(cache=True, nogil=True)
-def first_contact(blocked, resolution, origin, poses, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Return the index of the first pose whose rectangle overlaps a blocked cell; -1 if none does.
+def first_contact(scene, poses):  # type: ignore[no-untyped-def]
+    """Return the index of the first pose at which the body meets a blocked cell; -1 if none.
 
     Args:
-        blocked: blocked cells, (rows, columns) bool; outside of the grid all is blocked.
-        resolution: side of a cell [m].
-        origin: x, y of the grid's lower-left corner [m].
+        scene: obstacles and body.
         poses: x, y, yaw of each pose, (n, 3) [m, m, rad].
-        half_length: half the rectangle's extent along its yaw [m].
-        half_width: half its extent across [m].
     """
     for i in range(poses.shape[0]):
-        x, y, yaw = poses[i, 0], poses[i, 1], poses[i, 2]
-        if meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):
+        if meets(scene, poses[i, 0], poses[i, 1], poses[i, 2]):
             return i
     return -1
 
 
 @njit(cache=True, nogil=True)
-def meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):  # type: ignore[no-untyped-def]
-    """Return whether a rectangle at one pose overlaps a blocked cell, or leaves the grid."""
+def meets(scene, x, y, yaw):  # type: ignore[no-untyped-def]
+    """Return whether the body overlaps a blocked cell at a pose, or leaves the grid."""
+    blocked, resolution, origin, half_length, half_width = scene
     rows, cols = blocked.shape
     cos, sin = math.cos(yaw), math.sin(yaw)
     ex = half_length * abs(cos) + half_width * abs(sin)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from foresee.mapping.body import Body
 from foresee.mapping.conventions import LONGEST_STOP
@@ -18,6 +19,24 @@ planner's margin covers the simulator's as well, so that what the planner calls 
 a collision."""
 TIGHTEST = 4.0
 """Largest ratio of the body's half diagonal to the turning radius."""
+
+
+class DrivingLimits(NamedTuple):
+    """The limits of a motion, as kernels read them.
+
+    Attributes:
+        v_max: top speed [m/s].
+        acceleration: maximum acceleration [m/s²].
+        braking: maximum deceleration, positive [m/s²].
+        cornering: maximum lateral acceleration v²·κ [m/s²].
+        curvature: maximum curvature κ [1/m].
+    """
+
+    v_max: float
+    acceleration: float
+    braking: float
+    cornering: float
+    curvature: float
 
 
 @dataclass(frozen=True)
@@ -72,9 +91,15 @@ class CarLimits:
         return 0.99 * self.lateral_acceleration
 
     @property
-    def driving(self) -> tuple[float, float, float, float]:
-        """Top speed, acceleration, braking and planned cornering, as arguments of kernels."""
-        return self.v_max, self.acceleration, self.braking, self.planned_cornering
+    def driving(self) -> DrivingLimits:
+        """The limits that plans keep to."""
+        return DrivingLimits(
+            self.v_max,
+            self.acceleration,
+            self.braking,
+            self.planned_cornering,
+            self.max_curvature,
+        )
 
     @property
     def max_curvature(self) -> float:

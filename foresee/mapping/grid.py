@@ -10,7 +10,7 @@ import hashlib
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,20 @@ HIT, MISS = 17, -8
 """Log-odds that a hit and a miss add to a cell, in steps of 0.05 (Hornung et al. 2013, OctoMap)."""
 LOWEST, HIGHEST = -40, 70
 """Bounds of the log-odds, from the same source and in the same unit."""
+
+
+class Field(NamedTuple):
+    """Values of the cells of a grid, as kernels read them.
+
+    Attributes:
+        values: value of each cell, (rows, columns).
+        resolution: side of a cell [m].
+        origin: x, y of the lower-left corner of cell (0, 0) [m].
+    """
+
+    values: NDArray[Any]
+    resolution: float
+    origin: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -47,6 +61,10 @@ class GridFrame:
     def lattice(self) -> tuple[float, tuple[float, float]]:
         """Side of a cell [m], and x, y of the lower-left corner [m], as arguments of kernels."""
         return self.resolution, self.origin
+
+    def field(self, values: NDArray[Any]) -> Field:
+        """Return values of the cells (rows, columns) as a field, for kernels."""
+        return Field(values, self.resolution, self.origin)
 
     @property
     def size(self) -> tuple[float, float]:

@@ -1,12 +1,12 @@
-"""The line: a smooth curve along a given way, an elastic band (Quinlan and Khatib 1993).
+"""The line: a smooth curve along a polyline, by an elastic band (Quinlan and Khatib 1993).
 
-A way is a polyline that was found on a grid or by sampling, and has kinks. The line is the curve p
+A route that was found on a grid or by sampling is a polyline with kinks. The line is the curve p
 near it that minimises
 
-    ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - way|² ds,
+    ½ ∫ tension + bending · κ² + push · max(0, comfort - clearance)² + tether · |p - polyline|² ds,
 
 with the curvature κ, by Gauss-Newton steps on evenly spaced points. The car's pose fixes the first
-two points of the line, and the way's end fixes the last.
+two points of the line, and the polyline's end fixes the last.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
-from planner.motion.goal import PLAN_REACHES
-from planner.motion.path import SPACING
+from planner.motion.goal import PLAN_GOAL_RADIUS
+from planner.motion.path import POINT_SPACING
+from planner.risk.cost_map import CostMap
 
 BODY_MARGIN = 0.02
 """Margin that paths keep around the body's outline, or around the circles that cover it [m]."""
@@ -32,13 +33,13 @@ class LineConfig:
     """Settings of the line.
 
     Attributes:
-        reach: length of the part of the way that is smoothed, from the car on [m].
+        reach: length of the part of the polyline that is smoothed, from the car on [m].
         bending: weight of the squared curvature, relative to tension [m²].
         push: weight of the squared lack of clearance, relative to tension [1/m²].
         comfort: clearances below which the line's points are pushed away from obstacles [m], tried
             in this order until the car can drive the line.
-        tether: weight of the squared distance from the way, in unsure cells [1/m²].
-        hold: weight of the squared distance from the goal, where the way passes it [1/m²].
+        tether: weight of the squared distance from the polyline, in unsure cells [1/m²].
+        hold: weight of the squared distance from the goal, where the polyline passes it [1/m²].
         iterations: number of Gauss-Newton steps, at most; twice as many for a line that is too
             tight.
     """
@@ -52,54 +53,68 @@ class LineConfig:
     iterations: int = 15
 
 
+class _BandSettings(NamedTuple):
+    """Settings of `relax`; those that `LineConfig` has, too, mean the same.
+
+    Attributes:
+        bending: weight of the squared curvature, relative to tension [m²].
+        push: weight of the squared lack of clearance, relative to tension [1/m²].
+        comfort: clearance below which points are pushed away from obstacles [m].
+        tightest: curvature above which the curve is made stiffer [1/m].
+        iterations: number of Gauss-Newton steps, at most; twice as many for a curve that is too
+            tight.
+    """
+
+    bending: float
+    push: float
+    comfort: float
+    tightest: float
+    iterations: int
+
+
 def lines_along(
-    way: NDArray[np.float64],
+    polyline: NDArray[np.float64],
     pose: NDArray[np.float64],
-    clearance: NDArray[np.float32],
-    frame: GridFrame,
-    unsure: NDArray[np.bool_],
+    cost: CostMap,
     goal: tuple[float, float],
     tightest: float,
     config: LineConfig,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield a line (n, 2) [m] along a way for each value of `config.comfort`.
+    """Yield a line (n, 2) [m] along a polyline for each value of `config.comfort`.
 
-    There is none along a way shorter than 0.5 m.
+    There is none along a polyline shorter than 0.5 m.
 
     Args:
-        way: points of the way, `SPACING` apart, the first near the pose, (n, 2) [m].
+        polyline: points of a route or path, `POINT_SPACING` apart, the first near the pose,
+            (n, 2) [m].
         pose: x, y, yaw at which the line begins, (3,).
-        clearance: distance to the nearest obstacle [m], (rows, columns).
-        frame: position and resolution of the cells.
-        unsure: cells in which the line is tethered to the way, (rows, columns).
-        goal: x, y of the goal [m]; a line passes it if its way does.
+        cost: cost map, whose room the line keeps to, and in whose unsure cells it is tethered.
+        goal: x, y of the goal [m]; a line passes it if its polyline does.
         tightest: curvature that the line should not exceed [1/m].
         config: settings of the line.
     """
-    way = way[: round(config.reach / SPACING) + 1].copy()
-    if len(way) < 6:
+    anchors = polyline[: round(config.reach / POINT_SPACING) + 1].copy()
+    if len(anchors) < 6:
         return
-    inside, rows, cols = frame.locate(way)
-    tether = np.full(len(way), config.tether)
-    tether[inside] *= unsure[rows, cols]
-    passed = int(np.argmin(np.hypot(*(way - np.array(goal)).T)))
-    if math.dist(way[passed], goal) < PLAN_REACHES:
-        way[passed], tether[passed] = goal, config.hold
-    guess = _begun(way, pose)
+    inside, rows, cols = cost.frame.locate(anchors)
+    tether = np.full(len(anchors), config.tether)
+    tether[inside] *= cost.unsure[rows, cols]
+    passed = int(np.argmin(np.hypot(*(anchors - np.array(goal)).T)))
+    if math.dist(anchors[passed], goal) < PLAN_GOAL_RADIUS:
+        anchors[passed], tether[passed] = goal, config.hold
+    guess, room = _from_pose(anchors, pose), cost.frame.field(cost.room)
     for comfort in config.comfort:
-        weights = config.bending, config.push, comfort
-        yield relax(
-            guess, way, tether, clearance, *frame.lattice, *weights, config.iterations, tightest
-        )
+        settings = _BandSettings(config.bending, config.push, comfort, tightest, config.iterations)
+        yield relax(guess, anchors, tether, room, settings)
 
 
-def _begun(way: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the way with its first points shifted so that it begins at a pose."""
-    guess = way.copy()
-    fade = np.clip(1.0 - np.arange(len(way)) * SPACING / 1.5, 0.0, None)[:, None]
-    guess += fade * (pose[:2] - way[0])
+def _from_pose(anchors: NDArray[np.float64], pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the anchors, the first of them shifted so that they begin at a pose."""
+    guess = anchors.copy()
+    fade = np.clip(1.0 - np.arange(len(guess)) * POINT_SPACING / 1.5, 0.0, None)[:, None]
+    guess += fade * (pose[:2] - guess[0])
     guess[0] = pose[:2]
-    guess[1] = pose[:2] + SPACING * np.array([math.cos(pose[2]), math.sin(pose[2])])
+    guess[1] = pose[:2] + POINT_SPACING * np.array([math.cos(pose[2]), math.sin(pose[2])])
     return guess
 
 
@@ -130,24 +145,15 @@ def curvatures(points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def relax(  # type: ignore[no-untyped-def]
-    guess, way, tether, field, resolution, origin, bending, push, comfort, iterations, tightest
-):
+def relax(guess, anchors, tether, clearance, settings):  # type: ignore[no-untyped-def]
     """Return the curve (n, 2) [m] of least cost, with the first two points and the last one fixed.
 
     Args:
         guess: initial points of the curve, evenly spaced, (n, 2) [m].
-        way: points to which those of the curve are tethered, (n, 2) [m].
+        anchors: points to which those of the curve are tethered, (n, 2) [m].
         tether: weights of the tethers, (n,) [1/m²].
-        field: distance to the nearest obstacle [m], (rows, columns).
-        resolution: side of the field's cells [m].
-        origin: x, y of the field's lower-left corner [m].
-        bending: weight of the squared curvature, relative to tension [m²].
-        push: weight of the squared lack of clearance, relative to tension [1/m²].
-        comfort: clearance below which points are pushed away from obstacles [m].
-        iterations: number of Gauss-Newton steps, at most; twice as many for a curve that is too
-            tight.
-        tightest: curvature above which the curve is made stiffer [1/m].
+        clearance: `Field` of the distances to the nearest obstacle [m].
+        settings: weights and bounds, of `_BandSettings`.
     """
     n = guess.shape[0]
     p = guess.copy()
@@ -155,17 +161,17 @@ def relax(  # type: ignore[no-untyped-def]
     size = 2 * free
     h = 0.0
     for i in range(n - 1):
-        h += math.hypot(way[i + 1, 0] - way[i, 0], way[i + 1, 1] - way[i, 1])
+        h += math.hypot(anchors[i + 1, 0] - anchors[i, 0], anchors[i + 1, 1] - anchors[i, 1])
     h /= n - 1
     band = np.empty((size, 5))
     right = np.empty(size)
     stiffer = np.ones(n)
-    for iteration in range(2 * iterations):
+    for iteration in range(2 * settings.iterations):
         band[:] = 0.0
         right[:] = 0.0
-        _add_differences(band, right, p, stiffer, 1.0 / h, bending / (h * h * h))
-        _add_tethers(band, right, p, way, tether, h)
-        _add_push(band, right, p, field, resolution, origin, push * h, comfort)
+        _add_differences(band, right, p, stiffer, 1.0 / h, settings.bending / (h * h * h))
+        _add_tethers(band, right, p, anchors, tether, h)
+        _add_push(band, right, p, clearance, settings.push * h, settings.comfort)
         longest = _solve(band, right)
         # The step is limited, since the slope of the clearance holds only near the old points.
         share = min(1.0, 0.3 / max(longest, 1e-9))
@@ -174,10 +180,11 @@ def relax(  # type: ignore[no-untyped-def]
             p[i + 2, 1] += share * right[2 * i + 1]
         if longest < 2e-3 or iteration % 5 == 4:
             bent = np.abs(curvatures(p))
-            if bent.max() <= tightest and (longest < 2e-3 or iteration >= iterations):
+            smooth = bent.max() <= settings.tightest
+            if smooth and (longest < 2e-3 or iteration >= settings.iterations):
                 break
             for i in range(n):
-                if bent[i] > tightest:
+                if bent[i] > settings.tightest:
                     for j in range(max(0, i - 2), min(n, i + 3)):
                         stiffer[j] *= 1.3
     return p
@@ -209,19 +216,20 @@ def _add_differences(band, right, p, stiffer, taut, stiff):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def _add_tethers(band, right, p, way, tether, h):  # type: ignore[no-untyped-def]
-    """Add the pull of each free point towards the way."""
+def _add_tethers(band, right, p, anchors, tether, h):  # type: ignore[no-untyped-def]
+    """Add the pull of each free point towards its anchor."""
     for i in range(p.shape[0] - 3):
         w = tether[i + 2] * h
-        right[2 * i] -= w * (p[i + 2, 0] - way[i + 2, 0])
-        right[2 * i + 1] -= w * (p[i + 2, 1] - way[i + 2, 1])
+        right[2 * i] -= w * (p[i + 2, 0] - anchors[i + 2, 0])
+        right[2 * i + 1] -= w * (p[i + 2, 1] - anchors[i + 2, 1])
         band[2 * i, 0] += w
         band[2 * i + 1, 0] += w
 
 
 @njit(cache=True, nogil=True)
-def _add_push(band, right, p, field, resolution, origin, w, comfort):  # type: ignore[no-untyped-def]
+def _add_push(band, right, p, clearance, w, comfort):  # type: ignore[no-untyped-def]
     """Add the push of each free point away from obstacles that are closer than `comfort`."""
+    field, resolution, origin = clearance
     rows, cols = field.shape
     for i in range(p.shape[0] - 3):
         u = min(max((p[i + 2, 0] - origin[0]) / resolution - 0.5, 0.0), cols - 1.001)
@@ -276,28 +284,25 @@ def _factor(order, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def speeds(points, start, v_max, accel, braking, lateral):  # type: ignore[no-untyped-def]
+def speeds(points, start, limits):  # type: ignore[no-untyped-def]
     """Return the highest possible speeds along a line, (n,) [m/s]: a backward and a forward pass.
 
     Args:
         points: points of the line, (n, 2) [m].
         start: speed at the first point [m/s].
-        v_max: top speed [m/s].
-        accel: maximum acceleration [m/s²].
-        braking: maximum deceleration [m/s²].
-        lateral: maximum lateral acceleration [m/s²].
+        limits: the car's `DrivingLimits`.
     """
     n = points.shape[0]
     kappa = curvatures(points)
     squares = np.empty(n)
     for i in range(n):
-        squares[i] = min(v_max * v_max, lateral / max(abs(kappa[i]), 1e-9))
+        squares[i] = min(limits.v_max * limits.v_max, limits.cornering / max(abs(kappa[i]), 1e-9))
     for i in range(n - 2, -1, -1):
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
-        squares[i] = min(squares[i], squares[i + 1] + 2.0 * braking * step)
+        squares[i] = min(squares[i], squares[i + 1] + 2.0 * limits.braking * step)
     # A higher speed at the start gains nothing: the car would leave the line.
     squares[0] = min(squares[0], start * start)
     for i in range(n - 1):
         step = math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
-        squares[i + 1] = min(squares[i + 1], squares[i] + 2.0 * accel * step)
+        squares[i + 1] = min(squares[i + 1], squares[i] + 2.0 * limits.acceleration * step)
     return np.sqrt(squares)

@@ -13,9 +13,11 @@ from foresee.mapping.grid import GridFrame
 from planner.guide.route import coarse_costs, costs_from, in_pairs, nearest_cell, open_cell
 from planner.risk.cost_map import CostMap
 
-EIGHT = np.ones((3, 3), dtype=bool)
+NEIGHBOURS = np.ones((3, 3), dtype=bool)
 """Cells are connected to their eight neighbours, as in the route search."""
-NEAR = 0.8
+UNREACHED_DISTANCE = 40.0
+"""Distance of a frontier that cannot be reached [m]."""
+START_REACH = 0.8
 """Distance along x and along y within which the car must have a cell that was observed free [m]."""
 
 
@@ -54,27 +56,35 @@ class FrontierMap:
 
         Returns:
             None if the goal is in the reached space or in cells observed occupied, or if no cell
-            within `NEAR` of the car was observed free.
+            within `START_REACH` of the car was observed free.
         """
         costs, step = coarse_costs(cost)
         frame = GridFrame(step, cost.frame.origin, costs.shape)
         seen = observed(cost)
-        start = nearest_cell(seen, frame, position, round(NEAR / step))
+        start = nearest_cell(seen, frame, position, round(START_REACH / step))
         end = open_cell(cost, costs, step, goal)
         if start is None or end is None:
             return None
-        parts, _ = ndimage.label(seen, EIGHT)
+        parts, _ = ndimage.label(seen, NEIGHBOURS)
         reached = parts == parts[start]
         if reached[end]:
             return None
-        border = np.isfinite(costs) & ~seen & ndimage.binary_dilation(reached, EIGHT)
-        labels, _ = ndimage.label(border, EIGHT)
+        border = np.isfinite(costs) & ~seen & ndimage.binary_dilation(reached, NEIGHBOURS)
+        labels, _ = ndimage.label(border, NEIGHBOURS)
         to_go = costs_from(costs, step, end)
         frontiers = [
             _frontier(np.argwhere(labels[part] == number + 1), part, frame, to_go)
             for number, part in enumerate(ndimage.find_objects(labels))
         ]
         return cls(frame, start, end, reached, costs, labels, frontiers)
+
+    def least(self, costs: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the least of some costs (rows, columns) over the cells of each frontier, (n,)."""
+        inside = self.labels > 0
+        least = np.full(len(self.frontiers) + 1, np.inf)
+        np.minimum.at(least, self.labels[inside], costs[inside])
+        # Rarely a diagonal step is closed by a corner, so that a frontier cannot be reached.
+        return np.where(np.isfinite(least[1:]), least[1:], UNREACHED_DISTANCE)
 
 
 def observed(cost: CostMap) -> NDArray[np.bool_]:

@@ -22,8 +22,8 @@ from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.guide.subgoals import with_frontiers
-from planner.motion.goal import PATH_REACHES
-from planner.motion.path import SPACING, Path, project
+from planner.motion.goal import PATH_GOAL_RADIUS
+from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.cost_map import CostMap, RememberedCost, remember
 from planner.risk.risk_map import RiskMap
@@ -121,8 +121,8 @@ class Guide:
         frontiers: FrontierPredictor | None = None,
     ) -> None:
         self.goal, self.car, self.config, self.seed = goal, car, config, seed
-        self._given = None if waypoints is None else Path.through(waypoints, "given").points
-        self._given_at = 0
+        self._route = None if waypoints is None else Path.through(waypoints, "given").points
+        self._route_segment = 0
         self._frontiers = frontiers
         self.path: Path | None = None
         self._whole: Path | None = None
@@ -268,7 +268,7 @@ class Guide:
     ) -> list[tuple[int, Path]]:
         """Return gear and path of each leg of a recovery manoeuvre; empty if there is none.
 
-        It avoids the places where the car got stuck, `stuck` (k, 2), unless there is no other way.
+        It avoids the places where the car got stuck, `stuck` (k, 2), if it can.
         """
         c = self.config
         for places in (stuck, stuck[:0]):
@@ -287,7 +287,7 @@ class Guide:
         path = self._whole
         if path is None or path.source != "hybrid" or self.path is not path:
             return False
-        return path.drivable - self.segment > 0.5 / SPACING
+        return path.drivable - self.segment > 0.5 / POINT_SPACING
 
     def _unblocked(self, path: Path, risk: RiskMap) -> Path:
         """Return the path, cut off before the next obstacle on it so that there is room to turn."""
@@ -297,7 +297,7 @@ class Guide:
         if not blocked.any():
             return path
         first = self.segment + int(np.flatnonzero(inside)[np.argmax(blocked)])
-        end = max(first - round(self.config.turning_room / SPACING), self.segment + 2)
+        end = max(first - round(self.config.turning_room / POINT_SPACING), self.segment + 2)
         return Path(path.points[:end], path.source)
 
     def _costs(
@@ -310,7 +310,8 @@ class Guide:
         faults: tuple[Fault, ...] = ()
         if steering is not None:
             self._remembered = remember(self._remembered, known.frame, steering)
-        prescribed = None if self._given is None else self._still_to_go(self._given, position)
+        route = self._route
+        prescribed = None if route is None else self._rest_of_route(route, position)
         half_width = self.car.body.half_width
         cost = CostMap.build(known, self._remembered, half_width, prescribed, self._stuck)
         if self._frontiers is not None and prescribed is None:
@@ -332,7 +333,7 @@ class Guide:
         """Return a path from a state, or None if the car should keep the one it has."""
         position, speed = (float(state[0]), float(state[1])), float(state[3])
         cost, prescribed = costs.map, costs.prescribed
-        route = None if prescribed is None else self._along(prescribed, cost, position)
+        route = None if prescribed is None else self._join_prescribed(prescribed, cost, position)
         if route is None:
             route = find_route(cost, position, self.goal)
         if route is None:
@@ -343,14 +344,13 @@ class Guide:
             line = replace(line, tether=PRESCRIBED_TETHER)
         smoother = Smoother(cost, risk, self.goal, self.car, line)
         fresh = smoother.along(Path.through(route, "route").points, pose, "route")
-        present = self._present(smoother, pose)
+        present = self._present_path(smoother, pose)
         if fresh is None and present is None:
             seed = self.seed * 100_003 + tick
-            found = self._searched(cost, known, pose)
-            if found is None:
-                found = self._sampled(cost, risk, pose, route, seed)
-            if found is not None:
-                return smoother.along(found.points, pose, found.source) or found
+            path = self._hybrid_path(cost, known, pose)
+            path = path or self._ompl_path(cost, risk, pose, route, seed)
+            if path is not None:
+                return smoother.along(path.points, pose, path.source) or path
             # The car cannot drive the corners of a polyline. Until it is slow it keeps its present
             # path, whose end leaves room to turn.
             return (
@@ -362,7 +362,7 @@ class Guide:
         # This preference for the present path keeps the car from switching back and forth.
         return fresh if prices[0] < self.config.better * prices[1] else present
 
-    def _present(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
+    def _present_path(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
         """Return the present path, smoothed again from a pose; None if it can no longer be used."""
         path = self._whole
         if path is None or path is not self.path or path.source == "dijkstra":
@@ -371,12 +371,12 @@ class Guide:
         here, _, square = project(path.points, x, y, self.segment - 5, self.segment + 30)
         left = path.points[here:]
         # A path whose rest does not pass the goal leads on from it, and not back to it.
-        missed = np.hypot(*(left - np.array(self.goal)).T).min() > PATH_REACHES
+        missed = np.hypot(*(left - np.array(self.goal)).T).min() > PATH_GOAL_RADIUS
         if square > 0.4**2 or len(left) < 8 or missed:
             return None
         return smoother.along(left, pose, path.source)
 
-    def _sampled(
+    def _ompl_path(
         self,
         cost: CostMap,
         risk: RiskMap,
@@ -390,12 +390,12 @@ class Guide:
         tries = [(ahead, search) for ahead in self.config.ahead]
         tries.append((self.config.ahead[-2], replace(search, slack=1.01)))
         for ahead, settings in tries:
-            found = plan_path(cost, risk, pose, route, ahead, self.car, settings, seed)
-            if found is not None:
-                return found
+            path = plan_path(cost, risk, pose, route, ahead, self.car, settings, seed)
+            if path is not None:
+                return path
         return None
 
-    def _searched(
+    def _hybrid_path(
         self, cost: CostMap, known: OccupancyGrid, pose: NDArray[np.float64]
     ) -> Path | None:
         """Return a path along forward arcs from hybrid A*, and then along the route, or None."""
@@ -411,23 +411,23 @@ class Guide:
         points = arcs.points if rest is None else np.vstack([arcs.points, rest[1:]])
         return replace(Path.through(points, "hybrid"), drivable=len(arcs.points))
 
-    def _still_to_go(
-        self, given: NDArray[np.float64], position: tuple[float, float]
+    def _rest_of_route(
+        self, route: NDArray[np.float64], position: tuple[float, float]
     ) -> NDArray[np.float64]:
         """Return the rest of the prescribed route, (n, 2), and remember where on it the car is."""
-        reach = round(self.config.join / SPACING) + 10
-        at, _, square = project(given, *position, self._given_at - 10, self._given_at + reach)
+        last, reach = self._route_segment, round(self.config.join / POINT_SPACING) + 10
+        at, _, square = project(route, *position, last - 10, last + reach)
         # A part of the route that is farther away may lie behind a wall: it is not reached yet.
         if square < self.config.beside**2:
-            self._given_at = at
-        return given[self._given_at :]
+            self._route_segment = at
+        return route[self._route_segment :]
 
-    def _along(
+    def _join_prescribed(
         self, prescribed: NDArray[np.float64], cost: CostMap, position: tuple[float, float]
     ) -> NDArray[np.float64] | None:
         """Return a route (n, 2) that joins the prescribed one some metres ahead, or None."""
         # By a search, since the straight line to the joining point may lead through a wall.
-        last = min(round(self.config.join / SPACING), len(prescribed) - 1)
+        last = min(round(self.config.join / POINT_SPACING), len(prescribed) - 1)
         join = float(prescribed[last, 0]), float(prescribed[last, 1])
         route = find_route(cost, position, join)
         return None if route is None else np.vstack([route, prescribed[last + 1 :]])

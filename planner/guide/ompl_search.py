@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from planner.guide.elastic_band import BODY_MARGIN
-from planner.motion.path import SPACING, Path
+from planner.motion.path import POINT_SPACING, Path
 from planner.risk.cost_map import CostMap
 from planner.risk.risk_map import RiskMap
 
@@ -76,7 +76,7 @@ def plan_path(
 
     _set_seed(seed)
     along = Path.through(route, "dijkstra").points
-    target = min(len(along) - 1, round(ahead / SPACING))
+    target = min(len(along) - 1, round(ahead / POINT_SPACING))
     space = _space(
         config.slack * car.turning_radius, np.vstack([along[: target + 1], pose[None, :2]])
     )
@@ -94,14 +94,14 @@ def plan_path(
         goals.addState(_filled(scratch, *goal))
     problem.setGoal(goals)
     # Held in a variable, since the binding does not keep Python's objects alive.
-    objective = _way_cost(info, space, scratch, cost)
+    objective = _path_cost(info, space, scratch, cost)
     problem.setOptimizationObjective(objective)
     _solve(info, problem, config)
     if not problem.hasExactSolution():
         return None
-    found = problem.getSolutionPath()
-    found.interpolate(max(2, math.ceil(found.length() / SPACING)))
-    points = np.array([[s.getX(), s.getY()] for s in found.getStates()])
+    solution = problem.getSolutionPath()
+    solution.interpolate(max(2, math.ceil(solution.length() / POINT_SPACING)))
+    points = np.array([[s.getX(), s.getY()] for s in solution.getStates()])
     path = Path.through(np.vstack([points, along[target + 1 :]]), "ompl")
     return replace(path, drivable=min(len(points), len(path.points)))
 
@@ -168,7 +168,7 @@ def _validity(
     return is_valid
 
 
-def _way_cost(
+def _path_cost(
     info: ob.SpaceInformation, space: ob.DubinsStateSpace, scratch: ob.State, cost: CostMap
 ) -> ob.OptimizationObjective:
     """Return the objective: the integral of the cost density along a curve."""
@@ -178,7 +178,7 @@ def _way_cost(
     ox, oy = cost.frame.origin
     rows, cols = cost.frame.shape
 
-    class WayCost(ob.OptimizationObjective):
+    class PathCost(ob.OptimizationObjective):
         def motionCost(self, a: ob.State, b: ob.State) -> ob.Cost:
             length = space.distance(a, b)
             steps = max(1, math.ceil(length / 0.3))
@@ -197,7 +197,7 @@ def _way_cost(
         def stateCost(self, state: ob.State) -> ob.Cost:
             return ob.Cost(0.0)
 
-    return WayCost(info)
+    return PathCost(info)
 
 
 def _goal_poses(along: NDArray[np.float64], target: int) -> Iterator[tuple[float, float, float]]:
@@ -230,13 +230,13 @@ def _solve(info: ob.SpaceInformation, problem: ob.ProblemDefinition, config: Pat
     search.setPruning(False)
     search.setup()
     search.setStopOnSolnImprovement(True)
-    search.solve(_after(config.iterations))
+    search.solve(_stop_after(config.iterations))
     if problem.hasExactSolution():
         search.setStopOnSolnImprovement(False)
-        search.solve(_after(config.refinements))
+        search.solve(_stop_after(config.refinements))
 
 
-def _after(count: int) -> ob.PlannerTerminationCondition:
+def _stop_after(count: int) -> ob.PlannerTerminationCondition:
     """Return a condition that stops a search after it has been asked `count` times."""
     from ompl import base as ob
 

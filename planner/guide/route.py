@@ -1,4 +1,4 @@
-"""Route search: the cheapest way to the goal on the whole map, by Dijkstra's algorithm."""
+"""Route search: the cheapest route to the goal on the whole map, by Dijkstra's algorithm."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import GridFrame
+from foresee.mapping.grid import Field, GridFrame
 from foresee.mapping.kernels import njit
 from planner.risk.cost_map import CostMap
 
@@ -16,7 +16,7 @@ from planner.risk.cost_map import CostMap
 def find_route(
     cost: CostMap, start: tuple[float, float], goal: tuple[float, float]
 ) -> NDArray[np.float64] | None:
-    """Return the vertices (n, 2) [m] of the cheapest route; None if occupied cells block all ways.
+    """Return the vertices (n, 2) [m] of the cheapest route; None if occupied cells block all.
 
     The search runs on cells of twice the size of the cost map's, each of which covers four of them.
     It is open if the body fits in one of the four, and costs as much as the cheapest of these.
@@ -37,31 +37,29 @@ def find_route(
     return np.vstack([np.asarray(start)[None], points[1:-1], np.asarray(goal)[None]])
 
 
-def cost_to_go(
-    cost: CostMap, goal: tuple[float, float]
-) -> tuple[NDArray[np.float32], float] | None:
-    """Compute the cost of the cheapest way from each cell to the goal, ignoring the turning radius.
+def cost_to_go(cost: CostMap, goal: tuple[float, float]) -> Field | None:
+    """Compute the cost of the route from each cell to the goal, ignoring the turning radius.
 
     Returns:
-        Costs in metres of free space, infinite where there is no way, (rows, columns), and the side
-        of these cells [m]; None if the goal lies in cells that were observed occupied.
+        Costs in metres of free space, infinite where there is no route; None if the goal lies in
+        cells that were observed occupied.
     """
     coarse, step = coarse_costs(cost)
     end = open_cell(cost, coarse, step, goal)
     if end is None:
         return None
-    return costs_from(coarse, step, end), step
+    return Field(costs_from(coarse, step, end), step, cost.frame.origin)
 
 
 def costs_from(
     costs: NDArray[np.float32], step: float, end: tuple[int, int]
 ) -> NDArray[np.float32]:
-    """Return the cost of the cheapest way between each cell and one cell, (rows, columns) [m].
+    """Return the cost of the cheapest route between each cell and `end`, (rows, columns) [m].
 
     Args:
         costs: cost of a metre in each cell, infinite where a cell is closed, (rows, columns).
         step: side of a cell [m].
-        end: row and column of the one cell.
+        end: row and column of a cell.
     """
     best, _ = _dijkstra(costs, -1, -1, *end)
     rows, cols = costs.shape
@@ -117,7 +115,7 @@ def nearest_cell(
 
 @njit(cache=True, nogil=True)
 def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Find the cheapest 8-connected ways to a goal, from one start or from all cells.
+    """Find the cheapest 8-connected routes to a goal, from one start or from all cells.
 
     Args:
         cost: cost of each cell, above 0, and infinite where a cell is closed, (rows, columns).
@@ -128,11 +126,11 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
 
     Returns:
         Cost to go from each cell, in units of a cell's side times its cost, and index of the next
-        cell on the way, -1 if there is none. Both are flat arrays over the cells and a border of
+        cell on the route, -1 if there is none. Both are flat arrays over the cells and a border of
         one cell around them.
     """
     rows, cols = cost.shape
-    # The border, which no way enters, gives every cell eight neighbours.
+    # The border, which no route enters, gives every cell eight neighbours.
     wide = cols + 2
     price = np.full((rows + 2) * wide, np.inf, dtype=np.float32)
     price.reshape(rows + 2, wide)[1:-1, 1:-1] = cost
@@ -161,7 +159,7 @@ def _dijkstra(cost, start_row, start_col, goal_row, goal_col):  # type: ignore[n
         for up in (-wide, 0, wide):
             for right in range(-1, 2):
                 other = node + up + right
-                # A way through `node` cannot be cheaper for this cell, which may be `node` itself.
+                # Through `node` it is no cheaper for this cell, which may be `node` itself.
                 if best[other] <= key:
                     continue
                 half = straight
@@ -211,7 +209,7 @@ def _insert(keys, nodes, i, key, node):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _trace(towards, wide, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Return row and column of the cells from start to goal, (n, 2); n = 0 if there is no way."""
+    """Return row and column of the cells from start to goal, (n, 2); n = 0 if there is no route."""
     start, goal = (start_row + 1) * wide + start_col + 1, (goal_row + 1) * wide + goal_col + 1
     if start != goal and towards[start] < 0:
         return np.empty((0, 2), dtype=np.int64)

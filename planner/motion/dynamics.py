@@ -21,18 +21,14 @@ from foresee.mapping.kernels import njit
 
 
 @njit(cache=True, nogil=True)
-def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):  # type: ignore[no-untyped-def]
+def rollout(state, controls, dt, limits):  # type: ignore[no-untyped-def]
     """Simulate the car under given controls, clipped to its limits.
 
     Args:
         state: x, y, yaw, v at the start, (4,).
         controls: a, κ of each step, (N, 2).
         dt: length of a step [s].
-        v_max: top speed [m/s].
-        accel: maximum acceleration [m/s²].
-        braking: maximum deceleration [m/s²].
-        lateral: maximum lateral acceleration [m/s²].
-        max_curvature: maximum curvature [1/m].
+        limits: the car's `DrivingLimits`.
 
     Returns:
         States (N+1, 4) and clipped controls (N, 2).
@@ -43,10 +39,10 @@ def rollout(state, controls, dt, v_max, accel, braking, lateral, max_curvature):
     states[0] = state
     for k in range(stages):
         x, y, yaw, v = states[k, 0], states[k, 1], states[k, 2], states[k, 3]
-        a = min(max(controls[k, 0], -braking), accel)
-        a = min(max(a, -v / dt), max((v_max - v) / dt, -braking))
+        a = min(max(controls[k, 0], -limits.braking), limits.acceleration)
+        a = min(max(a, -v / dt), max((limits.v_max - v) / dt, -limits.braking))
         fastest = max(v, v + a * dt)
-        bound = min(max_curvature, lateral / max(fastest * fastest, 1e-9))
+        bound = min(limits.curvature, limits.cornering / max(fastest * fastest, 1e-9))
         kappa = min(max(controls[k, 1], -bound), bound)
         s = v * dt + 0.5 * a * dt * dt
         states[k + 1, :3] = pose_along(x, y, yaw, kappa, s)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.kernels import njit
 
-SPACING = 0.1
+POINT_SPACING = 0.1
 """Distance between the points of a path [m]."""
 
 
@@ -19,10 +19,10 @@ class Path:
     """A path that the car is to follow.
 
     Attributes:
-        points: points of the path, (n, 2) [m], `SPACING` apart.
+        points: points of the path, (n, 2) [m], `POINT_SPACING` apart.
         source: method that found the path. "route": a smooth line along Dijkstra's route; "hybrid":
             hybrid A*; "ompl": OMPL; "dijkstra": the route itself, which the car may not be able to
-            drive; "given": the prescribed route.
+            drive.
         drivable: number of points, from the first on, that lie on curves that the car can drive.
     """
 
@@ -32,7 +32,7 @@ class Path:
 
     @classmethod
     def through(cls, vertices: NDArray[np.float64], source: str) -> Path:
-        """Return the path along a polyline (n, 2) [m], resampled at `SPACING`."""
+        """Return the path along a polyline (n, 2) [m], resampled at `POINT_SPACING`."""
         vertices = np.asarray(vertices, dtype=np.float64)
         steps = np.hypot(*np.diff(vertices, axis=0).T) if len(vertices) > 1 else np.zeros(0)
         keep = np.concatenate([[True], steps > 1e-9])
@@ -40,7 +40,7 @@ class Path:
         along = np.concatenate([[0.0], np.cumsum(steps[keep[1:]])])
         if len(vertices) == 1:
             return cls(np.repeat(vertices, 2, axis=0), source)
-        stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / SPACING) + 1))
+        stations = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / POINT_SPACING) + 1))
         points = np.column_stack([np.interp(stations, along, vertices[:, i]) for i in (0, 1)])
         return cls(points, source)
 

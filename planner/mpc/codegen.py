@@ -42,10 +42,10 @@ def compiled(function: ca.Function) -> ca.Function:
     source = generator.dump()
     # $CC may have options, or a launcher before the compiler.
     program, *options = shlex.split(os.environ.get("CC", "")) or ["cc"]
-    found = shutil.which(program)
-    if found is None:
+    executable = shutil.which(program)
+    if executable is None:
         return _interpreted(function, "no C compiler was found (cc, or what $CC names)")
-    compiler = [found, *options]
+    compiler = [executable, *options]
     # Machines of different kinds may share a home folder, and with it the cache.
     made_of = (source, *compiler, platform.machine(), *FLAGS)
     key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]

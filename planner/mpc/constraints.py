@@ -75,9 +75,7 @@ def _faster_end(controls, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def bounds(  # type: ignore[no-untyped-def]
-    states, controls, value, near, dt, v_max, accel, braking, lateral, tightest, required, trust
-):
+def bounds(states, controls, lacking, dt, limits, trust):  # type: ignore[no-untyped-def]
     """Compute the lower and upper bounds of the QP's variables and constraints, (4N + n,) each.
 
     The variables come first, and then the rows of `rows`. In a second step the matrix is still that
@@ -86,36 +84,28 @@ def bounds(  # type: ignore[no-untyped-def]
     Args:
         states: current states, (N+1, 4).
         controls: current controls, (N, 2).
-        value: clearances of the states' circles, (N+1, 2) [m].
-        near: clearances that have a row, (n, 2), from `nearby`.
+        lacking: required clearance less each of those that have a row, (n,) [m].
         dt: length of a step [s].
-        v_max: top speed [m/s].
-        accel: maximum acceleration [m/s²].
-        braking: maximum deceleration [m/s²].
-        lateral: maximum lateral acceleration [m/s²].
-        tightest: maximum curvature [1/m].
-        required: required clearance [m].
+        limits: the car's `DrivingLimits`.
         trust: maximum change of each curvature [1/m].
     """
     n = controls.shape[0]
     size = 2 * n
-    lower = np.empty(2 * size + near.shape[0])
-    upper = np.empty(2 * size + near.shape[0])
+    lower = np.empty(2 * size + lacking.size)
+    upper = np.full(2 * size + lacking.size, 1e30)
     for k in range(n):
-        lower[2 * k] = -braking - controls[k, 0]
-        upper[2 * k] = accel - controls[k, 0]
-        lower[2 * k + 1] = max(-tightest - controls[k, 1], -trust)
-        upper[2 * k + 1] = min(tightest - controls[k, 1], trust)
+        lower[2 * k] = -limits.braking - controls[k, 0]
+        upper[2 * k] = limits.acceleration - controls[k, 0]
+        lower[2 * k + 1] = max(-limits.curvature - controls[k, 1], -trust)
+        upper[2 * k + 1] = min(limits.curvature - controls[k, 1], trust)
         # A car that is measured above v_max must still have a plan: it may brake down to it.
-        top = max(v_max, states[0, 3] - braking * dt * (k + 1))
+        top = max(limits.v_max, states[0, 3] - limits.braking * dt * (k + 1))
         lower[size + k] = -states[k + 1, 3]
         upper[size + k] = top - states[k + 1, 3]
         end = _faster_end(controls, k)
         now = states[end, 3] ** 2 * controls[k, 1]
-        lower[size + n + k] = min(-lateral - now, 0.0)
-        upper[size + n + k] = max(lateral - now, 0.0)
+        lower[size + n + k] = min(-limits.cornering - now, 0.0)
+        upper[size + n + k] = max(limits.cornering - now, 0.0)
     lower[size + n - 1] = upper[size + n - 1] = -states[n, 3]
-    for r in range(near.shape[0]):
-        lower[2 * size + r] = required - value[near[r, 0], near[r, 1]]
-        upper[2 * size + r] = 1e30
+    lower[2 * size :] = lacking
     return lower, upper

@@ -8,19 +8,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along
-from planner.motion.path import SPACING, project
+from planner.motion.path import POINT_SPACING, project
 
 LOOK = 0.7
 """Distance of the point on a path that pure pursuit aims at, at low speed [m]."""
 
 
 @njit(cache=True, nogil=True)
-def pursue(  # type: ignore[no-untyped-def]
-    points, segment, state, stages, dt, v_max, accel, braking, lateral, max_curvature, nearest, free
-):
+def pursue(points, segment, state, stages, dt, limits, look, free):  # type: ignore[no-untyped-def]
     """Return the controls (stages, 2) of a car that follows a path and stops within `free` [m].
 
     Pure pursuit (Coulter 1992) gives the curvature. The speed is the highest that keeps to the
@@ -32,36 +31,33 @@ def pursue(  # type: ignore[no-untyped-def]
         state: x, y, yaw, v of the car, (4,).
         stages: number of steps.
         dt: length of a step [s].
-        v_max: top speed [m/s].
-        accel: maximum acceleration [m/s²].
-        braking: maximum deceleration [m/s²].
-        lateral: maximum lateral acceleration [m/s²].
-        max_curvature: maximum curvature [1/m].
-        nearest: distance of the point to aim at, at least [m].
+        limits: the car's `DrivingLimits`.
+        look: distance of the point to aim at, at least [m].
         free: distance within which the car is to stop [m].
     """
     controls = np.zeros((stages, 2))
+    braking = limits.braking
     x, y, yaw, v = state[0], state[1], state[2], state[3]
     travelled = 0.0
     for k in range(stages):
         segment, _, _ = project(points, x, y, segment - 3, segment + 12)
-        look = max(nearest, 0.4 * v)
-        target = min(segment + int(look / SPACING) + 1, points.shape[0] - 1)
+        target = min(segment + int(max(look, 0.4 * v) / POINT_SPACING) + 1, points.shape[0] - 1)
         dx, dy = points[target, 0] - x, points[target, 1] - y
         along = dx * math.cos(yaw) + dy * math.sin(yaw)
         across = dy * math.cos(yaw) - dx * math.sin(yaw)
         square = max(dx * dx + dy * dy, 1e-6)
         kappa = 2.0 * across / square
         if along < 0.0:
-            kappa = math.copysign(max_curvature, across)
-        kappa = min(max(kappa, -max_curvature), max_curvature)
+            kappa = math.copysign(limits.curvature, across)
+        kappa = min(max(kappa, -limits.curvature), limits.curvature)
         left = max(free - travelled, 0.0)
         # The highest speed w after this step from which the car can stop within `left`:
         # (v + w)·dt/2 + w²/(2·braking) <= left.
         b = braking * dt
         fastest = 0.5 * (-b + math.sqrt(max(b * b + 4 * (2 * braking * left - b * v), 0.0)))
-        curve = math.sqrt(lateral / max(abs(kappa), 1e-6))
-        w = min(fastest, curve, v_max, v + accel * dt, braking * dt * (stages - k - 1))
+        curve = math.sqrt(limits.cornering / max(abs(kappa), 1e-6))
+        gained = v + limits.acceleration * dt
+        w = min(fastest, curve, limits.v_max, gained, braking * dt * (stages - k - 1))
         w = max(w, v - braking * dt, 0.0)
         a = (w - v) / dt
         s = 0.5 * (v + w) * dt
@@ -72,6 +68,11 @@ def pursue(  # type: ignore[no-untyped-def]
     return controls
 
 
-def shifted(controls: np.ndarray, braking: float) -> np.ndarray:
+def shifted(controls: NDArray[np.float64], braking: float) -> NDArray[np.float64]:
     """Return the controls of a plan without its first step, and with braking at its end, (N, 2)."""
     return np.vstack([controls[1:], [[-braking, controls[-1, 1]]]])
+
+
+def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:
+    """Return controls (stages, 2) that brake as hard as the car can, on a curvature [1/m]."""
+    return np.tile([-braking, curvature], (stages, 1))

@@ -27,20 +27,23 @@ from numpy.typing import NDArray
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import TICK
 from planner.motion.dynamics import rollout
-from planner.motion.path import SPACING, Path
+from planner.motion.path import POINT_SPACING, Path
 from planner.motion.plan import Plan
 from planner.mpc import condense, constraints
+from planner.mpc.clearance import add_closeness_gradient, add_closeness_hessian, clearances
 from planner.mpc.codegen import compiled
+from planner.mpc.initial_guess import LOOK, pursue
+from planner.mpc.merit import Weights, merit
 from planner.mpc.references import references
 from planner.mpc.stages import NX, REFERENCE, stage_functions
 from planner.risk.risk_map import RiskMap
 
-NEAR = 1.0
+CONSTRAINED_EXCESS = 1.0
 """Excess over the required clearance above which a circle has no constraint in the QP [m]."""
-DOUBTED = 10.0
+DOUBTFUL_GAIN = 10.0
 """Largest gain that a second step may predict without achieving any, in tolerances, for the
 iteration to count as converged."""
-DAQP = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
+DAQP_SETTINGS = {"rho_soft": 1e-4, "iter_limit": 500, "eps_prox": 0.0}
 """Settings of daqp: softness of the soft constraints, maximum number of iterations, and no proximal
 term, since the Hessian is positive definite."""
 
@@ -80,6 +83,20 @@ class MPCConfig:
     curvature_step: float = 0.6
     iterations: int = 10
     tolerance: float = 1e-4
+
+    @property
+    def weights(self) -> Weights:
+        """The weights of the cost, as kernels read them."""
+        return Weights(
+            self.progress,
+            self.contour,
+            *self.final,
+            *self.effort,
+            self.smoothness,
+            self.closeness,
+            self.comfort,
+            self.violation,
+        )
 
 
 class Status(StrEnum):
@@ -163,7 +180,6 @@ class MPC:
         config: settings.
         stages: number N of steps of a plan.
         required: clearance that the circles around the body need [m].
-        driving: arguments of `planner.motion.dynamics.rollout` after the controls.
     """
 
     limits: CarLimits = field(default_factory=CarLimits)
@@ -178,9 +194,9 @@ class MPC:
         # no gap.
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
-        self.driving = (c.dt, *car.driving, car.max_curvature)
+        self._driving, self._weights = car.driving, c.weights
         # Number of a path's segments that one step may advance.
-        self._reach = math.ceil(2.0 * car.v_max * c.dt / SPACING) + 2
+        self._reach = math.ceil(2.0 * car.v_max * c.dt / POINT_SPACING) + 2
         self._io = {
             "z": np.zeros((n, 6)),
             "multiplier": np.zeros((n, NX)),
@@ -197,7 +213,28 @@ class MPC:
 
     def roll(self, state: NDArray[np.float64], controls: NDArray[np.float64]) -> Plan:
         """Return the plan that results from controls (N, 2), clipped to the car's limits."""
-        return Plan(*rollout(state, controls, *self.driving))
+        return Plan(*rollout(state, controls, self.config.dt, self._driving))
+
+    def pursue(
+        self,
+        state: NDArray[np.float64],
+        path: Path,
+        segment: int,
+        look: float = LOOK,
+        free: float = math.inf,
+    ) -> NDArray[np.float64]:
+        """Return controls (N, 2) that follow a path by pure pursuit, as an initial guess.
+
+        Args:
+            state: current x, y, yaw, v of the car, (4,).
+            path: path to follow.
+            segment: index of the path's segment near which the car is.
+            look: distance of the point to aim at, at least [m].
+            free: distance within which the car is to stop [m].
+        """
+        limits = self._driving._replace(cornering=self.limits.lateral_acceleration)
+        n, dt = self.stages, self.config.dt
+        return np.asarray(pursue(path.points, segment, state, n, dt, limits, look, min(free, 1e6)))
 
     def solve(
         self,
@@ -227,8 +264,8 @@ class MPC:
         if not (np.isfinite(state).all() and np.isfinite(guess).all()):
             raise ValueError("state and guess must be finite")
         problem = _Problem(state, path, segment, risk, last_curvature)
-        states, controls = rollout(state, guess, *self.driving)
-        merit = self._merit(problem, states, controls)
+        states, controls = rollout(state, guess, self.config.dt, self._driving)
+        cost = self._merit(problem, states, controls)
         step: _Step | None = None
         status = Status.ITERATION_LIMIT
         for _ in range(self.config.iterations):
@@ -236,27 +273,27 @@ class MPC:
             if step is None:
                 status = Status.QP_FAILED
                 break
-            before = merit
-            length, states, controls, merit = self._search(problem, states, controls, merit, step)
-            little = self.config.tolerance * (1.0 + abs(merit))
-            if before - merit <= little:
+            before = cost
+            length, states, controls, cost = self._search(problem, states, controls, cost, step)
+            little = self.config.tolerance * (1.0 + abs(cost))
+            if before - cost <= little:
                 status = Status.CONVERGED
                 break
             # A QP whose step was shortened is too inaccurate for a second step.
             second = self._second_step(qp, problem, states, controls) if length == 1.0 else None
             if second is None:
                 continue
-            step, before = second, merit
+            step, before = second, cost
             if step.gain > little:
-                _, states, controls, merit = self._search(problem, states, controls, merit, step)
+                _, states, controls, cost = self._search(problem, states, controls, cost, step)
             # A step that gains much less than it predicts shows that the QP is inaccurate, and not
             # that the plan is optimal.
-            if before - merit <= little and step.gain <= DOUBTED * little:
+            if before - cost <= little and step.gain <= DOUBTFUL_GAIN * little:
                 status = Status.CONVERGED
                 break
-        if not math.isfinite(merit):
+        if not math.isfinite(cost):
             status = Status.NOT_FINITE
-        return Solution(Plan(states, controls), merit, status)
+        return Solution(Plan(states, controls), cost, status)
 
     def evaluate(
         self, plan: Plan, path: Path, risk: RiskMap, segment: int, last_curvature: float
@@ -272,39 +309,29 @@ class MPC:
     def _references(
         self, path: Path, segment: int, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        c = self.config
-        refs, costs = references(
-            path.points, segment, states, self._reach, c.progress, c.contour, *c.final
-        )
-        return refs, costs
+        return references(path.points, segment, states, self._reach, self._weights)
 
     def _clearances(
         self, problem: _Problem, states: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the clearance of both circles at each state (n, 2), and its gradient (n, 2, 3)."""
         risk = problem.risk
-        value, gradient = condense.clearances(
-            risk.clearance, *risk.frame.lattice, states, self._offset
-        )
-        return value, gradient
+        return clearances(risk.frame.field(risk.clearance), states, self._offset)
 
     def _merit(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
     ) -> float:
-        c = self.config
         _, costs = self._references(problem.path, problem.segment, states[1:])
         value, _ = self._clearances(problem, states[1:])
-        weights = c.comfort, c.effort, c.smoothness, c.closeness, c.violation
-        return condense.merit(
-            states, controls, problem.last_curvature, costs, value, self.required, *weights
-        )
+        last = problem.last_curvature
+        return merit(states, controls, last, costs, value, self.required, self._weights)
 
     def _search(
         self,
         problem: _Problem,
         states: NDArray[np.float64],
         controls: NDArray[np.float64],
-        merit: float,
+        cost: float,
         step: _Step,
     ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
         """Find the largest of some shares of a step that lowers the merit.
@@ -314,11 +341,12 @@ class MPC:
             share lowers the merit.
         """
         for length in (1.0, 0.5, 0.2, 0.05):
-            trial = rollout(problem.state, controls + length * step.controls, *self.driving)
+            changed = controls + length * step.controls
+            trial = rollout(problem.state, changed, self.config.dt, self._driving)
             value = self._merit(problem, *trial)
-            if value < merit:
+            if value < cost:
                 return length, trial[0], trial[1], value
-        return 0.0, states, controls, merit
+        return 0.0, states, controls, cost
 
     def _first_step(
         self,
@@ -337,15 +365,15 @@ class MPC:
         condense.costates(io["jacobian"], io["gradient"], normal, clearance, io["multiplier"])
         self._evaluate()
         hessian = io["hessian"]
-        condense.add_curvature(hessian, lacking, normal, c.closeness)
+        add_closeness_hessian(hessian, lacking, normal, c.closeness)
         condense.make_positive(hessian, 1e-6)
         h, sensitivity = condense.condense(io["jacobian"], hessian)
         condense.add_smoothness(h, c.smoothness)
-        near = constraints.nearby(value, self.required + NEAR)
+        near = constraints.nearby(value, self.required + CONSTRAINED_EXCESS)
         a, sense = constraints.rows(sensitivity, states, controls, normal, near, c.dt)
         lower, upper = self._bounds(states, controls, value, near)
         qp = _QP(daqp.Model(), near)
-        qp.model.settings = DAQP
+        qp.model.settings = DAQP_SETTINGS
         # Warm start with the active set of the guess, and later with that of the last QP.
         start = (
             {"primal_start": np.zeros(len(g))}
@@ -353,7 +381,7 @@ class MPC:
             else {"dual_start": np.append(last.limits, -clearance[near[:, 0], near[:, 1]])}
         )
         flag, _ = qp.model.setup(h, g, a, upper, lower, sense, **start)
-        return qp, self._solved(qp, flag, lower, upper, value)
+        return qp, self._solve_qp(qp, flag, lower, upper, value)
 
     def _second_step(
         self, qp: _QP, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
@@ -362,9 +390,9 @@ class MPC:
         g, value, _, _ = self._first_order(problem, states, controls)
         lower, upper = self._bounds(states, controls, value, qp.near)
         flag = qp.model.update(f=g, bupper=upper, blower=lower)
-        return self._solved(qp, flag, lower, upper, value)
+        return self._solve_qp(qp, flag, lower, upper, value)
 
-    def _solved(
+    def _solve_qp(
         self,
         qp: _QP,
         flag: int,
@@ -386,13 +414,13 @@ class MPC:
         step, cost, flag, info = qp.model.solve()
         if flag not in (1, 2) or not np.isfinite(step).all():
             return None
-        keeps = lower.max() <= 1e-6 and upper.min() >= -1e-6
-        keeps = keeps and value[1:].min() >= self.required - 1e-6
-        found, limits = np.asarray(info["lam"]), 2 * step.size
+        feasible = lower.max() <= 1e-6 and upper.min() >= -1e-6
+        feasible = feasible and value[1:].min() >= self.required - 1e-6
+        multipliers, limits = np.asarray(info["lam"]), 2 * step.size
         clearance = np.zeros_like(value)
-        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -found[limits:])
-        gain = -cost if keeps else math.inf
-        return _Step(np.asarray(step).reshape(-1, 2), gain, found[:limits].copy(), clearance)
+        clearance[qp.near[:, 0], qp.near[:, 1]] = np.maximum(0.0, -multipliers[limits:])
+        gain = -cost if feasible else math.inf
+        return _Step(np.asarray(step).reshape(-1, 2), gain, multipliers[:limits].copy(), clearance)
 
     def _first_order(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]
@@ -413,7 +441,7 @@ class MPC:
         value, normal = self._clearances(problem, states)
         lacking = np.maximum(0.0, self.required + c.comfort - value)
         lacking[0] = 0.0
-        condense.add_closeness(io["gradient"], lacking, normal, c.closeness)
+        add_closeness_gradient(io["gradient"], lacking, normal, c.closeness)
         g = condense.condense_gradient(io["jacobian"], io["gradient"])
         condense.add_smoothness_gradient(g, controls, problem.last_curvature, c.smoothness)
         return g, value, normal, lacking
@@ -425,12 +453,5 @@ class MPC:
         value: NDArray[np.float64],
         near: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        lower, upper = constraints.bounds(
-            states, controls, value, near, *self.driving, self.required, self.config.curvature_step
-        )
-        return lower, upper
-
-
-def stop_controls(stages: int, braking: float, curvature: float) -> NDArray[np.float64]:
-    """Return controls (stages, 2) that brake as hard as the car can, on a curvature [1/m]."""
-    return np.tile([-braking, curvature], (stages, 1))
+        c, lacking = self.config, self.required - value[near[:, 0], near[:, 1]]
+        return constraints.bounds(states, controls, lacking, c.dt, self._driving, c.curvature_step)

@@ -14,7 +14,7 @@ NEAR_END = 3.0
 
 
 @njit(cache=True, nogil=True)
-def references(points, start, states, reach, progress, contour, final, heading):  # type: ignore[no-untyped-def]
+def references(points, start, states, reach, weights):  # type: ignore[no-untyped-def]
     """Compute the reference of each state on the path, for `planner.mpc.stages.stage_functions`.
 
     Progress is the arc length of the projection; its gradient is the path's tangent. Beyond the
@@ -26,14 +26,12 @@ def references(points, start, states, reach, progress, contour, final, heading):
         start: index of the segment near which the first state is projected.
         states: x, y, yaw, v of the states, (m, 4).
         reach: number of segments that one step may advance.
-        progress: reward for a metre of progress.
-        contour: weight w of the cost w/2 · d², with the distance d from the path [m].
-        final: the same weight at the last state, and at the end of the path.
-        heading: cost of 1 - cos(heading error) at the last state.
+        weights: `Weights` of the cost.
 
     Returns:
         References (m, 9), and the cost of each state, (m,).
     """
+    contour, progress = weights.contour, weights.progress
     count = states.shape[0]
     out = np.zeros((count, 9))
     costs = np.empty(count)
@@ -50,9 +48,10 @@ def references(points, start, states, reach, progress, contour, final, heading):
         out[k, 0], out[k, 1] = ax + t * dx, ay + t * dy
         # At the path's end precision counts: a car that misses the goal has to turn round.
         left = (last + 1 - here - t) * spacing
-        weight = contour + (final - contour) * max(0.0, 1.0 - left / NEAR_END)
+        end = max(0.0, 1.0 - left / NEAR_END)
+        weight = contour + (weights.final_contour - contour) * end
         if k == count - 1:
-            weight = final
+            weight = weights.final_contour
         costs[k] = -progress * (here + t) * spacing + 0.5 * weight * square
         if here == last and t >= 1.0:
             out[k, 4] = out[k, 6] = weight
@@ -62,6 +61,6 @@ def references(points, start, states, reach, progress, contour, final, heading):
             out[k, 5] = -weight * tx * ty
             out[k, 6] = weight * tx * tx
         if k == count - 1 and here < last:
-            out[k, 7], out[k, 8] = math.atan2(ty, tx), heading
-            costs[k] += heading * (1.0 - math.cos(states[k, 2] - out[k, 7]))
+            out[k, 7], out[k, 8] = math.atan2(ty, tx), weights.final_heading
+            costs[k] += weights.final_heading * (1.0 - math.cos(states[k, 2] - out[k, 7]))
     return out, costs

@@ -59,7 +59,7 @@ class CostMap:
         known: OccupancyGrid,
         remembered: RememberedCost | None,
         half_width: float,
-        way: NDArray[np.float64] | None = None,
+        prescribed: NDArray[np.float64] | None = None,
         stuck: NDArray[np.float64] | None = None,
     ) -> CostMap:
         """Build a cost map from the observed map and the remembered predictions.
@@ -68,16 +68,16 @@ class CostMap:
             known: map of all that was observed.
             remembered: cost according to the predictions so far; None: without predictions.
             half_width: half the width of the car's body [m].
-            way: points (n, 2) [m] of a prescribed route, less than a cell apart, or None. Its
-                unobserved cells cost as much as free ones, and those beside it as much as predicted
-                walls: the car leaves the route only where it must, not for a short cut.
+            prescribed: points (n, 2) [m] of a prescribed route, less than a cell apart, or None.
+                Its unobserved cells cost as much as free ones, and those beside it as much as
+                predicted walls: the car leaves the route only where it must, not for a short cut.
             stuck: points (k, 2) [m] at which the car got stuck, or None. The unobserved cells
                 around them cost as much as predicted walls.
         """
         frame = coarsened(known.frame)
         occupied, unseen = _pooled(known, frame)
         clearance = distance_field(occupied) * np.float32(frame.resolution)
-        unknown = UNKNOWN_COST if way is None else OCCUPIED_COST
+        unknown = UNKNOWN_COST if prescribed is None else OCCUPIED_COST
         prior = np.float32(WALL_PRIOR) * np.clip(1.0 - clearance / WALL_REACH, 0.0, None)
         density = np.where(unseen, np.float32(unknown) + prior, np.float32(1.0))
         room, unsure = clearance, unseen
@@ -86,13 +86,13 @@ class CostMap:
             steered = unseen & np.isfinite(predicted_cost)
             walls = steered & (predicted_cost > PREDICTED_WALL)
             room = distance_field(occupied | walls) * np.float32(frame.resolution)
-            if way is None:
+            if prescribed is None:
                 unsure = unseen & ~(steered & (predicted_cost < 0.5 * (1.0 + UNKNOWN_COST)))
                 # The prior of continued walls fades where the prediction says free.
                 doubt = np.clip(predicted_cost - 1.0, 0.0, 1.0)
                 density[steered] = (predicted_cost + prior * doubt)[steered]
-        if way is not None:
-            density[_beside(way, frame)] = 1.0
+        if prescribed is not None:
+            density[_beside(prescribed, frame)] = 1.0
         for x, y in () if stuck is None else stuck:
             here = around(frame, float(x), float(y), STUCK_REACH)
             density[here][unseen[here]] = OCCUPIED_COST
@@ -135,11 +135,11 @@ def _pooled(known: OccupancyGrid, frame: GridFrame) -> tuple[NDArray[np.bool_], 
 
 
 def _beside(
-    way: NDArray[np.float64], frame: GridFrame
+    prescribed: NDArray[np.float64], frame: GridFrame
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns of the cells within two cells of the points (n, 2) [m] of a route."""
     near = np.arange(-2, 3)
-    cells = np.floor((way - np.array(frame.origin)) / frame.resolution).astype(int)
+    cells = np.floor((prescribed - np.array(frame.origin)) / frame.resolution).astype(int)
     rows = (cells[:, 1, None, None] + near[:, None]).clip(0, frame.shape[0] - 1)
     cols = (cells[:, 0, None, None] + near).clip(0, frame.shape[1] - 1)
     return rows, cols

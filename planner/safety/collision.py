@@ -10,23 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.body import Body, covered
+from foresee.mapping.body import Body, Scene, covered
 from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
 from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
-from planner.safety.contact import first_meeting, leads_on
+from planner.safety.contact import CONTACT_SPACING, Arcs, leads_on, plan_contact
 
-CONTACT_SPACING = 0.02
-"""Largest distance between the poses at which a plan is tested [m]."""
 ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
 """Margin around the body on these arcs, and distance between the poses tested on them [m]."""
-
-Place = tuple[NDArray[np.bool_], float, tuple[float, float], float, float]
-"""Blocked cells, their side and origin [m], and half the body's length and width [m]."""
 
 
 @dataclass(frozen=True)
@@ -66,28 +61,24 @@ class CollisionChecker:
         Returns:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
-        place = self.body_in(blocked, frame)
-        along, speed = first_meeting(plan.states, plan.controls, self.dt, self.spacing, *place)
+        scene = self.body_in(blocked, frame)
+        along, speed = plan_contact(plan.states, plan.controls, self.dt, self.spacing, scene)
         return None if along < 0.0 else (along, speed)
 
-    def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Place:
-        """Return the argument `place` of `planner.safety.contact`: blocked cells and the body."""
-        return blocked, *frame.lattice, *self.car.body.inflated(CONTACT_MARGIN).halves
+    def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Scene:
+        """Return blocked cells and the body, enlarged by a margin, for `planner.safety.contact`."""
+        body = self.car.body.inflated(CONTACT_MARGIN)
+        return Scene(blocked, *frame.lattice, *body.halves)
 
-    def arcs_in(self, risk: RiskMap) -> tuple[NDArray[np.float64], float, float, Place]:
-        """Return the arguments of `planner.safety.contact.leads_on` besides the pose.
-
-        Returns:
-            Curvatures of the arcs [1/m], their length [m], spacing of the tested poses [m], and the
-            barred cells with the body.
-        """
+    def arcs_in(self, risk: RiskMap) -> Arcs:
+        """Return the arcs on which the car may go on, and the barred cells, which it must avoid."""
         car = self.car
-        place = risk.barred, *risk.frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves
-        return ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, place
+        scene = Scene(risk.barred, *risk.frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves)
+        return Arcs(ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, scene)
 
     def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
         """Return whether the body meets no barred cell on some arc from a pose (x, y, yaw, …)."""
-        return bool(leads_on(pose, *self.arcs_in(risk)))
+        return bool(leads_on(pose, self.arcs_in(risk)))
 
 
 def swept_cells(

@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from foresee.mapping.body import meets
+from foresee.mapping.body import Scene, meets
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along, rollout
 
+CONTACT_SPACING = 0.02
+"""Largest distance between the poses at which a plan is tested [m]."""
+
+
+class Arcs(NamedTuple):
+    """Arcs on which a car may go on, as `leads_on` reads them.
+
+    Attributes:
+        curvatures: curvatures of the arcs, (n,) [1/m].
+        length: length of each arc [m].
+        spacing: largest distance between tested poses [m].
+        scene: cells that the body must not meet on them, and the body.
+    """
+
+    curvatures: NDArray[np.float64]
+    length: float
+    spacing: float
+    scene: Scene
+
 
 @njit(cache=True, nogil=True)
-def first_meeting(  # type: ignore[no-untyped-def]
-    states, controls, dt, spacing, blocked, resolution, origin, half_length, half_width
-):
+def plan_contact(states, controls, dt, spacing, scene):  # type: ignore[no-untyped-def]
     """Find where and how fast the body first meets a blocked cell on a plan.
 
     The body is tested at the poses that `planner.motion.dynamics.swept` returns.
@@ -24,17 +43,12 @@ def first_meeting(  # type: ignore[no-untyped-def]
         controls: a, κ of the plan, (N, 2).
         dt: step of the plan [s].
         spacing: largest distance between tested poses [m].
-        blocked: cells that the body must not meet, (rows, columns); outside, all are blocked.
-        resolution: side of a cell [m].
-        origin: x, y of the cells' lower-left corner [m].
-        half_length: half the body's length [m].
-        half_width: half the body's width [m].
+        scene: obstacles and body.
 
     Returns:
         Distance along the plan [m] and speed [m/s] at the first contact; both are -1 without one.
     """
-    x, y, yaw = states[0, 0], states[0, 1], states[0, 2]
-    if meets(blocked, resolution, origin, x, y, yaw, half_length, half_width):
+    if meets(scene, states[0, 0], states[0, 1], states[0, 2]):
         return 0.0, states[0, 3]
     along = 0.0
     for k in range(controls.shape[0]):
@@ -47,29 +61,27 @@ def first_meeting(  # type: ignore[no-untyped-def]
         for j in range(1, count + 1):
             part = s * j / count
             px, py, turned = pose_along(x, y, yaw, kappa, part)
-            if meets(blocked, resolution, origin, px, py, turned, half_length, half_width):
+            if meets(scene, px, py, turned):
                 return along + part, math.sqrt(max(v * v + 2.0 * a * part, 0.0))
         along += s
     return -1.0, -1.0
 
 
 @njit(cache=True, nogil=True)
-def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyped-def]
+def leads_on(pose, arcs):  # type: ignore[no-untyped-def]
     """Return whether the body meets no blocked cell on at least one of several arcs from a pose.
 
     Args:
         pose: x, y, yaw at which the arcs begin; further entries are ignored.
-        curvatures: curvatures of the arcs, (n,) [1/m].
-        length: length of each arc [m].
-        spacing: largest distance between tested poses [m].
-        place: last five arguments of `first_meeting`: the blocked cells and the body.
+        arcs: `Arcs` to test.
     """
-    count = math.ceil(length / spacing)
-    for i in range(curvatures.shape[0]):
+    count = math.ceil(arcs.length / arcs.spacing)
+    for curvature in arcs.curvatures:
         free = True
         for j in range(1, count + 1):
-            x, y, yaw = pose_along(pose[0], pose[1], pose[2], curvatures[i], length * j / count)
-            if meets(place[0], place[1], place[2], x, y, yaw, place[3], place[4]):
+            part = arcs.length * j / count
+            x, y, yaw = pose_along(pose[0], pose[1], pose[2], curvature, part)
+            if meets(arcs.scene, x, y, yaw):
                 free = False
                 break
         if free:
@@ -78,32 +90,31 @@ def leads_on(pose, curvatures, length, spacing, place):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def first_free(state, first, ways, driving, spacing, place, onward, arcs):  # type: ignore[no-untyped-def]
+def first_free(  # type: ignore[no-untyped-def]
+    state, manoeuvres, dt, limits, spacing, scene, onward, arcs
+):
     """Return the index of the first manoeuvre that stops the car without a contact, or -1.
 
     Args:
         state: x, y, yaw, v of the car, (4,).
-        first: a, κ of the first step, which replaces that of each manoeuvre, (2,).
-        ways: controls of the manoeuvres, (n, N, 2).
-        driving: arguments of `rollout` after the controls: step [s] and limits of the car.
+        manoeuvres: controls of the manoeuvres, (n, N, 2).
+        dt: length of a step [s].
+        limits: the car's `DrivingLimits`.
         spacing: largest distance between tested poses [m].
-        place: last five arguments of `first_meeting`: the blocked cells and the body.
+        scene: obstacles and body.
         onward: whether the car must be able to go on from the end of the manoeuvre.
-        arcs: arguments of `leads_on` after the pose.
+        arcs: `Arcs` on which it may go on.
     """
-    for i in range(ways.shape[0]):
-        controls = ways[i].copy()
-        controls[0] = first
-        states, applied = rollout(state, controls, *driving)
+    for i in range(manoeuvres.shape[0]):
+        states, controls = rollout(state, manoeuvres[i], dt, limits)
+        if states[-1, 3] > 1e-6:
+            continue
         # Most manoeuvres fail, and most of these already fail at few poses.
-        if (
-            states[-1, 3] > 1e-6
-            or first_meeting(states, applied, driving[0], 5.0 * spacing, *place)[0] >= 0.0
-        ):
+        if plan_contact(states, controls, dt, 5.0 * spacing, scene)[0] >= 0.0:
             continue
-        if first_meeting(states, applied, driving[0], spacing, *place)[0] >= 0.0:
+        if plan_contact(states, controls, dt, spacing, scene)[0] >= 0.0:
             continue
-        if not onward or leads_on(states[-1], *arcs):
+        if not onward or leads_on(states[-1], arcs):
             return i
     return -1
 
@@ -122,14 +133,14 @@ def swerves(stages: int, braking: float, tightest: float) -> np.ndarray:
     shares = (-1.0, -0.5, 0.0, 0.5, 1.0)
     made = [(share, share, 0) for share in (math.nan, *np.linspace(-1.0, 1.0, 13))]
     made += [
-        (one, two, after)
+        (first, second, after)
         for after in (4, 8, 12)
-        for one in (math.nan, *shares)
-        for two in shares
-        if one != two
+        for first in (math.nan, *shares)
+        for second in shares
+        if first != second
     ]
-    ways = np.empty((len(made), stages, 2))
-    ways[:, :, 0] = -braking
-    for way, (one, two, after) in zip(ways, made, strict=True):
-        way[:after, 1], way[after:, 1] = one * tightest, two * tightest
-    return ways
+    manoeuvres = np.empty((len(made), stages, 2))
+    manoeuvres[:, :, 0] = -braking
+    for manoeuvre, (first, second, after) in zip(manoeuvres, made, strict=True):
+        manoeuvre[:after, 1], manoeuvre[after:, 1] = first * tightest, second * tightest
+    return manoeuvres

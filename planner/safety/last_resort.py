@@ -14,7 +14,7 @@ from planner.safety.contact import first_free, swerves
 
 ACCELERATIONS = 16
 """Number of accelerations, from the plan's own to full braking, tried for the first step."""
-SLOW = 0.2
+ONWARD_SPEED = 0.2
 """Speed below which the car need not be able to go on from the end of a last resort [m/s]: it is
 about to stop anyway, and must not stay at rest because of this rule."""
 
@@ -41,8 +41,8 @@ class LastResort:
         """Controls of the last resort from the next state on, (N, 2); None: none is needed."""
         self._swerves = swerves(mpc.stages, mpc.limits.braking, mpc.limits.max_curvature)
 
-    def begin(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
-        """Return a plan, with its first step slowed down as far as a last resort requires it.
+    def filter(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> tuple[Plan, bool]:
+        """Slow a plan's first step down, as far as is needed for a last resort to remain after it.
 
         Returns:
             Plan to drive, and whether a last resort remains after its first step.
@@ -54,29 +54,29 @@ class LastResort:
         if checker.contact(plan, ~risk.certain, risk.frame) is None:
             self.controls = shifted(plan.controls, braking)
             return plan, True
-        ways, curvature = self.ways(plan), plan.controls[0, 1]
+        manoeuvres, curvature = self.manoeuvres(plan), plan.controls[0, 1]
         accelerations = np.linspace(plan.controls[0, 0], -braking, ACCELERATIONS)
-        found = None
-        if state[3] > SLOW:
-            found = self._fastest(state, accelerations, curvature, ways, risk, onward=True)
-        if found is None:
-            found = self._fastest(state, accelerations, curvature, ways, risk, onward=False)
-        if found is None:
+        firsts = np.column_stack([accelerations, np.full(ACCELERATIONS, curvature)])
+        fastest = None
+        if state[3] > ONWARD_SPEED:
+            fastest = self._fastest(state, firsts, manoeuvres, risk, onward=True)
+        if fastest is None:
+            fastest = self._fastest(state, firsts, manoeuvres, risk, onward=False)
+        if fastest is None:
             braked = self.brake(state, plan, risk)
             return braked, checker.contact(braked, ~risk.certain, risk.frame) is None
-        fastest, way = found
-        controls = np.vstack([[[accelerations[fastest], curvature]], ways[way, 1:]])
+        first, manoeuvre = fastest
+        controls = np.vstack([firsts[first], manoeuvres[manoeuvre, 1:]])
         # Not clipped to the limits, so that the car goes on braking after its planned stop, in case
         # it arrives there faster.
         self.controls = shifted(controls, braking)
-        return (plan if fastest == 0 else mpc.roll(state, controls)), True
+        return (plan if first == 0 else mpc.roll(state, controls)), True
 
     def _fastest(
         self,
         state: NDArray[np.float64],
-        accelerations: NDArray[np.float64],
-        curvature: float,
-        ways: NDArray[np.float64],
+        firsts: NDArray[np.float64],
+        manoeuvres: NDArray[np.float64],
         risk: RiskMap,
         onward: bool,
     ) -> tuple[int, int] | None:
@@ -84,61 +84,61 @@ class LastResort:
 
         Args:
             state: current x, y, yaw, v of the car, (4,).
-            accelerations: accelerations to try, in descending order [m/s²].
-            curvature: curvature of the first step [1/m].
-            ways: controls of the manoeuvres, (n, N, 2).
+            firsts: controls a, κ of the first step to try, by descending acceleration, (m, 2).
+            manoeuvres: controls of the manoeuvres, (n, N, 2); their first steps are overwritten.
             risk: newest risk map around the car.
             onward: whether the car must be able to go on from the manoeuvre's end.
 
         Returns:
-            Index of the acceleration, and of the manoeuvre; None if no acceleration leaves one.
+            Index of the first step, and of the manoeuvre; None if no first step leaves one.
         """
-        place = self.checker.body_in(~risk.certain, risk.frame)
-        arcs = self.checker.arcs_in(risk)
+        scene = self.checker.body_in(~risk.certain, risk.frame)
+        arcs, limits = self.checker.arcs_in(risk), self.mpc.limits.driving
 
-        def way_after(level: int) -> int:
-            first, driving = np.array([accelerations[level], curvature]), self.mpc.driving
-            way = first_free(state, first, ways, driving, self.checker.spacing, place, onward, arcs)
-            return int(way)
+        def after(first: int) -> int:
+            """Return the index of a manoeuvre that remains after a first step, or -1."""
+            manoeuvres[:, 0] = firsts[first]
+            dt, spacing = self.mpc.config.dt, self.checker.spacing
+            return int(first_free(state, manoeuvres, dt, limits, spacing, scene, onward, arcs))
 
-        way = way_after(0)
-        if way >= 0:
-            return 0, way
-        too_fast, fastest = 0, ACCELERATIONS - 1
-        way = way_after(fastest)
-        while way < 0 and not onward and too_fast < fastest - 1:
+        manoeuvre = after(0)
+        if manoeuvre >= 0:
+            return 0, manoeuvre
+        too_fast, fastest = 0, len(firsts) - 1
+        manoeuvre = after(fastest)
+        while manoeuvre < 0 and not onward and too_fast < fastest - 1:
             # Gentler braking may leave a manoeuvre where harder braking leaves none.
             fastest -= 1
-            way = way_after(fastest)
-        if way < 0:
+            manoeuvre = after(fastest)
+        if manoeuvre < 0:
             return None
         # Bisection between an acceleration that is too high and one that leaves a manoeuvre.
         while fastest - too_fast > 1:
             middle = (fastest + too_fast) // 2
-            found = way_after(middle)
-            if found < 0:
+            candidate = after(middle)
+            if candidate < 0:
                 too_fast = middle
             else:
-                fastest, way = middle, found
-        return fastest, way
+                fastest, manoeuvre = middle, candidate
+        return fastest, manoeuvre
 
     def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Return the least bad manoeuvre to stop, and keep its rest as the last resort."""
-        ways = self.ways(plan)
-        stops = [self.mpc.roll(state, way) for way in ways]
+        manoeuvres = self.manoeuvres(plan)
+        stops = [self.mpc.roll(state, controls) for controls in manoeuvres]
         badness = [self._badness(stop, risk) for stop in stops]
         best = badness.index(min(badness))
-        self.controls = shifted(ways[best], self.mpc.limits.braking)
+        self.controls = shifted(manoeuvres[best], self.mpc.limits.braking)
         return stops[best]
 
-    def ways(self, plan: Plan) -> NDArray[np.float64]:
+    def manoeuvres(self, plan: Plan) -> NDArray[np.float64]:
         """Return controls of manoeuvres to stop, (n, N, 2).
 
         They are the last resort of the last tick, braking along a plan, and swerves.
         """
-        ways = self._swerves.copy()
-        np.copyto(ways[:, :, 1], plan.controls[:, 1], where=np.isnan(ways[:, :, 1]))
-        return ways if self.controls is None else np.concatenate([self.controls[None], ways])
+        swerves = self._swerves.copy()
+        np.copyto(swerves[:, :, 1], plan.controls[:, 1], where=np.isnan(swerves[:, :, 1]))
+        return swerves if self.controls is None else np.concatenate([self.controls[None], swerves])
 
     def _badness(self, stop: Plan, risk: RiskMap) -> tuple[float, ...]:
         """Return how bad a stop is, as speeds [m/s] of which the first ones matter most.

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from foresee.mapping.car_limits import CarLimits
-from planner.motion.goal import STOPS_FOR_GOAL
+from planner.motion.goal import STOP_GOAL_RADIUS
 from planner.motion.plan import Plan
 from planner.risk.risk_map import RiskMap
 
@@ -46,7 +46,7 @@ def what_limits(
     if a >= 0.9 * car.acceleration:
         return Limit.ACCELERATION
     x, y, yaw = plan.states[-1, :3]
-    if math.hypot(x - goal[0], y - goal[1]) < STOPS_FOR_GOAL:
+    if math.hypot(x - goal[0], y - goal[1]) < STOP_GOAL_RADIUS:
         return Limit.GOAL
     near = slice(0, 12)
     lateral = plan.states[:-1, 3][near] ** 2 * np.abs(plan.controls[:, 1][near])

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
 from planner.fault import Fault
-from planner.motion.goal import GOES_ON, PLAN_REACHES
-from planner.motion.path import SPACING, Path, project
+from planner.motion.goal import ONWARD_GOAL_RADIUS, PLAN_GOAL_RADIUS
+from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import Plan
-from planner.mpc.initial_guess import LOOK, pursue, shifted
-from planner.mpc.mpc import MPC, MPCConfig, stop_controls
+from planner.mpc.initial_guess import LOOK, shifted, stop_controls
+from planner.mpc.mpc import MPC, MPCConfig
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
 
-SLOW = 0.3
+FRESH_GUESS_SPEED = 0.3
 """Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may
 stand still [m/s]."""
 LEG_LOOK = 0.3
@@ -120,7 +120,7 @@ class PlanChooser:
         intended, faults = self._decide(now, afresh)
         intended = plan = self._without_waiting(now, intended)
         if Fault.EMERGENCY not in faults:
-            plan, survivable = self.resort.begin(now.state, intended, now.risk)
+            plan, survivable = self.resort.filter(now.state, intended, now.risk)
             if not survivable:
                 faults = (*faults, Fault.NO_LAST_RESORT)
         self._intended, self._curvature = intended, float(plan.controls[0, 1])
@@ -132,7 +132,7 @@ class PlanChooser:
         It can go on if the body meets no barred cell on some arc, or straight on.
         """
         x, y = plan.states[-1, :2]
-        if math.hypot(x - self.goal[0], y - self.goal[1]) < GOES_ON:
+        if math.hypot(x - self.goal[0], y - self.goal[1]) < ONWARD_GOAL_RADIUS:
             return True
         return self.checker.leads_on(plan.states[-1], risk)
 
@@ -153,7 +153,7 @@ class PlanChooser:
             return self.mpc.evaluate(plan, path, now.risk, now.segment, self._curvature)
 
         guesses = [rest.controls]
-        if afresh or not safe or now.state[3] < SLOW:
+        if afresh or not safe or now.state[3] < FRESH_GUESS_SPEED:
             guesses.append(self._pursuit(now, path))
         solved, faults = self._solutions(now, path, guesses)
         if not solved:
@@ -172,7 +172,7 @@ class PlanChooser:
         if sooner is not None:
             return _Intention(sooner, faults)
         # Or it brakes and swerves to where it can go on, while there is still room for that.
-        stops = (self.mpc.roll(now.state, way) for way in self.resort.ways(best))
+        stops = (self.mpc.roll(now.state, controls) for controls in self.resort.manoeuvres(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
         # A plan that stands still is no better than a stop at the wall.
@@ -227,7 +227,8 @@ class PlanChooser:
     def _arrival(self, plan: Plan) -> float:
         """Return the index of a plan's first state at the goal; infinite if there is none."""
         off = np.hypot(*(plan.states[:, :2] - np.array(self.goal)).T)
-        return float(np.argmax(off < PLAN_REACHES)) if off.min() < PLAN_REACHES else math.inf
+        reached = np.flatnonzero(off < PLAN_GOAL_RADIUS)
+        return float(reached[0]) if len(reached) else math.inf
 
     def _without_waiting(self, now: Situation, plan: Plan) -> Plan:
         """Return a plan without first steps in which a standing car would wait, if that is safe.
@@ -253,7 +254,7 @@ class PlanChooser:
         faults: tuple[Fault, ...] = ()
         end, _, _ = project(path.points, *best.states[-1, :2], now.segment, 10**6)  # type: ignore[call-arg]
         for sooner in EARLIER_STOPS:
-            last = end - round(sooner / SPACING)
+            last = end - round(sooner / POINT_SPACING)
             if last < now.segment + 3:
                 break
             shorter = Path(path.points[:last], path.source)
@@ -295,22 +296,10 @@ class PlanChooser:
             look: distance of the point to aim at, at least [m].
             free: distance within which the car is to stop [m].
         """
-        mpc, car = self.mpc, self.mpc.limits
-        limits = car.v_max, car.acceleration, car.braking, car.lateral_acceleration
-        controls = np.zeros((mpc.stages, 2))
+        controls = np.zeros((self.mpc.stages, 2))
         for _ in range(2):
-            controls = pursue(
-                path.points,
-                now.segment,
-                now.state,
-                mpc.stages,
-                mpc.config.dt,
-                *limits,
-                car.max_curvature,
-                look,
-                min(free, 1e6),
-            )
-            rolled = mpc.roll(now.state, controls)
+            controls = self.mpc.pursue(now.state, path, now.segment, look, free)
+            rolled = self.mpc.roll(now.state, controls)
             met = self.checker.contact(rolled, ~now.risk.safe, now.risk.frame)
             if met is None:
                 break

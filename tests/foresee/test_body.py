@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foresee.mapping.body import Body, covered, first_contact
+from foresee.mapping.body import Body, Scene, covered, first_contact
 
 SHAPE, RESOLUTION, ORIGIN = (24, 30), 0.1, (-1.5, -1.2)
 
@@ -96,9 +96,8 @@ def test_contact_is_meeting_a_covered_cell(x, y, yaw, seed):
     body = Body(0.5, 0.3)
     blocked = np.random.default_rng(seed).random(SHAPE) < 0.03
     expected = any(blocked[cell] for cell in cells_of(x, y, yaw, body))
-    found = first_contact(
-        blocked, RESOLUTION, ORIGIN, np.array([[x, y, yaw]]), body.half_length, body.half_width
-    )
+    scene = Scene(blocked, RESOLUTION, ORIGIN, *body.halves)
+    found = first_contact(scene, np.array([[x, y, yaw]]))
     assert found == (0 if expected else -1)
 
 
@@ -107,13 +106,14 @@ def test_the_first_contact_along_a_motion_is_named():
     blocked[:, 25] = True
     poses = np.array([[0.1 * i - 0.5, 0.0, 0.0] for i in range(15)])
     # The wall's near side is at x = 1.0 and the front 0.25 ahead of the centre.
-    assert first_contact(blocked, RESOLUTION, ORIGIN, poses, 0.249, 0.15) == 13
+    assert first_contact(Scene(blocked, RESOLUTION, ORIGIN, 0.249, 0.15), poses) == 13
 
 
 @pytest.mark.parametrize("pose", [(-1.4, 0, 0), (1.4, 0, 0), (0, -1.2, 0), (0, 1.1, 0), (99, 0, 0)])
 def test_a_pose_that_reaches_off_the_grid_is_a_contact(pose):
     poses = np.array([pose], float)
-    assert first_contact(np.zeros(SHAPE, bool), RESOLUTION, ORIGIN, poses, 0.25, 0.15) == 0
+    scene = Scene(np.zeros(SHAPE, bool), RESOLUTION, ORIGIN, 0.25, 0.15)
+    assert first_contact(scene, poses) == 0
 
 
 def test_the_circle_around_a_body_reaches_its_corners():

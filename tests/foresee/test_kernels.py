@@ -33,8 +33,8 @@ def test_any_kernel_moves_the_stamp_and_nothing_else_does(tmp_path):
 
 
 def test_what_calls_into_other_files_is_kept_by_the_stamp():
-    planner.safety.contact.first_meeting.py_func  # noqa: B018  It is a kernel.
-    kept = Path(planner.safety.contact.first_meeting._cache._cache_path)
+    planner.safety.contact.plan_contact.py_func  # noqa: B018  It is a kernel.
+    kept = Path(planner.safety.contact.plan_contact._cache._cache_path)
     assert stamp(ROOT) in str(kept) or not str(config.CACHE_DIR).endswith(stamp(ROOT))
 
 

@@ -129,8 +129,7 @@ def test_a_cell_that_only_a_swinging_corner_enters_is_met(side):
     car = CarLimits(turning_radius=0.4, body=Body(1.0, 0.3))
     controls = np.array([[0.0, side * car.max_curvature]] * 4 + [[-car.braking, 0.0]] * 10)
     start = np.array([0.0, 0.0, 0.0, 0.77])
-    driving = (*car.driving, car.max_curvature)
-    plan = Plan(*rollout(start, controls, DT, *driving))
+    plan = Plan(*rollout(start, controls, DT, car.driving))
     checker = CollisionChecker(car, DT)
     # The rear corner on the outside of the turn, half a millimetre inside the body.
     back, out = car.body.half_length - 5e-4, car.body.half_width - 5e-4

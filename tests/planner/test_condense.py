@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from planner.mpc.condense import condense, condense_gradient, make_positive, merit
+from planner.mpc.condense import condense, condense_gradient, make_positive
+from planner.mpc.merit import merit
+from planner.mpc.mpc import MPCConfig
 
 N = 7
 
@@ -74,5 +76,7 @@ def test_merit_adds_up():
         + 2.0 * (lacking**2).sum()
         + 100.0 * (outside.sum() + 10.0 * states[-1, 3])
     )
-    found = merit(states, controls, 0.3, costs, value, 0.5, 0.25, (0.01, 0.02), 0.1, 4.0, 100.0)
-    assert found == pytest.approx(wanted)
+    weights = MPCConfig(
+        effort=(0.01, 0.02), smoothness=0.1, closeness=4.0, comfort=0.25, violation=100.0
+    ).weights
+    assert merit(states, controls, 0.3, costs, value, 0.5, weights) == pytest.approx(wanted)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from foresee.mapping.body import first_contact
+from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
@@ -11,21 +11,28 @@ from planner.motion.dynamics import rollout, swept
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
-from planner.safety.contact import first_free, first_meeting, leads_on, swerves
+from planner.safety.contact import (
+    CONTACT_SPACING,
+    Arcs,
+    first_free,
+    leads_on,
+    plan_contact,
+    swerves,
+)
 from planner.safety.last_resort import LastResort
 
 CAR = CarLimits()
-DRIVING = (
-    0.1,
-    CAR.v_max,
-    CAR.acceleration,
-    CAR.braking,
-    CAR.lateral_acceleration,
-    CAR.max_curvature,
-)
+DRIVING = 0.1, CAR.driving
+"""Step of the plans [s], and limits of the car."""
 RESOLUTION, ORIGIN, HALVES = 0.05, (-1.0, -3.0), (0.25, 0.15)
 STAGES = 32
-NOWHERE = (np.zeros(1), 1.0, 0.05, (np.ones((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES))
+
+
+def scene(blocked):
+    return Scene(blocked, RESOLUTION, ORIGIN, *HALVES)
+
+
+NOWHERE = Arcs(np.zeros(1), 1.0, 0.05, scene(np.ones((120, 160), dtype=bool)))
 """Arcs all of which are barred."""
 
 
@@ -42,13 +49,20 @@ def some_plan(seed):
     return rollout(state, controls, *DRIVING)
 
 
+def manoeuvres_after(first):
+    """Swerves with another first step."""
+    manoeuvres = np.nan_to_num(swerves(STAGES, CAR.braking, CAR.max_curvature))
+    manoeuvres[:, 0] = first
+    return manoeuvres
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_the_first_meeting_is_that_of_the_swept_poses(seed):
     states, controls = some_plan(seed)
     blocked = scattered(seed)
-    along, speed = first_meeting(states, controls, 0.1, 0.02, blocked, RESOLUTION, ORIGIN, *HALVES)
+    along, speed = plan_contact(states, controls, 0.1, 0.02, scene(blocked))
     poses = swept(states, controls, 0.1, 0.02)
-    i = first_contact(blocked, RESOLUTION, ORIGIN, poses, *HALVES)
+    i = first_contact(scene(blocked), poses)
     if i < 0:
         assert (along, speed) == (-1.0, -1.0)
         return
@@ -70,59 +84,51 @@ def test_a_body_that_stands_in_something_has_met_it():
     states, controls = some_plan(0)
     blocked = np.zeros((120, 160), dtype=bool)
     blocked[60, 20] = True
-    assert first_meeting(states, controls, 0.1, 0.02, blocked, RESOLUTION, ORIGIN, *HALVES) == (
-        0.0,
-        states[0, 3],
-    )
+    assert plan_contact(states, controls, 0.1, 0.02, scene(blocked)) == (0.0, states[0, 3])
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_first_free_way_is_free_and_those_before_it_are_not(seed):
-    ways = swerves(STAGES, CAR.braking, CAR.max_curvature)
-    ways = np.nan_to_num(ways)
-    state, first = np.array([0.0, 0.0, 0.0, 2.5]), np.array([0.5, 0.1])
-    place = (scattered(seed, 0.02), RESOLUTION, ORIGIN, *HALVES)
+def test_the_first_free_manoeuvre_is_free_and_those_before_it_are_not(seed):
+    manoeuvres = manoeuvres_after([0.5, 0.1])
+    state, cells = np.array([0.0, 0.0, 0.0, 2.5]), scene(scattered(seed, 0.02))
     met = []
-    for way in ways:
-        controls = np.vstack([first, way[1:]])
-        states, applied = rollout(state, controls, *DRIVING)
-        poses = swept(states, applied, 0.1, 0.02)
-        met.append(first_contact(*place[:3], poses, *HALVES) >= 0)
-    found = first_free(state, first, ways, DRIVING, 0.02, place, False, NOWHERE)
-    if found >= 0:
-        assert not met[found]
-    # A coarser look at other poses of the same way may find a corner that these poses miss.
+    for controls in manoeuvres:
+        poses = swept(*rollout(state, controls, *DRIVING), 0.1, 0.02)
+        met.append(first_contact(cells, poses) >= 0)
+    index = first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, cells, False, NOWHERE)
+    if index >= 0:
+        assert not met[index]
+    # A coarser look at other poses of the same manoeuvre may find a corner that these poses miss.
     free = [i for i, hit in enumerate(met) if not hit]
-    assert found in (free[:3] or [-1]) if found >= 0 else len(free) <= 2
+    assert index in (free[:3] or [-1]) if index >= 0 else len(free) <= 2
 
 
-def test_a_way_may_have_to_lead_on_from_its_end():
-    ways = np.nan_to_num(swerves(STAGES, CAR.braking, CAR.max_curvature))
-    state, first = np.array([0.0, 0.0, 0.0, 2.0]), np.zeros(2)
-    place = (np.zeros((120, 160), dtype=bool), RESOLUTION, ORIGIN, *HALVES)
+def test_the_car_may_have_to_go_on_from_the_end_of_a_manoeuvre():
+    manoeuvres = manoeuvres_after([0.0, 0.0])
+    state, empty = np.array([0.0, 0.0, 0.0, 2.0]), scene(np.zeros((120, 160), dtype=bool))
     barred = np.zeros((120, 160), dtype=bool)
     # A wall across, a little beyond where the car comes to rest if it goes straight on.
     barred[:, round((2.1 - ORIGIN[0]) / RESOLUTION) :] = True
-    wall = (barred, RESOLUTION, ORIGIN, *HALVES)
-    ends = [rollout(state, np.vstack([first, way[1:]]), *DRIVING)[0][-1] for way in ways]
-    arcs = np.array([0.0, CAR.max_curvature, -CAR.max_curvature]), 2 * CAR.turning_radius, 0.05
-    assert first_free(state, first, ways, DRIVING, 0.02, place, False, NOWHERE) == 0
-    found = first_free(state, first, ways, DRIVING, 0.02, place, True, (*arcs, wall))
-    assert found > 0
-    leading = [leads_on(end, *arcs, wall) for end in ends]
-    assert leading.index(True) == found
-    assert first_free(state, first, ways, DRIVING, 0.02, place, True, NOWHERE) == -1
+    ends = [rollout(state, controls, *DRIVING)[0][-1] for controls in manoeuvres]
+    curvatures = np.array([0.0, CAR.max_curvature, -CAR.max_curvature])
+    arcs = Arcs(curvatures, 2 * CAR.turning_radius, 0.05, scene(barred))
+    assert first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, False, NOWHERE) == 0
+    index = first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, True, arcs)
+    assert index > 0
+    assert [leads_on(end, arcs) for end in ends].index(True) == index
+    assert first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, True, NOWHERE) == -1
 
 
 def test_swerves_brake_all_along_and_come_to_rest():
-    ways = swerves(STAGES, CAR.braking, CAR.max_curvature)
-    assert (ways[:, :, 0] == -CAR.braking).all()
-    assert np.nanmax(abs(ways[:, :, 1])) == pytest.approx(CAR.max_curvature)
-    assert np.isnan(ways[0, :, 1]).all()
-    for way in np.nan_to_num(ways):
-        states, _ = rollout(np.array([0.0, 0.0, 0.0, 4.0]), way, *DRIVING)
+    manoeuvres = swerves(STAGES, CAR.braking, CAR.max_curvature)
+    assert (manoeuvres[:, :, 0] == -CAR.braking).all()
+    assert np.nanmax(abs(manoeuvres[:, :, 1])) == pytest.approx(CAR.max_curvature)
+    assert np.isnan(manoeuvres[0, :, 1]).all()
+    for controls in np.nan_to_num(manoeuvres):
+        states, _ = rollout(np.array([0.0, 0.0, 0.0, 4.0]), controls, *DRIVING)
         assert states[-1, 3] < 1e-9
-    assert len({way.tobytes() for way in np.nan_to_num(ways, nan=99.0)}) == len(ways)
+    distinct = {controls.tobytes() for controls in np.nan_to_num(manoeuvres, nan=99.0)}
+    assert len(distinct) == len(manoeuvres)
 
 
 @pytest.mark.parametrize("seed", [14, 16, 33, 38, 41, 43, 49, 51])
@@ -146,14 +152,16 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
     controls[18:, 0] = -CAR.braking
     resort, plan = LastResort(mpc, checker), mpc.roll(state, controls)
     assert checker.contact(plan, ~risk.certain, risk.frame) is not None
-    place, arcs = checker.body_in(~risk.certain, risk.frame), checker.arcs_in(risk)
-    ways, begun = resort.ways(plan), [np.array([a, curvature]) for a in (1.0, -CAR.braking)]
-    can_lead_on = [
-        first_free(state, first, ways, mpc.driving, 0.02, place, True, arcs) >= 0 for first in begun
-    ]
-    driven, survivable = resort.begin(state, plan, risk)
+    cells, arcs = checker.body_in(~risk.certain, risk.frame), checker.arcs_in(risk)
+    can_lead_on = []
+    for acceleration in (1.0, -CAR.braking):
+        manoeuvres = resort.manoeuvres(plan)
+        manoeuvres[:, 0] = acceleration, curvature
+        index = first_free(state, manoeuvres, 0.1, CAR.driving, CONTACT_SPACING, cells, True, arcs)
+        can_lead_on.append(index >= 0)
+    driven, survivable = resort.filter(state, plan, risk)
     assert survivable
     last = mpc.roll(driven.states[1], resort.controls)
     assert checker.contact(last, ~risk.certain, risk.frame) is None
     assert any(can_lead_on)
-    assert leads_on(last.states[-1], *arcs)
+    assert leads_on(last.states[-1], arcs)

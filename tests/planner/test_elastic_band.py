@@ -1,6 +1,7 @@
 """The laws of the line: its shape, its curvature, and how fast it is driven."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +11,11 @@ from rooms import CAR, RESOLUTION, Room, length, turned
 
 from foresee.mapping.grid import OCCUPIED
 from planner.guide.elastic_band import LineConfig, curvatures, lines_along, speeds
-from planner.motion.path import SPACING, Path
+from planner.motion.path import POINT_SPACING, Path
 from planner.risk.distance_transform import distance_field
 
 CONFIG = LineConfig()
-LIMITS = CAR.v_max, CAR.acceleration, CAR.braking, CAR.planned_cornering
+LIMITS = CAR.driving
 ANYWHERE = (100.0, 100.0)
 """A goal that no way here passes."""
 
@@ -22,15 +23,17 @@ ANYWHERE = (100.0, 100.0)
 def lines_in(room, vertices, pose, unsure=False, goal=ANYWHERE, config=CONFIG):
     """A way through a room, and the lines along it; unsure: everywhere or nowhere."""
     way = Path.through(np.array(vertices), "").points
-    clearance = distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION)
-    everywhere = np.full(room.frame.shape, unsure)
+    cost = replace(
+        room.cost,
+        frame=room.frame,
+        room=distance_field(room.cells == OCCUPIED) * np.float32(RESOLUTION),
+        unsure=np.full(room.frame.shape, unsure),
+    )
     return way, list(
         lines_along(
             way,
             np.array(pose, dtype=float),
-            clearance,
-            room.frame,
-            everywhere,
+            cost,
             goal,
             0.95 * CAR.max_curvature,
             config,
@@ -46,7 +49,7 @@ def line_in(*args, **settings):
 
 def seconds(points, start) -> float:
     """The time of the fastest drive along a line [s]."""
-    v = speeds(points, start, *LIMITS)
+    v = speeds(points, start, LIMITS)
     return float((2 * np.hypot(*np.diff(points, axis=0).T) / (v[1:] + v[:-1])).sum())
 
 
@@ -89,7 +92,7 @@ def test_a_line_begins_at_the_pose_in_its_heading_and_ends_where_the_way_ends(x,
 def test_a_line_reaches_as_far_as_it_is_told():
     config = LineConfig(reach=4.0)
     way, line = line_in(Room(12.0, 4.0), [(1.0, 2.0), (11.0, 2.0)], (1.0, 2.0, 0.0), config=config)
-    assert line[-1] == pytest.approx(way[round(4.0 / SPACING)])
+    assert line[-1] == pytest.approx(way[round(4.0 / POINT_SPACING)])
 
 
 @pytest.mark.parametrize("width", [1.4, 2.0, 3.0])
@@ -147,7 +150,7 @@ def test_the_mirror_image_of_a_map_has_the_mirror_image_of_the_line(vertices, po
 
 @given(radius=st.floats(0.8, 50.0), sign=st.sampled_from([-1, 1]), count=st.integers(3, 60))
 def test_on_a_circle_the_curvature_is_one_over_its_radius(radius, sign, count):
-    angles = sign * np.arange(count) * SPACING / radius
+    angles = sign * np.arange(count) * POINT_SPACING / radius
     points = radius * np.column_stack([np.cos(angles), np.sin(angles)]) + (3.0, -2.0)
     assert curvatures(points) == pytest.approx(np.full(count, sign / radius), rel=1e-4)
 
@@ -170,15 +173,15 @@ def curves(draw):
     """Polylines whose curvature wanders within what the car can steer."""
     bends = draw(st.lists(st.floats(-1.25, 1.25), min_size=2, max_size=12))
     kappa = np.repeat(bends, 8)
-    yaw = np.cumsum(kappa * SPACING)
-    steps = SPACING * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    yaw = np.cumsum(kappa * POINT_SPACING)
+    steps = POINT_SPACING * np.column_stack([np.cos(yaw), np.sin(yaw)])
     return np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)])
 
 
 @given(curves(), st.floats(0.0, 4.0))
 def test_no_speed_breaks_a_limit_of_the_car(points, start):
-    v_max, accel, braking, lateral = LIMITS
-    v = speeds(points, start, *LIMITS)
+    v_max, accel, braking, lateral, _ = LIMITS
+    v = speeds(points, start, LIMITS)
     assert (v <= v_max + 1e-9).all()
     assert v[0] <= start + 1e-9
     assert (v**2 * np.abs(curvatures(points)) <= lateral + 1e-9).all()
@@ -190,8 +193,8 @@ def test_no_speed_breaks_a_limit_of_the_car(points, start):
 
 @given(curves(), st.floats(0.0, 4.0))
 def test_no_speed_could_be_higher(points, start):
-    v_max, accel, braking, lateral = LIMITS
-    square = speeds(points, start, *LIMITS) ** 2
+    v_max, accel, braking, lateral, _ = LIMITS
+    square = speeds(points, start, LIMITS) ** 2
     steps = np.hypot(*np.diff(points, axis=0).T)
     cap = np.minimum(v_max**2, lateral / np.maximum(np.abs(curvatures(points)), 1e-9))
     cap[0] = min(cap[0], start**2)

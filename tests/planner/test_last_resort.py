@@ -45,7 +45,7 @@ def test_what_is_kept_meets_no_single_cell_that_is_uncertain(mpc, seed):
     risk = risk_of(cells)
     state, plan = onward(mpc, 2.0)
     resort = LastResort(mpc, CHECKER)
-    driven, survivable = resort.begin(state, plan, risk)
+    driven, survivable = resort.filter(state, plan, risk)
     assert CHECKER.is_safe(driven, risk)
     if survivable:
         kept = mpc.roll(driven.states[1], resort.controls)
@@ -63,7 +63,7 @@ def test_a_small_car_does_not_step_over_uncertain_cells(seed):
     risk = risk_of(cells)
     state, plan = onward(mpc, 2.5)
     resort = LastResort(mpc, checker)
-    driven, survivable = resort.begin(state, plan, risk)
+    driven, survivable = resort.filter(state, plan, risk)
     if survivable:
         kept = mpc.roll(driven.states[1], resort.controls)
         assert checker.contact(kept, ~risk.certain, FRAME) is None
@@ -76,7 +76,7 @@ def test_a_car_is_told_whether_a_last_resort_remains(mpc, room, survivable):
     risk = risk_of(cells)
     state, plan = onward(mpc, 3.0)
     assert CHECKER.contact(plan, ~risk.certain, FRAME) is not None
-    driven, remains = LastResort(mpc, CHECKER).begin(state, plan, risk)
+    driven, remains = LastResort(mpc, CHECKER).filter(state, plan, risk)
     assert remains is survivable
     if not remains:
         assert driven.controls[0, 0] == pytest.approx(-CAR.braking)
@@ -88,7 +88,7 @@ def test_the_rest_of_the_last_manoeuvre_is_tried_again(mpc):
     resort.controls = np.column_stack(
         [np.full(mpc.stages, -1.2), np.linspace(-0.7, 0.4, mpc.stages)]
     )
-    assert any(np.array_equal(way, resort.controls) for way in resort.ways(plan))
+    assert any(np.array_equal(each, resort.controls) for each in resort.manoeuvres(plan))
 
 
 def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):
@@ -97,7 +97,7 @@ def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
     # It stops within 3 m; half of the braking in the first step costs 15 cm.
     cells[np.ix_(abs(y) < CAR.body.half_width + 0.1, x < CAR.body.half_length + 3.07)] = FREE
-    driven, remains = LastResort(mpc, CHECKER).begin(state, plan, risk_of(cells))
+    driven, remains = LastResort(mpc, CHECKER).filter(state, plan, risk_of(cells))
     assert remains
     assert driven.controls[0, 0] < -0.8 * CAR.braking
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.car_limits import CarLimits, DrivingLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from planner.motion.dynamics import rollout
 from planner.motion.path import Path
-from planner.mpc.initial_guess import shifted
-from planner.mpc.mpc import MPC, Solution, Status, stop_controls
+from planner.mpc.initial_guess import shifted, stop_controls
+from planner.mpc.mpc import MPC, Solution, Status
 from planner.mpc.stages import stage_functions
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
@@ -24,7 +24,7 @@ DT = 0.1
 CHECKER = CollisionChecker(CAR, DT)
 N_CELLS = 240
 FRAME = GridFrame(0.05, (-2.0, -6.0), (N_CELLS, N_CELLS))
-BOUNDS = (DT, CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration, CAR.max_curvature)
+LIMITS = CAR.driving._replace(cornering=CAR.lateral_acceleration)
 
 speeds = st.floats(0.0, CAR.v_max)
 seeds = st.integers(0, 2**32 - 1)
@@ -172,7 +172,7 @@ def test_the_stage_derivatives_agree_with_finite_differences(seed):
 
     def successor(z):
         # Without limits: one step of the closed form.
-        return rollout(z[:4], z[None, 4:], DT, 1e3, 1e3, 1e3, 1e9, 1e3)[0][1]
+        return rollout(z[:4], z[None, 4:], DT, DrivingLimits(1e3, 1e3, 1e3, 1e9, 1e3))[0][1]
 
     def cost(z):
         r = reference
@@ -206,7 +206,7 @@ def test_a_plan_is_rolled_out_as_the_simulated_car_drives_it(seed, speed):
     rng = np.random.default_rng(seed)
     controls = np.column_stack([rng.uniform(-3, 3, 20), rng.uniform(-2, 2, 20)])
     state = np.array([*rng.uniform(-5, 5, 2), rng.uniform(-3, 3), speed])
-    states, applied = rollout(state, controls, *BOUNDS)
+    states, applied = rollout(state, controls, DT, LIMITS)
     car = DubinsCar(CarLimits())
     for k, control in enumerate(applied):
         reached = car.step(states[k], Control(*control), DT)

@@ -8,7 +8,7 @@ from drawn_maps import BODY, CAR, clearance_of, cost_of, divided, grid, room
 
 from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
-from planner.motion.path import SPACING, Path, project
+from planner.motion.path import POINT_SPACING, Path, project
 from planner.risk.risk_map import RiskMap
 
 POSE, GOAL = (2.0, 3.0, 0.4), (10.0, 4.0)
@@ -71,14 +71,14 @@ def test_the_drivable_part_of_a_path_turns_no_tighter_than_the_car_can(seed):
         (np.arctan2(b[:, 1], b[:, 0]) - np.arctan2(a[:, 1], a[:, 0]) + math.pi) % (2 * math.pi)
         - math.pi
     )
-    assert turn.max() <= 5 * SPACING / 0.8 + 0.02
+    assert turn.max() <= 5 * POINT_SPACING / 0.8 + 0.02
 
 
 def test_points_of_a_path_are_evenly_spaced():
     path = search(divided(), POSE, GOAL)
     steps = np.hypot(*np.diff(path.points, axis=0).T)
-    assert steps.max() <= SPACING + 1e-9
-    assert np.median(steps) == pytest.approx(SPACING, rel=0.02)
+    assert steps.max() <= POINT_SPACING + 1e-9
+    assert np.median(steps) == pytest.approx(POINT_SPACING, rel=0.02)
 
 
 def test_a_projection_is_the_closest_point_of_the_path():

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rooms import CAR, RESOLUTION, Room, turned
+from rooms import CAR, Room, turned
 from short_drive import LIDAR
 
-from foresee.mapping.body import first_contact
+from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, OccupancyGrid
@@ -99,12 +99,7 @@ def driven(place, reverse=FASTEST_BACK, again=0, timeout=25.0):
             blocked, body = known.cells != FREE, CAR.body
             unseen.append(
                 first_contact(
-                    blocked,
-                    RESOLUTION,
-                    known.frame.origin,
-                    motion(decision.plan),
-                    body.half_length,
-                    body.half_width,
+                    Scene(blocked, *known.frame.lattice, *body.halves), motion(decision.plan)
                 )
             )
         return decision
@@ -213,8 +208,7 @@ def plans(draw):
     controls = draw(
         st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-1.2, 1.2)), min_size=1, max_size=12)
     )
-    limits = CAR.v_max, CAR.acceleration, CAR.braking, CAR.lateral_acceleration, CAR.max_curvature
-    return Plan(*rollout(state, np.array(controls), DT, *limits))
+    return Plan(*rollout(state, np.array(controls), DT, CAR.driving))
 
 
 @given(plans())

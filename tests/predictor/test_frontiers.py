@@ -17,7 +17,7 @@ from foresee.mapping.grid import OCCUPIED, UNKNOWN, GridFrame
 from foresee.mapping.resampling import resampled
 from planner.guide.frontiers import FrontierMap
 from planner.guide.route import find_route, nearest_cell
-from planner.guide.subgoals import GIVE_UP, expected_costs, with_frontiers
+from planner.guide.subgoals import GIVE_UP_COST, expected_costs, with_frontiers
 from predictor.data.frontier_samples import (
     CELL,
     COLUMNS,
@@ -92,7 +92,7 @@ def test_expected_costs_are_those_of_the_best_order(seed):
             total += reached * values.leads[one] * values.way[one]
             reached *= 1.0 - values.leads[one]
             total += reached * values.back[one]
-        return total + reached * GIVE_UP
+        return total + reached * GIVE_UP_COST
 
     orders = list(itertools.permutations(range(4)))
     best = [min(cost_of(order) for order in orders if order[0] == first) for first in range(4)]
@@ -149,7 +149,7 @@ def test_a_predictor_of_frontiers_that_fails_does_not_stop_the_car():
 def test_a_prescribed_route_asks_no_predictor_of_frontiers():
     task, told = straight(), Told(0.5, 0.5)
     driver = navigator(task)
-    driver.guide._given = np.array([[2.0, 2.0], [15.0, 2.0]])
+    driver.guide._route = np.array([[2.0, 2.0], [15.0, 2.0]])
     driver.guide._frontiers = told
     drive(task, driver)
     assert told.asked == 0

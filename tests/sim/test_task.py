@@ -7,7 +7,7 @@ from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, marks_of
-from sim.arc_search import HEADINGS, arc_ways
+from sim.arc_search import HEADINGS, search_arcs
 from sim.car import along_arc, collides
 from sim.families import empty_straight, generate
 from sim.lidar import Lidar
@@ -99,7 +99,7 @@ def test_every_way_that_is_found_can_be_driven_without_a_collision(body):
     row, col = np.unravel_index(np.argmax(world.clearance), frame.shape)
     start = (*frame.centre(int(row), int(col)), 0.3)
     radius = SLACK * CAR.turning_radius
-    poses, parents, arcs, first = arc_ways(world, start, body, radius, 0.05, 0.4, 40.0)
+    poses, parents, arcs, first = search_arcs(world, start, body, radius, 0.05, 0.4, 40.0)
     assert parents[0] == -1
     assert first[0]
     assert len(poses) > 1000

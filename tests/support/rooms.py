@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from foresee.mapping.body import first_contact
+from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid
 from planner.risk.cost_map import CostMap
@@ -52,12 +52,7 @@ class Room:
         """Whether the body meets a cell, by default an occupied one, at any pose (n, 3)."""
         blocked = self.cells == OCCUPIED if blocked is None else blocked
         poses = np.ascontiguousarray(np.atleast_2d(poses), dtype=np.float64)
-        return bool(
-            first_contact(
-                blocked, RESOLUTION, self.frame.origin, poses, body.half_length, body.half_width
-            )
-            >= 0
-        )
+        return bool(first_contact(Scene(blocked, *self.frame.lattice, *body.halves), poses) >= 0)
 
 
 def along(points) -> np.ndarray:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
-from planner.motion.path import SPACING, Path
+from planner.motion.path import POINT_SPACING, Path
 from planner.motion.plan import Plan
-from planner.mpc.initial_guess import LOOK, pursue, shifted
+from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC
-from planner.navigator import AHEAD
+from planner.navigator import RISK_MAP_AHEAD
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 
@@ -81,33 +81,12 @@ def straight(aside: float = 0.0) -> Path:
 
 def segment_at(x: float) -> int:
     """Return the number of the segment of `straight` near which a car at `x` [m] is."""
-    return max(0, int((x + BEHIND) / SPACING) - 2)
-
-
-def pursuit(mpc: MPC, path: Path, state: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return controls (N, 2) of a car that follows a path by pure pursuit and ignores the posts."""
-    car = mpc.limits
-    return np.asarray(
-        pursue(
-            path.points,
-            segment_at(state[0]),
-            state,
-            mpc.stages,
-            mpc.config.dt,
-            car.v_max,
-            car.acceleration,
-            car.braking,
-            car.lateral_acceleration,
-            car.max_curvature,
-            LOOK,
-            1e6,
-        )
-    )
+    return max(0, int((x + BEHIND) / POINT_SPACING) - 2)
 
 
 def around(grid: Grid, state: NDArray[np.float64]) -> RiskMap:
     """Return the risk map around a car, at the same place as in normal driving."""
-    centre = state[:2] + AHEAD * np.array([np.cos(state[2]), np.sin(state[2])])
+    centre = state[:2] + RISK_MAP_AHEAD * np.array([np.cos(state[2]), np.sin(state[2])])
     frame = grid.frame.square(float(centre[0]), float(centre[1]), MAP_CELLS * grid.frame.resolution)
     return RiskMap.from_prediction(grid.crop(frame), None, 0.0)
 
@@ -141,7 +120,7 @@ def drive(mpc: MPC, prepare: Solver, seed: int | None, ticks: int) -> HallDrive:
     """
     grid, path = hall(seed), straight()
     state, last = np.array([0.0, 0.0, 0.0, 0.0]), 0.0
-    guess = pursuit(mpc, path, state)
+    guess = mpc.pursue(state, path, segment_at(state[0]))
     states, controls, times, failures = [state], [], [], 0
     for tick in range(ticks):
         solve = prepare(Tick(state, around(grid, state), guess, last, tick == 0))

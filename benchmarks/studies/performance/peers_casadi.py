@@ -179,7 +179,7 @@ def clearance_function(mpc: MPC) -> Any:
 
     Its arguments are the state (5,), the lower-left corner of the map (2,) [m], and the clearance
     of each cell of the map, row by row, (`MAP_CELLS`²,) [m]. The clearances are interpolated by
-    cubic convolution, as in `planner.mpc.condense.clearances`.
+    cubic convolution, as in `planner.mpc.clearance.clearances`.
     """
     origin, offset = ca.SX.sym("origin", 2), mpc.limits.body.length / 4
     cells: list[Any] = []

@@ -22,7 +22,6 @@ from benchmarks.studies.performance.hall import (
     Solver,
     Tick,
     drive,
-    pursuit,
     segment_at,
     straight,
 )
@@ -31,7 +30,7 @@ from benchmarks.studies.performance.peers_mppi import mppi
 from benchmarks.studies.performance.stage_times import OURS, beside_ours
 from foresee.statistics import grouped_mean
 from planner.mpc.mpc import MPC, MPCConfig
-from planner.navigator import AFRESH
+from planner.navigator import FRESH_GUESS_TICKS
 
 CONSTRAINED = MPCConfig()
 """Settings as in normal driving, with the clearance as a constraint."""
@@ -59,7 +58,7 @@ def ours(mpc: MPC) -> Solver:
 
 
 def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
-    """Return a solver that also tries another first guess every `AFRESH` ticks.
+    """Return a solver that also tries another first guess every `FRESH_GUESS_TICKS` ticks.
 
     Args:
         mpc: MPC whose costs decide which solution is used.
@@ -75,9 +74,10 @@ def in_turn(mpc: MPC, solver: Solver, afresh: Solver) -> Solver:
         nonlocal ticks
         ticks = 0 if tick.is_first else ticks + 1
         solves = [solver(tick)]
-        turn, between = divmod(ticks, AFRESH)
+        turn, between = divmod(ticks, FRESH_GUESS_TICKS)
         if between == 0:
-            guess = pursuit(mpc, pursued[turn % len(pursued)], tick.state)
+            aside = pursued[turn % len(pursued)]
+            guess = mpc.pursue(tick.state, aside, segment_at(tick.state[0]))
             solves.append(afresh(replace(tick, guess=guess, is_first=True)))
         segment = segment_at(tick.state[0])
 

@@ -7,9 +7,9 @@ import pytest
 from benchmarks.studies.performance import hall, peers, peers_mpc
 from benchmarks.studies.performance.peers_casadi import clearance_function, general
 from benchmarks.studies.performance.tables import peers_table
-from planner.mpc import condense
+from planner.mpc.clearance import clearances
 from planner.mpc.mpc import MPC
-from planner.navigator import AFRESH
+from planner.navigator import FRESH_GUESS_TICKS
 
 PROBLEMS = {"cost only": peers_mpc.COST_ONLY, "kept inside": peers_mpc.CONSTRAINED}
 
@@ -23,7 +23,7 @@ def test_a_general_solver_finds_the_plan_that_ours_finds(problem):
     mpc = MPC(config=PROBLEMS[problem])
     path, risk = hall.straight(), hall.around(hall.hall(3), np.array([4.0, 0, 0]))
     state = np.array([4.0, 0.3, 0.1, 2.0])
-    guess = hall.pursuit(mpc, path, state)
+    guess = mpc.pursue(state, path, hall.segment_at(state[0]))
     costs = []
     for prepare in (peers_mpc.ours(mpc), casadis(mpc)):
         plan = mpc.roll(state, prepare(hall.Tick(state, risk, guess, 0.0, True))())
@@ -42,12 +42,8 @@ def test_the_map_is_read_and_derived_as_ours_is():
     read = ca.Function("read", [x], [read, ca.jacobian(read, x)])
     rng = np.random.default_rng(0)
     states = rng.uniform([2, -2, -3, 0], [8, 2, 3, 4], (50, 4))
-    value, gradient = condense.clearances(
-        risk.clearance,
-        risk.frame.resolution,
-        risk.frame.origin,
-        states,
-        mpc.limits.body.length / 4,
+    value, gradient = clearances(
+        risk.frame.field(risk.clearance), states, mpc.limits.body.length / 4
     )
     for i, state in enumerate(states):
         got, derived = read([*state, 0.0])
@@ -66,7 +62,7 @@ def test_a_general_solver_drives_as_ours_does():
 def test_every_fifth_tick_the_cheaper_of_two_starts_is_driven():
     mpc = MPC(config=peers_mpc.CONSTRAINED)
     state, path = np.array([4.0, 0.3, 0.1, 2.0]), hall.straight()
-    aside = hall.pursuit(mpc, hall.straight(2.4), state)
+    aside = mpc.pursue(state, hall.straight(2.4), hall.segment_at(state[0]))
     ours, starts = peers_mpc.ours(mpc), []
 
     def afresh(tick):
@@ -83,7 +79,7 @@ def test_every_fifth_tick_the_cheaper_of_two_starts_is_driven():
         risk = hall.around(hall.hall(i), state)
         tick = hall.Tick(state, risk, aside, 0.0, i == 0)
         one, best = (cost(prepare(tick)(), risk) for prepare in (ours, solver))
-        assert best == pytest.approx(one, abs=1e-9) if i % AFRESH else best <= one + 1e-9
+        assert best == pytest.approx(one, abs=1e-9) if i % FRESH_GUESS_TICKS else best <= one + 1e-9
         cheaper += best < one - 1e-3
     assert cheaper > 0
     # The next drive begins with the first way again, whenever the last one ended.
