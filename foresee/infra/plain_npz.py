@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +29,11 @@ class NpzError(LineError):
 
 
 class Head(NamedTuple):
-    """Type and shape of an array."""
+    """Type and shape of an array, and the order of its values."""
 
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
+    order: Literal["C", "F"]
 
 
 class PlainNpz:
@@ -92,29 +94,11 @@ class PlainNpz:
             most: largest size allowed [bytes].
 
         Raises:
-            OSError: if the file cannot be read.
             NpzError: if there is no such array, it is too large, holds Python objects, or its
                 header contradicts its size.
         """
-        size = self.size(name)
-        if size > most:
-            raise NpzError(f"{name!r} is larger than {most} bytes")
-        try:
-            info = self._zip.getinfo(name + ENDING)
-            if info.compress_type not in METHODS:
-                raise ValueError("it is compressed in a way that is not supported")
-            with self._zip.open(info) as file:
-                if np.lib.format.read_magic(file) != (1, 0):
-                    raise ValueError("it is not of NumPy's format 1.0")
-                shape, _, dtype = np.lib.format.read_array_header_1_0(file)
-                left = size - file.tell()
-        except Exception as error:
-            raise NpzError(f"{name!r} is broken: {one_line(error)}") from error
-        if dtype.hasobject or not dtype.itemsize:
-            raise NpzError(f"{name!r} is of type {dtype}, which is not supported")
-        if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != left:
-            raise NpzError(f"{name!r} is not of shape {shape} and type {dtype}, as it says")
-        return Head(dtype, shape)
+        with self._opened(name, most) as (_, head):
+            return head
 
     def read(self, name: str, most: int = MOST_BYTES) -> NDArray[Any]:
         """Return an array.
@@ -124,13 +108,35 @@ class PlainNpz:
             most: largest size allowed [bytes].
 
         Raises:
-            OSError: if the file cannot be read.
             NpzError: if `head` refuses the array, or its values are damaged.
         """
-        self.head(name, most)
+        with self._opened(name, most) as (file, head):
+            data = bytearray(math.prod(head.shape) * head.dtype.itemsize)
+            if file.readinto(data) != len(data):
+                raise EOFError("it is cut off")
+            return np.ndarray(head.shape, head.dtype, data, order=head.order)
+
+    @contextmanager
+    def _opened(self, name: str, most: int) -> Iterator[tuple[zipfile.ZipExtFile, Head]]:
+        """Open an array after its header, which is checked; raise NpzError if it is broken."""
+        size = self.size(name)
+        if size > most:
+            raise NpzError(f"{name!r} is larger than {most} bytes")
         try:
-            with self._zip.open(name + ENDING) as file:
-                return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
+            info = self._zip.getinfo(name + ENDING)
+            if info.compress_type not in METHODS:
+                raise ValueError("it is compressed in a way that is not supported")
+            with self._zip.open(info) as file:
+                assert isinstance(file, zipfile.ZipExtFile)
+                if np.lib.format.read_magic(file) != (1, 0):
+                    raise ValueError("it is not of NumPy's format 1.0")
+                shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+                if dtype.hasobject or not dtype.itemsize:
+                    raise ValueError(f"its type {dtype} is not supported")
+                left = size - file.tell()
+                if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != left:
+                    raise ValueError(f"it is not of shape {shape} and type {dtype}, as it says")
+                yield file, Head(dtype, shape, "F" if fortran else "C")
         except Exception as error:
             raise NpzError(f"{name!r} is broken: {one_line(error)}") from error
 
