@@ -95,6 +95,72 @@ def test_the_console_script_is_not_misled_by_it(tmp_path):
     assert done.stdout.startswith("usage: benchmarks.corridor")
 
 
+BESIDE = """\
+import sys
+from importlib.util import find_spec
+
+sys.argv[0] = "/usr/bin/foresee"
+from foresee.__main__ import main
+
+try:
+    main(["corridor", "--help"])
+except SystemExit as ended:
+    assert ended.code == 0
+import my_module
+
+print("found:", *(find_spec(name).origin for name in ("sim", "planner", "predictor", "benchmarks")))
+"""
+
+
+@pytest.mark.parametrize("kind", ["folder", "file", "package"])
+def test_the_command_finds_its_packages_beside_others_of_their_names(tmp_path, kind):
+    for name in PACKAGES[1:]:
+        if kind == "file":
+            (tmp_path / f"{name}.py").write_text("raise RuntimeError")
+        else:
+            (tmp_path / name).mkdir()
+        if kind == "package":
+            (tmp_path / name / "__init__.py").write_text("raise RuntimeError")
+    (tmp_path / "my_module.py").write_text("")
+    done = subprocess.run(
+        [sys.executable, "-c", BESIDE],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: benchmarks.corridor")
+    assert done.stdout.split("found: ")[1].split() == [
+        str(ROOT / name / "__init__.py") for name in ("sim", "planner", "predictor", "benchmarks")
+    ]
+
+
+def test_a_package_of_ones_own_that_hides_one_is_named_in_python(tmp_path):
+    (tmp_path / "sim").mkdir()
+    (tmp_path / "sim" / "__init__.py").write_text("")
+    done = subprocess.run(
+        [sys.executable, "-c", "import foresee"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+    )
+    assert done.returncode == 1
+    assert "hides the package sim of foresee" in done.stderr.splitlines()[-1]
+
+
+def test_matplotlib_is_imported_after_what_lets_it_be_imported_in_any_environment():
+    # `benchmarks/figures/__init__.py` imports `foresee.infra.drawing` before its modules.
+    found = {
+        name
+        for name, tree in sources()
+        for node in tree.body
+        if isinstance(node, ast.Import | ast.ImportFrom) and "matplotlib" in ast.unparse(node)
+    }
+    assert {name.rpartition(".")[0] for name in found} == {"benchmarks.figures"}
+
+
 def test_the_console_script_lists_its_commands(capsys):
     assert main([]) == 0
     said = capsys.readouterr().out

@@ -35,6 +35,7 @@ from comparison import run
         ("--route", "scenic"),
         ("--noise", "-1"),
         ("--dropout", "1"),
+        ("--dask", "foo"),
         ("--seed", "-1"),
         ("--seed", "1.5"),
         ("--vehicle", "tank"),

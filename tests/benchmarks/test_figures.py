@@ -1,4 +1,8 @@
 import json
+import os
+import subprocess
+import sys
+import warnings
 from dataclasses import asdict
 
 import numpy as np
@@ -7,6 +11,7 @@ from drive_results import a_result
 from PIL import Image
 
 from benchmarks import plot
+from benchmarks.compare import plot as plot_run
 from benchmarks.figures.animation import Animation, roll_out
 from benchmarks.figures.moment import moment
 from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
@@ -183,6 +188,68 @@ def test_a_run_without_sct_is_drawn_with_what_it_has(tmp_path):
     assert len(draw_all(run)) == 3
     profile = speed_profile([Run.load(run)])
     assert "1.2 s" in [text.get_text().strip() for ax in profile.axes for text in ax.texts]
+
+
+ODD = "a$b_{c}$ \\\\frac^ _x 建物 😀 $"
+"""A name that is mathematics to matplotlib, and has characters that its fonts lack."""
+ENVIRONMENT = """\
+import sys, warnings
+from pathlib import Path
+
+warnings.simplefilter("error")
+from benchmarks.figures.run_figures import draw_all
+import matplotlib
+
+before = dict(matplotlib.rcParams)
+draw_all(Path(sys.argv[1]))
+assert dict(matplotlib.rcParams) == before
+"""
+
+
+def named(directory, name):
+    """A run whose buildings have a name."""
+    write_run(directory)
+    results = json.loads((directory / "results.json").read_text())
+    for episode in results["episodes"]:
+        episode["world"] = name
+    (directory / "results.json").write_text(json.dumps(results))
+    return directory
+
+
+@pytest.mark.parametrize("name", [ODD, "two\nlines\x1b[31m" + 100 * " long"])
+def test_names_of_buildings_are_shown_as_they_are(tmp_path, name):
+    run = named(tmp_path / "run", name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(draw_all(run)) == 3
+        Animation(Run.load(run)).frame(0)
+        figure = plot_run(Run.load(run))
+        figure.savefig(tmp_path / "figure.png")
+    title = figure.axes[0].get_title(loc="left")
+    assert title.startswith(f"Episode 0 · {' '.join(name.split())[:9]}")
+    assert len(title) < 90
+
+
+def test_figures_do_not_depend_on_the_users_matplotlib(tmp_path):
+    # What a process inherits from a notebook in another environment.
+    backend = "module://matplotlib_inline.backend_inline"
+    run, plain = write_run(tmp_path / "run"), write_run(tmp_path / "plain")
+    style = "text.usetex: True\nfont.size: 20\naxes.facecolor: black\nsavefig.bbox: tight\n"
+    (tmp_path / "matplotlibrc").write_text(style + "axes.formatter.use_mathtext: True\n")
+    done = subprocess.run(
+        [sys.executable, "-c", ENVIRONMENT, str(run)],
+        env=os.environ | {"MPLBACKEND": backend, "MATPLOTLIBRC": str(tmp_path / "matplotlibrc")},
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    for path in draw_all(plain):
+        assert path.read_bytes() == (run / path.name).read_bytes()
+
+
+def test_a_notebook_displays_a_figure_without_pyplot(tmp_path):
+    figure = plot_run(Run.load(write_run(tmp_path / "run")))
+    assert figure._repr_png_().startswith(b"\x89PNG")
 
 
 def test_figures_are_written_all_or_none(tmp_path):

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from numba import config
@@ -73,3 +74,62 @@ def test_a_package_that_cannot_be_written_keeps_them_in_the_users_cache(tmp_path
     code = "import kernels, numba; print(numba.config.CACHE_DIR)"
     done = subprocess.run([sys.executable, "-c", code], cwd=mapping, capture_output=True, text=True)
     assert done.stdout.strip() == str(cache_folder() / f"kernels-{stamp(tmp_path)}")
+
+
+NOWHERE = """\
+import tempfile
+
+tempfile.tempdir = "/dev/null"
+from kernels import njit
+
+@njit(cache=True)
+def twice(x):
+    return 2 * x
+
+print(twice(3))
+"""
+
+
+def test_without_any_cache_folder_kernels_are_compiled_in_memory_and_one_line_says_so(tmp_path):
+    mapping = tmp_path / "foresee" / "mapping"
+    mapping.mkdir(parents=True)
+    (mapping.parent / "__pycache__").touch()
+    shutil.copy(ROOT / "foresee" / "mapping" / "kernels.py", mapping)
+    done = subprocess.run(
+        [sys.executable, "-c", NOWHERE],
+        cwd=mapping,
+        env=os.environ
+        | {"HOME": "/dev/null", "XDG_CACHE_HOME": "", "NUMBA_CACHE_DIR": "/dev/null"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout == "6\n", done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert "no cache folder can be written" in done.stderr
+
+
+def test_a_temporary_folder_of_another_user_is_no_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = cache_folder()
+    assert folder == tmp_path / f"foresee-{os.getuid()}"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)
+    assert cache_folder() is None
+    folder.rmdir()
+    (tmp_path / "elsewhere").mkdir()
+    folder.symlink_to(tmp_path / "elsewhere")
+    assert cache_folder() is None
+
+
+def test_a_home_folder_that_is_missing_or_a_relative_cache_folder_is_no_error(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+
+    def homeless():
+        raise RuntimeError
+
+    monkeypatch.setattr(Path, "home", homeless)
+    assert cache_folder() == tmp_path / f"foresee-{os.getuid()}"

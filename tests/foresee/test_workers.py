@@ -3,6 +3,7 @@
 import importlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -13,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from foresee.infra import workers
-from foresee.infra.workers import LostError, WorkersError, finished
+from foresee.infra.workers import LostError, WorkersError, check_scheduler, finished
 
 
 def square(n):
@@ -169,6 +170,38 @@ def test_a_scheduler_that_is_not_there_is_named(distributed, monkeypatch):
     )
     with pytest.raises(WorkersError, match="no Dask scheduler answers at tcp"):
         list(finished(square, [1], 1, "tcp://127.0.0.1:9"))
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "",
+        "foo",
+        "127.0.0.1",
+        "tcp://",
+        "tcp://a:b",
+        "tcp://a:1:2",
+        "http://a:1",
+        "a:99999",
+        "a:1/x",
+    ],
+)
+def test_an_address_that_is_none_is_refused_at_once(address):
+    with pytest.raises(WorkersError, match=r"is no address of a Dask scheduler, such as tcp://"):
+        check_scheduler(address)
+
+
+@pytest.mark.parametrize("address", ["a:1", "tcp://10.0.0.1:8786", "tls://[::1]:8786"])
+def test_an_address_may_lack_the_protocol(address):
+    check_scheduler(address)
+
+
+def test_a_server_that_is_no_scheduler_is_named(distributed, monkeypatch):
+    monkeypatch.setattr(workers, "PATIENCE", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(WorkersError, match=r"no Dask scheduler answers.* its dashboard"):
+            list(finished(square, [1], 1, address))
 
 
 def test_workers_that_share_a_process_are_refused(distributed, tmp_path):
