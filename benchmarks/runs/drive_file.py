@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import MISSING
 from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeVar
@@ -45,7 +46,7 @@ def read_drives(path: Path, kind: str, entry: Mapping[str, Any] = ENTRY) -> dict
         raise UsageError(f"{path} is no file of {COMMANDS[kind]}")
     for drive in drives:
         facts = drive if isinstance(drive, dict) else {}
-        wrong = [name for name, hint in entry.items() if not fits(facts.get(name), hint)]
+        wrong = [name for name, hint in entry.items() if not fits(facts.get(name, MISSING), hint)]
         if wrong:
             raise UsageError(
                 f"{path} is no file of {COMMANDS[kind]}: a drive lacks a proper {wrong[0]}"

@@ -23,16 +23,16 @@ from sim.task import NoTaskError
 Key = tuple[str, int, tuple[float, ...], tuple[float, ...]]
 """Identity of a task: building, seed, start (x, y, yaw) and goal (x, y), rounded."""
 KIND = "optimum"
-ENTRY = {
+TASK_AND_TIME = {
     "index": int,
     "world": str,
     "seed": int,
     "start": list[float],
     "goal": list[float],
     "t_opt": float | None,
-    "t_bound": float | None,
-    "shortest": float | None,
 }
+"""Facts of each drive that a comparison needs, and their types."""
+ENTRY = TASK_AND_TIME | {"t_bound": float | None, "shortest": float | None}
 """Facts of each drive in the file, and their types."""
 
 
@@ -103,7 +103,7 @@ def read_t_opt(
         UsageError: if the file cannot be read, or is something else, of another car, or of a map
             that has been edited since.
     """
-    found = read_drives(path, KIND, ENTRY)
+    found = read_drives(path, KIND, TASK_AND_TIME)
     told = found["settings"]
     for name in ("v_max", "braking"):
         if not fits(told.get(name), float):

@@ -77,7 +77,7 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
     assert run(*command, "--arms", arms, "--predictor", "none", "--out", first) == 0
     plain, driven = attempt, []
 
-    def counted(settings, weights, item):
+    def counted(settings, weights, item, **_):
         driven.append(item)
         return plain(settings, weights, item)
 

@@ -56,7 +56,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
     out, command = narrow
     before = results(out)["episodes"]
 
-    def refuse(*_):
+    def refuse(*_, **__):
         pytest.fail("it drove again")
 
     monkeypatch.setattr("benchmarks.runs.drive.attempt", refuse)
@@ -69,12 +69,12 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
     command = (*common, "--out", tmp_path / "run")
     plain, driven = attempt, []
 
-    def interrupted(settings, weights, item):
+    def interrupted(settings, weights, item, **_):
         if item[0] == 1:
             raise KeyboardInterrupt
         return plain(settings, weights, item)
 
-    def counted(settings, weights, item):
+    def counted(settings, weights, item, **_):
         driven.append(item[0])
         return plain(settings, weights, item)
 
@@ -136,7 +136,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
         tmp_path / "run",
     )
 
-    def failing(settings, weights, item):
+    def failing(settings, weights, item, **_):
         if item[0] == 1:
             raise error("it has gone")
         return Drive(a_result(), Trace(tmp_path, 0, "known", {}))
@@ -150,7 +150,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
 
 
 def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeypatch, capsys):
-    def interrupted(*_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("benchmarks.runs.drive.attempt", interrupted)
