@@ -287,6 +287,11 @@ class _Bag:
                 f"{self.path}: the scans are of several frames, {', '.join(lasers)}, and no "
                 "transform fixes them to one robot"
             )
+        if robots[0] in lasers:
+            self.notes.append(
+                f"no static transform says where the laser {robots[0]!r} is on the robot: the poses "
+                f"of {topic} are taken as the laser's own"
+            )
         # The pose topic replaces what /tf says about the robot.
         transforms.edges.pop(robots[0], None)
         messages = list(self._messages(topic))
