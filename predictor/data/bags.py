@@ -289,7 +289,7 @@ class _Bag:
             )
         if robots[0] in lasers:
             self.notes.append(
-                f"no static transform says where the laser {robots[0]!r} is on the robot: the poses "
+                f"no static transform says where laser {robots[0]!r} is on the robot: the poses "
                 f"of {topic} are taken as the laser's own"
             )
         # The pose topic replaces what /tf says about the robot.
