@@ -60,12 +60,10 @@ def test_a_car_without_sensible_limits_is_refused(name, value):
 
 
 class Certain:
-    def predict(self, known, pose):
-        ones, zeros = (
-            np.ones(known.frame.shape, np.float32),
-            np.zeros(known.frame.shape, np.float32),
-        )
-        return Prediction(known.frame, ones, zeros, ones)
+    def predict(self, view):
+        frame = view.known.frame
+        ones, zeros = np.ones(frame.shape, np.float32), np.zeros(frame.shape, np.float32)
+        return Prediction(frame, ones, zeros, ones)
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-9])

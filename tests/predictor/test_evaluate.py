@@ -164,7 +164,7 @@ class Graduate:
         self.facts = {"worlds": [world_hash(sealed(load_world(self.place)).grid.cells)]}
 
     def predict(self, view):
-        from predictor import NoPrediction
+        from predictor.none import NoPrediction
 
         return NoPrediction().predict(view)
 

@@ -11,6 +11,7 @@ from generated_frames import generated, write_frames
 from benchmarks.studies.katyal2018.contestants import reduced
 from foresee.mapping.context import CELLS
 from predictor.data.samples import Samples, write_samples
+from predictor.data.splits import SplitError
 from predictor.networks import ARCHITECTURES
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
@@ -198,7 +199,7 @@ def test_a_damaged_checkpoint_is_named(tmp_path):
 
 
 def test_a_building_is_not_learned_from_and_validated_on(tmp_path):
-    with pytest.raises(TrainError, match="both in train and in validation"):
+    with pytest.raises(SplitError, match="both in train and in validation"):
         trainer(tmp_path, validation=generated(4, 1))
 
 
