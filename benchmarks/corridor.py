@@ -73,14 +73,14 @@ def _run(settings: Settings, place: Place) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import at_risk
     from benchmarks.figures.run_figures import draw_all
-    from benchmarks.runs.drive import attempt, weights_of
+    from benchmarks.runs.drive import attempt, run_fingerprint
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
     from benchmarks.runs.time_optimal import read_t_opt
     from foresee.infra.environment import several_states
     from sim.buildings import map_hashes
 
-    weights = weights_of(settings)
+    weights = run_fingerprint(settings)
     maps = map_hashes(settings.world)
     settings = at_risk(settings, place.calibration)
     t_opt = None if place.optimum is None else read_t_opt(place.optimum, settings, maps)

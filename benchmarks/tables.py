@@ -27,7 +27,7 @@ TABLES = {
     "weave": "benchmarks.studies.driver.weave:table",
     "sweeps": "benchmarks.studies.driver.sweeps:table",
     "stages": "benchmarks.studies.performance.tables:tables",
-    "prediction": "benchmarks.studies.katyal2018.tables:tables_of",
+    "prediction": "benchmarks.studies.katyal2018.tables:file_tables",
     "evaluation": "predictor.evaluation.drive_scores:table",
     "calibration": "benchmarks.calibration.learn_then_test:table",
     "risk": "benchmarks.studies.risk.tables:tables",
@@ -45,7 +45,7 @@ class TableSettings(Options):
     overview: bool = option(False, "print only one table, with a line for each comparison")
 
 
-def tables_of(results: dict[str, Any]) -> str:
+def file_tables(results: dict[str, Any]) -> str:
     """Return the tables of the contents of one results file as Markdown."""
     return str(resolve_name(TABLES[results["kind"]])(results))
 
@@ -86,7 +86,7 @@ def _read(path: Path) -> dict[str, Any]:
     with _broken_refused(str(path)):
         if results["kind"] == "comparison":
             results = summarised(results)
-        return results | {"tables": tables_of(results)}
+        return results | {"tables": file_tables(results)}
 
 
 @contextmanager

@@ -116,5 +116,5 @@ def _ask(caller: Caller, view: View) -> tuple[Prediction, float]:
     return answer, seconds
 
 
-def _same(one: Prediction, other: Prediction) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in FIELDS)
+def _same(first: Prediction, second: Prediction) -> bool:
+    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in FIELDS)

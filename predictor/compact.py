@@ -11,13 +11,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from foresee.mapping.context import CELLS, SIDE, context_of
+from foresee.mapping.context import CELLS, SIDE, coarse_context
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import Grid
 from foresee.mapping.resampling import resampled
 from foresee.prediction import Prediction, View, with_observed
 from predictor.data.samples import quarters
-from predictor.data.squares import codes_of
+from predictor.data.squares import encode_cells
 from predictor.networks.compact_net import (
     FREE,
     OCCUPIED,
@@ -70,10 +70,10 @@ class Compact:
         known, turns = view.known, quarters(float(view.pose[2]))
         # The network was trained on maps of this resolution.
         fine, rows, cols = resampled(known, RESOLUTION)
-        codes = codes_of(fine.cells).astype(np.int8)
+        codes = encode_cells(fine.cells).astype(np.int8)
         inputs: list[NDArray[Any]] = [np.rot90(codes, turns)]
         if self.context_side:
-            inputs.append(np.rot90(context_of(_context(view.around)), turns, axes=(1, 2)))
+            inputs.append(np.rot90(coarse_context(_context(view.around)), turns, axes=(1, 2)))
         outputs = self._outputs(*inputs)
         outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
         p_free, p_occupied, confidence = outputs
@@ -124,7 +124,7 @@ class _Answers(nn.Module):
 
         Args:
             codes: codes of what was observed, (B, H, W).
-            context: percentages of `context_of`, (B, 2, CELLS, CELLS).
+            context: percentages of `coarse_context`, (B, 2, CELLS, CELLS).
         """
         known = torch.stack([codes == 0, codes == 1], dim=1).float()
         shares = None if context is None else 0.01 * context.float()

@@ -14,8 +14,8 @@ from foresee.mapping.conventions import CROP_SIDE
 from foresee.mapping.grid import Grid, GridFrame, paste
 from foresee.prediction import Prediction, View, with_observed
 from predictor.data.samples import quarters
-from predictor.data.squares import codes_of
-from predictor.networks.grey_image import image_of, level_of, pixels_at_cells
+from predictor.data.squares import encode_cells
+from predictor.networks.grey_image import grey_level, map_images, pixels_at_cells
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.runtime import Runner, runner
@@ -69,7 +69,7 @@ class ImagePredictor:
             outside of it: (4, rows, columns).
         """
         square, grey = self._grey(view)
-        layers = (grey, *self._chances[:, level_of(grey)], np.ones_like(grey))
+        layers = (grey, *self._chances[:, grey_level(grey)], np.ones_like(grey))
         frame = view.known.frame
         return np.stack([paste(square, layer, frame, np.float32(0.0)) for layer in layers])
 
@@ -81,7 +81,7 @@ class ImagePredictor:
             known = known.crop(known.frame.square(x, y, CROP_SIDE))
         given = known.crop(square)
         turns = quarters(yaw) if self.config.turned else 0
-        image = image_of(np.rot90(codes_of(given.cells), turns), self.config.side)
+        image = map_images(np.rot90(encode_cells(given.cells), turns), self.config.side)
         grey = pixels_at_cells(self._run(image[None])[0], square.shape[0])
         return square, np.rot90(grey, -turns)
 

@@ -15,7 +15,7 @@ from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.frontier import Frontier
 from foresee.mapping.grid import Grid
 from foresee.mapping.resampling import resampled
-from predictor.data.frontier_samples import pictures_of
+from predictor.data.frontier_samples import frontier_pictures
 from predictor.networks.frontier_net import FARTHEST, FrontierNet
 from predictor.weights import load_weights
 
@@ -46,7 +46,7 @@ class LearnedFrontiers:
         """Predict where frontiers lead, see `foresee.frontiers`."""
         # The network was trained on maps of this resolution.
         fine, _, _ = resampled(known, RESOLUTION)
-        pictures, middles = pictures_of(fine, frontiers)
+        pictures, middles = frontier_pictures(fine, frontiers)
         to_go = np.minimum([frontier.to_go for frontier in frontiers], FARTHEST)
         sizes = [len(frontier.points) for frontier in frontiers]
         with torch.inference_mode():

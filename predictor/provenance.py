@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from foresee.mapping.grid import world_hash
 
 
-def fingerprint_of(predictor: Any) -> str | None:
+def weights_fingerprint(predictor: Any) -> str | None:
     """Return the fingerprint of a predictor's weights and its runtime; None if it has none.
 
     The runtime is included because it decides the last digits, on which a drive may depend.

@@ -20,7 +20,7 @@ from predictor.image_predictor import ImagePredictor
 from predictor.learned_frontiers import LearnedFrontiers
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.grey_net import GreyNet
-from predictor.weights import WeightsError, facts_of
+from predictor.weights import WeightsError, read_facts
 
 GROUP = "foresee.predictors"
 """Entry point group in which a package offers predictors."""
@@ -113,7 +113,7 @@ def _named(name: str) -> Any:
 
 def _of_weights(path: Path) -> Predictor:
     """Return a predictor that runs the network of a file."""
-    architecture, _ = facts_of(path)
+    architecture, _ = read_facts(path)
     if architecture in CompactNet.ARCHITECTURES:
         return Compact(path)
     if architecture in GreyNet.ARCHITECTURES:

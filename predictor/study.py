@@ -79,11 +79,11 @@ class StudySettings(Options):
 
 def _run(settings: StudySettings, images: ImageOptions) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from predictor.training.image_training import frames_of
+    from predictor.training.image_training import load_frames
     from predictor.training.parallel_trainings import Study, Training
 
     out = settings.out or Path("results") / f"study-{images.preset or 'paper'}"
-    train, validation = frames_of(settings.data)
+    train, validation = load_frames(settings.data)
     digests = train.digest, validation.digest
     optimiser = settings.batch, settings.rate, settings.seed
     trainings = [

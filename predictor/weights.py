@@ -85,7 +85,7 @@ def save_weights(path: Path, net: Net, facts: dict[str, Any]) -> None:
     write_whole(path, save(tensors, metadata=header))
 
 
-def facts_of(path: Path) -> tuple[str | None, dict[str, Any]]:
+def read_facts(path: Path) -> tuple[str | None, dict[str, Any]]:
     """Read the architecture and the facts of a file, without its tensors.
 
     Raises:

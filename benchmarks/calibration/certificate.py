@@ -16,7 +16,7 @@ from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import world_hash
 from planner.risk.calibration import Calibration
-from predictor.provenance import fingerprint_of
+from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
 from sim.buildings import sources
 from sim.map_server import load_world
@@ -43,10 +43,10 @@ REMOVED = {"oracle": False}
 """Setting of the first calibrations that the planner no longer has → the value that it then had."""
 
 
-def conditions_of(settings: Settings) -> dict[str, Any]:
+def conditions_for(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
     config = navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION)
-    weights = fingerprint_of(load_predictor(settings.predictor))
+    weights = weights_fingerprint(load_predictor(settings.predictor))
     return {
         **_map_conditions(settings),
         # Without the runtime, which only changes the rounding.
@@ -131,8 +131,9 @@ def load_calibration(path: Path) -> Calibration:
     Raises:
         CalibrationError: if it cannot be read.
     """
-    found = Calibration.load(path)
-    return replace(found, conditions=absent_in(found.conditions) | found.conditions)
+    certificate = Calibration.load(path)
+    conditions = certificate.conditions
+    return replace(certificate, conditions=absent_in(conditions) | conditions)
 
 
 def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
@@ -152,5 +153,5 @@ def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
         raise UsageError("--level is in place of --risk: give one of them")
     if calibration is None:
         raise UsageError("--risk needs --calibration, a file that benchmarks.calibrate has written")
-    found = load_calibration(calibration)
-    return replace(settings, level=found.level_for(settings.risk, conditions_of(settings)))
+    certificate = load_calibration(calibration)
+    return replace(settings, level=certificate.level_for(settings.risk, conditions_for(settings)))

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.calibration.certificate import absent_in, conditions_of
+from benchmarks.calibration.certificate import absent_in, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
-from benchmarks.runs.drive import attempt, weights_of
+from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.statistics import wilson
@@ -88,11 +88,11 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
             raise UsageError(
                 f"--drives {asked.drives} cannot certify a risk of {risk:g}, even if none collides"
             )
-    conditions = conditions_of(settings)
+    conditions = conditions_for(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
-    told = asdict(asked) | conditions
+    identity = asdict(asked) | conditions
     with ResumableFolder(
-        out, told, grows=("drives",), absent=absent_in(conditions), exclusive=True
+        out, identity, grows=("drives",), absent=absent_in(conditions), exclusive=True
     ):
         return _calibrate(settings, asked, out, jobs, conditions)
 
@@ -113,7 +113,7 @@ def _calibrate(
                 certified[risk] = level
             else:
                 open_risks.remove(risk)
-    found = {
+    content = {
         "conditions": conditions,
         "confidence": asked.confidence,
         "seed": asked.seed,
@@ -125,8 +125,8 @@ def _calibrate(
         "certified": {f"{risk:g}": level for risk, level in sorted(certified.items())},
         "levels": [_summary(tested) for tested in tests],
     }
-    write_results(out / "calibration.json", KIND, found)
-    return found
+    write_results(out / "calibration.json", KIND, content)
+    return content
 
 
 def _test(
@@ -140,10 +140,11 @@ def _test(
     """Drive at a level until the test of each risk is decided."""
     wanted = needed(asked.confidence)
     settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
-    weights = weights_of(settings)
-    told = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
-    absent = {name: value for name, value in OLDER.items() if name in told}
-    file = DriveFile(out / f"level-{level:g}.json", KIND_OF_DRIVES, told, "episodes", absent, ENTRY)
+    weights = run_fingerprint(settings)
+    identity = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
+    absent = {name: value for name, value in OLDER.items() if name in identity}
+    path = out / f"level-{level:g}.json"
+    file = DriveFile(path, KIND_OF_DRIVES, identity, "episodes", absent, ENTRY)
 
     def decided() -> bool:
         losses = _losses(_in_order(file, asked.drives))
@@ -180,12 +181,12 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     """
     places, seed = sources(settings.world), settings.seed + index
     place = places[int(np.random.default_rng([seed, 3]).integers(len(places)))]
-    told = {"index": index, "place": Path(place).stem}
-    one = replace(settings, world=(place,), seed=seed, episodes=1)
-    driven = attempt(one, weights, (0, ARM))
+    entry = {"index": index, "place": Path(place).stem}
+    single = replace(settings, world=(place,), seed=seed, episodes=1)
+    driven = attempt(single, weights, (0, ARM))
     if isinstance(driven, str):
-        return told | {"outcome": NO_TASK, "note": driven}
-    return told | {name: getattr(driven.result, name) for name in KEPT}
+        return entry | {"outcome": NO_TASK, "note": driven}
+    return entry | {name: getattr(driven.result, name) for name in KEPT}
 
 
 def _summary(tested: Tested) -> dict[str, Any]:
@@ -203,33 +204,33 @@ def _summary(tested: Tested) -> dict[str, Any]:
         "km": metres / 1e3,
         "outcomes": dict(outcomes),
         "by_world": {place: [bad[place], places[place]] for place in sorted(places)},
-        "capital": {f"{risk:g}": float(one.max()) for risk, one in tested.capital.items()},
+        "capital": {f"{risk:g}": float(money.max()) for risk, money in tested.capital.items()},
         "speed": metres / seconds if seconds else None,
     }
 
 
-def table_of_drives(found: dict[str, Any]) -> str:
+def table_of_drives(content: dict[str, Any]) -> str:
     """Return a table of the drives at one level as Markdown.
 
     Args:
-        found: contents of a file of drives of a calibration.
+        content: contents of a file of drives of a calibration.
     """
-    drives = [drive for drive in found["drives"] if drive["outcome"] != NO_TASK]
-    tested = Tested(found["settings"]["level"], drives, {})
+    drives = [drive for drive in content["drives"] if drive["outcome"] != NO_TASK]
+    tested = Tested(content["settings"]["level"], drives, {})
     return table({"levels": [_summary(tested)], "certified": {}})
 
 
-def table(found: dict[str, Any]) -> str:
+def table(content: dict[str, Any]) -> str:
     """Return a calibration as a Markdown table, one line for each level.
 
     The intervals are nominal, since the number of drives depends on their outcomes.
 
     Args:
-        found: contents of calibration.json.
+        content: contents of calibration.json.
     """
-    certified = {float(risk): level for risk, level in found["certified"].items()}
+    certified = {float(risk): level for risk, level in content["certified"].items()}
     rows = []
-    for entry in found["levels"]:
+    for entry in content["levels"]:
         risks = [f"{risk:g}" for risk, level in certified.items() if level >= entry["level"]]
         rows.append(
             {

@@ -33,7 +33,7 @@ from benchmarks.figures.palette import (
     speed_line,
 )
 from benchmarks.runs.saved_run import Run
-from foresee.infra.drawing import INK, bare, name_of, new_figure, own_style
+from foresee.infra.drawing import INK, bare, new_figure, own_style, short_name
 from foresee.mapping.grid import Grid, GridFrame
 from sim.car import along_arc
 
@@ -120,7 +120,7 @@ class Animation:
         self._title = self._figure.text(0.02, 0.965, "", fontsize=11, color=INK, va="center")
         about = "white: observed · orange: unobserved, used by the plan · line: plan"
         self._figure.text(0.98, 0.965, about, fontsize=8, color=INK, va="center", ha="right")
-        self._name = f"{self.arm} · episode {self.index} · {name_of(episode.world)}"
+        self._name = f"{self.arm} · episode {self.index} · {short_name(episode.world)}"
         near, far = (self._figure.add_axes(place) for place in PANELS)
         self._parts = (_Near(near, self), _Far(far, self), _Speed(self._figure, self))
         crash = MARKS["collision"] | {"markersize": 12}

@@ -33,7 +33,7 @@ from benchmarks.figures.palette import (
 )
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RecordedMoment
-from foresee.infra.drawing import INK, bare, name_of, new_figure
+from foresee.infra.drawing import INK, bare, new_figure, short_name
 from foresee.mapping.body import Body
 from foresee.mapping.polyline import arc_length
 
@@ -96,7 +96,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     scale_bar(axes[0, 0], 2.0)
     time = now.tick * run.setting("dt")
     figure.suptitle(
-        f"{arm} · episode {index} · {name_of(run.drives[index, arm].world)} · {time:.1f} s into "
+        f"{arm} · episode {index} · {short_name(run.drives[index, arm].world)} · {time:.1f} s into "
         f"the drive, at {now.plan[0, 3]:.2f} m/s",
         fontsize=12,
         color=INK,

@@ -21,7 +21,7 @@ from benchmarks.figures.palette import (
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import Trace
-from foresee.infra.drawing import INK, name_of, new_figure
+from foresee.infra.drawing import INK, new_figure, short_name
 
 DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)))
 """Line styles that tell runs apart."""
@@ -77,7 +77,7 @@ def speed_profile(runs: Sequence[Run], index: int | None = None) -> Figure:
     _strips(axes[1, 0], drives, room=many)
     # The title is above the legend if the legend is too wide to stand beside it.
     pad = 22 if len(drives) > 3 else 6
-    title = f"Episode {index} · {name_of(drives[0].result.world)}"
+    title = f"Episode {index} · {short_name(drives[0].result.world)}"
     axes[0, 0].set_title(title, loc="left", fontsize=11, color=INK, pad=pad)
     if many:
         _all_episodes(axes[0, 1], runs, drives)
@@ -102,13 +102,13 @@ def _drives(runs: Sequence[Run], index: int) -> list[_Drive]:
         labels = [str(run.directory) for run in runs]
     return [
         _Drive(
-            arm if len(runs) == 1 else f"{name_of(labels[number])}: {arm}",
+            arm if len(runs) == 1 else f"{short_name(labels[number])}: {arm}",
             number,
             run.drives[index, arm],
             run.trace(index, arm),
         )
         for number, run in enumerate(runs)
-        for arm in run.arms_of(index)
+        for arm in run.driven_arms(index)
     ]
 
 

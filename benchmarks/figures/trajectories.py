@@ -24,7 +24,7 @@ from benchmarks.figures.palette import (
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import Drive
-from foresee.infra.drawing import INK, bare, name_of, new_figure
+from foresee.infra.drawing import INK, bare, new_figure, short_name
 from foresee.mapping.grid import Grid
 
 MARGIN = 2.5
@@ -45,7 +45,8 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
     """
     indices = run.indices[:3] if indices is None else list(indices)
     rows = [
-        [Drive(run.drives[i, arm], run.trace(i, arm)) for arm in run.arms_of(i)] for i in indices
+        [Drive(run.drives[i, arm], run.trace(i, arm)) for arm in run.driven_arms(i)]
+        for i in indices
     ]
     boxes = [_box(row) for row in rows]
     columns = max(len(row) for row in rows)
@@ -63,7 +64,7 @@ def trajectories(run: Run, indices: Sequence[int] | None = None) -> Figure:
         scale_bar(across[0])
         # The layout reserves room for the height of the name, but not for its length, so that a
         # long name may extend over the next panel.
-        name = f"episode {index} · {name_of(row[0].result.world)}"
+        name = f"episode {index} · {short_name(row[0].result.world)}"
         for text, counts in ((" ", True), (name, False)):
             title = note(across[0], text, (0, 1), (0, 34), xycoords="axes fraction", fontsize=9)
             title.set_in_layout(counts)

@@ -13,7 +13,7 @@ from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
-from benchmarks.runs.tasks import facts_of, refuse_edited_map, shortest_length, task_of
+from benchmarks.runs.tasks import make_task, refuse_edited_map, shortest_length, task_facts
 from benchmarks.runs.trace import Drive, Trace
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
@@ -22,7 +22,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
 from planner.navigator import Navigator, NavigatorConfig
-from predictor.provenance import fingerprint_of, has_learned
+from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
@@ -81,7 +81,7 @@ def score(
     }
 
 
-def weights_of(settings: Settings) -> str | None:
+def run_fingerprint(settings: Settings) -> str | None:
     """Return the fingerprints of the weights of a run's predictors; None if there are none.
 
     The weights of the chosen predictor always count, those of the frontiers only if an arm uses
@@ -90,10 +90,10 @@ def weights_of(settings: Settings) -> str | None:
     Raises:
         PredictorError: if a predictor cannot be loaded.
     """
-    found = [fingerprint_of(load_predictor(settings.predictor))]
+    fingerprints = [weights_fingerprint(load_predictor(settings.predictor))]
     if any(ARMS[arm].frontiers for arm in settings.arms):
-        found.append(fingerprint_of(load_frontiers(settings.frontiers)))
-    return " and ".join(filter(None, found)) or None
+        fingerprints.append(weights_fingerprint(load_frontiers(settings.frontiers)))
+    return " and ".join(filter(None, fingerprints)) or None
 
 
 def attempt(
@@ -106,7 +106,7 @@ def attempt(
 
     Args:
         settings: settings of the run.
-        weights: what `weights_of` returns where the run was started; another machine may have
+        weights: what `run_fingerprint` returns where the run was started; another machine may have
             other files.
         item: number of the episode, and name of the arm.
         maps: hash of each map file where the run was started; None: not checked.
@@ -114,9 +114,9 @@ def attempt(
     Raises:
         WorkersError: if this machine has other weights, or another map.
     """
-    mine = weights_of(settings)
-    if mine != weights:
-        raise WorkersError(f"a worker has the weights {mine}, this run is of {weights}")
+    present = run_fingerprint(settings)
+    if present != weights:
+        raise WorkersError(f"a worker has the weights {present}, this run is of {weights}")
     try:
         refuse_edited_map(settings, item[0], maps or {})
         return drive(settings, *item)
@@ -124,7 +124,7 @@ def attempt(
         return str(error)
 
 
-def car_of(settings: Settings) -> CarLimits:
+def limits_for(settings: Settings) -> CarLimits:
     """Return the limits of the car that a run's settings describe."""
     return CarLimits(
         v_max=settings.v_max, braking=settings.braking, reverse=VEHICLES[settings.vehicle]
@@ -155,7 +155,7 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
         adapt=arm.takes_risk and not settings.fixed_level,
         steer=arm.steer,
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
-        car=car_of(settings),
+        car=limits_for(settings),
     )
 
 
@@ -200,9 +200,9 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
-    task = task or task_of(settings, index)
+    task = task or make_task(settings, index)
     arm = ARMS[arm_name]
-    car = car_of(settings)
+    car = limits_for(settings)
     choices = {"chosen": load_predictor(settings.predictor), "oracle": Oracle(task.world)}
     predictor = choices.get(arm.predictor)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
@@ -225,8 +225,8 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         arm=arm_name,
         vehicle=settings.vehicle,
         index=index,
-        **facts_of(task),
-        learned=any(has_learned(one, task.world.grid.cells) for one in (predictor, frontiers)),
+        **task_facts(task),
+        learned=any(has_learned(part, task.world.grid.cells) for part in (predictor, frontiers)),
         shortest=float(task.path_length),
         outcome=str(episode.outcome),
         **measured,

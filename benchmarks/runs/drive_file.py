@@ -36,11 +36,11 @@ def read_drives(path: Path, kind: str, entry: Mapping[str, Any] = ENTRY) -> dict
     Raises:
         UsageError: if it cannot be read, is of another kind, or lacks facts of a drive.
     """
-    found = read_results(path)
-    drives = found.get("drives")
+    content = read_results(path)
+    drives = content.get("drives")
     if (
-        found["kind"] != kind
-        or not isinstance(found.get("settings"), dict)
+        content["kind"] != kind
+        or not isinstance(content.get("settings"), dict)
         or not isinstance(drives, list)
     ):
         raise UsageError(f"{path} is no file of {COMMANDS[kind]}")
@@ -51,7 +51,7 @@ def read_drives(path: Path, kind: str, entry: Mapping[str, Any] = ENTRY) -> dict
             raise UsageError(
                 f"{path} is no file of {COMMANDS[kind]}: a drive lacks a proper {wrong[0]}"
             )
-    return found
+    return content
 
 
 class DriveFile:
@@ -83,13 +83,13 @@ class DriveFile:
         self.drives: dict[int, dict[str, Any]] = {}
         self._head = {"kind": kind, "settings": settings}
         if path.exists():
-            found = read_drives(path, kind, entry)
-            theirs = dict(absent or {}) | found["settings"]
-            refuse_other_settings(path, settings, theirs, (grows,))
-            self.drives = {drive["index"]: drive for drive in found["drives"]}
-            if not fits(theirs.get(grows), int):
+            content = read_drives(path, kind, entry)
+            earlier = dict(absent or {}) | content["settings"]
+            refuse_other_settings(path, settings, earlier, (grows,))
+            self.drives = {drive["index"]: drive for drive in content["drives"]}
+            if not fits(earlier.get(grows), int):
                 raise UsageError(f"{path} is no file of {COMMANDS[kind]}: it has no {grows}")
-            self._head["settings"] = settings | {grows: max(settings[grows], theirs[grows])}
+            self._head["settings"] = settings | {grows: max(settings[grows], earlier[grows])}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -138,12 +138,12 @@ class DriveFile:
             return skipped
         with tqdm(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
             try:
-                for item, found in finished(work, todo, jobs):
-                    if isinstance(found, str):
-                        skipped[item] = found
+                for item, content in finished(work, todo, jobs):
+                    if isinstance(content, str):
+                        skipped[item] = content
                     else:
-                        self.add(found)
-                        bar.set_postfix_str(about(found))
+                        self.add(content)
+                        bar.set_postfix_str(about(content))
                     bar.update()
                     if enough():
                         break

@@ -82,16 +82,16 @@ class DriveResult:
     cycle_ms: list[float]
 
     @classmethod
-    def from_json(cls, found: Any) -> Self:
+    def from_json(cls, entry: Any) -> Self:
         """Return the result that a JSON object contains; unknown names are ignored.
 
         Raises:
             ValueError: if a field is missing, of the wrong type, or not a finite number.
         """
-        if not isinstance(found, dict):
+        if not isinstance(entry, dict):
             raise ValueError("the result of a drive must be an object")
         hints = _hints()
-        known = {name: found[name] for name in hints if name in found}
+        known = {name: entry[name] for name in hints if name in entry}
         wrong = [name for name, value in known.items() if not fits(value, hints[name])]
         required = {field.name for field in fields(cls) if field.default is MISSING}
         wrong += sorted(required - known.keys())

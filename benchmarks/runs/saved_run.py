@@ -178,7 +178,7 @@ class Run:
         """Result of each drive, by number of the episode and arm."""
         return {(episode.index, episode.arm): episode for episode in self.episodes}
 
-    def arms_of(self, index: int) -> list[str]:
+    def driven_arms(self, index: int) -> list[str]:
         """Return the arms that have driven an episode.
 
         Raises:
@@ -200,7 +200,7 @@ class Run:
         Raises:
             RunError: if there is no such episode, or no such arm in it.
         """
-        arms = self.arms if index is None else self.arms_of(index)
+        arms = self.arms if index is None else self.driven_arms(index)
         if arm is None:
             predicted = [n for n in arms if n in ARMS and ARMS[n].predictor != "none"]
             return next((name for name in SHOWN_FIRST if name in arms), (predicted or arms)[0])

@@ -69,8 +69,9 @@ class Store(ResumableFolder):
         self.skipped: dict[int, str] = {}
         self.lost: list[tuple[int, str]] = []
         # Converted to JSON and back, to be compared with the settings in files.
-        told = dataclasses.asdict(settings) | {"weights": weights} | ({MAPS: maps} if maps else {})
-        self._marked = json.loads(json.dumps(told))
+        identity = dataclasses.asdict(settings) | {"weights": weights}
+        identity |= {MAPS: maps} if maps else {}
+        self._marked = json.loads(json.dumps(identity))
         adopted = None if baselines is None else self._checked(baselines)
         if not (out / SETTINGS).exists() and (out / RESULTS).exists():
             # A folder without settings must at least hold readable results; this raises if not.
@@ -150,9 +151,9 @@ class Store(ResumableFolder):
             run = Run.load(baselines)
         except RunError as error:
             raise UsageError(f"--baselines: {error}") from None
-        mine, theirs = self._marked, run.settings
-        other = {k for k, v in mine.items() if k not in GROWS and v != theirs.get(k)}
-        if MAPS not in theirs:
+        present, earlier = self._marked, run.settings
+        other = {k for k, v in present.items() if k not in GROWS and v != earlier.get(k)}
+        if MAPS not in earlier:
             other.discard(MAPS)
         arms = [arm for arm in self.settings.arms if not ARMS[arm].has_predictor]
         if not arms:
@@ -162,7 +163,7 @@ class Store(ResumableFolder):
             )
         alike = [arm for arm in arms if ARMS[arm].drives_alike(other)]
         if not alike:
-            what = ", ".join(difference(k, mine, theirs) for k in mine if k in other)
+            what = ", ".join(difference(k, present, earlier) for k in present if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")
         return run, alike
 
@@ -213,18 +214,20 @@ class Store(ResumableFolder):
         if not traces.exists():
             return drives, []
         try:
-            there = [drive for drive in drives if _groups_of(drive)[0] in archive.groups]
+            there = [drive for drive in drives if _archive_groups(drive)[0] in archive.groups]
         except RunError as error:
             self.set_aside(traces, str(error))
             return drives, []
         whole, faults = list[DriveResult](), dict[str, str]()
         for drive in there:
-            names = [name for group in _groups_of(drive) for name in archive.groups.get(group, ())]
+            names = [
+                name for group in _archive_groups(drive) for name in archive.groups.get(group, ())
+            ]
             try:
                 Trace(traces, drive.index, drive.arm, archive).check(names)
                 whole.append(drive)
             except RunError as error:
-                faults[_groups_of(drive)[0]] = str(error)
+                faults[_archive_groups(drive)[0]] = str(error)
         if not faults:
             return drives, whole
         for drive in whole:
@@ -235,7 +238,7 @@ class Store(ResumableFolder):
 
     def _loose(self, packed: set[tuple[int, str]]) -> list[DriveResult]:
         """Return the drives in files of their own that are not packed."""
-        found = []
+        loose = []
         for path in self._parts():
             part = self.read(f"{PARTS}/{path.name}")
             if part is None:
@@ -245,23 +248,23 @@ class Store(ResumableFolder):
                 if path != self.folder / _part(drive):
                     raise ValueError(f"it holds episode {drive.index} of {drive.arm}")
                 Trace(path, drive.index, drive.arm, part[1]).check(part[1])
-                found.append(drive)
+                loose.append(drive)
             except ValueError as error:
                 self.set_aside(path, one_line(error))
-        return [drive for drive in found if (drive.index, drive.arm) not in packed]
+        return [drive for drive in loose if (drive.index, drive.arm) not in packed]
 
     def _parts(self) -> list[Path]:
         return sorted((self.folder / PARTS).glob("*.npz"))
 
 
-def _groups_of(drive: DriveResult) -> tuple[str, str]:
+def _archive_groups(drive: DriveResult) -> tuple[str, str]:
     """Return the groups of a drive's own arrays and of its building's, see `Archive.groups`."""
     return f"e{drive.index}/{drive.arm}", f"w{drive.index}"
 
 
 def _drive_in(archive: Archive, result: DriveResult) -> Drive:
     """Return a drive whose arrays are read from an archive."""
-    names = (name for group in _groups_of(result) for name in archive.groups.get(group, ()))
+    names = (name for group in _archive_groups(result) for name in archive.groups.get(group, ()))
     arrays = {name: archive[name] for name in names}
     return Drive(result, Trace(archive.path, result.index, result.arm, arrays))
 

@@ -15,13 +15,13 @@ from sim.task import Task
 
 
 @lru_cache(maxsize=2)
-def task_of(settings: Settings, index: int) -> Task:
+def make_task(settings: Settings, index: int) -> Task:
     """Return the task (building, start, goal, route) of an episode, the same for all arms and cars.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
-    return task_in(*_source_of(settings, index))
+    return task_in(*_episode_source(settings, index))
 
 
 def refuse_edited_map(settings: Settings, index: int, maps: Mapping[str, str]) -> None:
@@ -36,12 +36,12 @@ def refuse_edited_map(settings: Settings, index: int, maps: Mapping[str, str]) -
         WorkersError: if the map has been edited since, or is another on this machine.
         NoTaskError: if the building has no route of at least 10 m.
     """
-    place, _ = _source_of(settings, index)
-    if place in maps and map_hash(task_of(settings, index).world.grid) != maps[place]:
+    place, _ = _episode_source(settings, index)
+    if place in maps and map_hash(make_task(settings, index).world.grid) != maps[place]:
         raise WorkersError(f"a worker has another map {place} than at the start of this run")
 
 
-def _source_of(settings: Settings, index: int) -> tuple[str, int]:
+def _episode_source(settings: Settings, index: int) -> tuple[str, int]:
     """Return the family or map file of an episode, and the seed of its task."""
     places = sources(settings.world)
     return places[index % len(places)], settings.seed + index // len(places)
@@ -62,7 +62,7 @@ def shortest_length(task: Task) -> float | None:
         return None
 
 
-def facts_of(task: Task) -> dict[str, Any]:
+def task_facts(task: Task) -> dict[str, Any]:
     """Return the facts of a task for the results: name of the building, seed, start and goal."""
     start, goal = ([float(v) for v in place] for place in (task.start, task.goal))
     return {"world": task.world.name, "seed": task.seed, "start": start, "goal": goal}

@@ -11,7 +11,7 @@ from benchmarks.optimal.search import time_optimal
 from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
-from benchmarks.runs.tasks import facts_of, shortest_length, task_of
+from benchmarks.runs.tasks import make_task, shortest_length, task_facts
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
@@ -59,7 +59,7 @@ def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
     car = CarLimits(v_max=settings.v_max, braking=settings.braking)
     radius = EpisodeConfig().goal_radius
     try:
-        task = task_of(settings, index)
+        task = make_task(settings, index)
     except NoTaskError as error:
         return str(error)
     length = shortest_length(task)
@@ -68,7 +68,7 @@ def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
     drive, tried = time_optimal(task, car, radius)
     result = {
         "index": index,
-        **facts_of(task),
+        **task_facts(task),
         "t_opt": None,
         "t_bound": None if shortest is None else round(time_bound(shortest, car, radius), 4),
         "shortest": shortest,
@@ -103,26 +103,26 @@ def read_t_opt(
         UsageError: if the file cannot be read, or is something else, of another car, or of a map
             that has been edited since.
     """
-    found = read_drives(path, KIND, TASK_AND_TIME)
-    told = found["settings"]
+    content = read_drives(path, KIND, TASK_AND_TIME)
+    recorded = content["settings"]
     for name in ("v_max", "braking"):
-        if not fits(told.get(name), float):
+        value = recorded.get(name)
+        if not fits(value, float):
             raise UsageError(f"{path} is no file of benchmarks.optimum: it has no {name}")
-        if settings is not None and told[name] != getattr(settings, name):
-            raise UsageError(f"{path} is of {name} {told[name]:g}, not {getattr(settings, name):g}")
-    theirs = told.get("maps")
-    if maps and isinstance(theirs, dict):
-        edited = [place for place in maps if theirs.get(place, maps[place]) != maps[place]]
+        if settings is not None and value != getattr(settings, name):
+            raise UsageError(f"{path} is of {name} {value:g}, not {getattr(settings, name):g}")
+    hashes = recorded.get("maps")
+    if maps and isinstance(hashes, dict):
+        edited = [place for place in maps if hashes.get(place, maps[place]) != maps[place]]
         if edited:
             raise UsageError(f"{path} is of another version of {', '.join(edited)}")
-    return {
-        task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"] for d in found["drives"]
-    }
+    drives = content["drives"]
+    return {task_key(d["world"], d["seed"], d["start"], d["goal"]): d["t_opt"] for d in drives}
 
 
-def table(found: dict[str, Any]) -> str:
+def table(content: dict[str, Any]) -> str:
     """Return a Markdown table of the means over drives whose T_opt and T_bound are known."""
-    drives = found["drives"]
+    drives = content["drives"]
     known = [d for d in drives if d["t_opt"] is not None and d["t_bound"] is not None]
     row: dict[str, Any] = {"tasks": len(drives), "drives found": len(known)}
     columns = (

@@ -196,17 +196,17 @@ class Trace:
         Raises:
             RunError: if it is missing or broken.
         """
-        found, wanted = self._array(self._full(name)), self._shape_of(name)
-        fits = [want in ("any", size) for want, size in zip(wanted, found.shape, strict=False)]
-        if len(wanted) != found.ndim or not all(fits):
-            self._refuse(name, f"has shape {found.shape}, not ({', '.join(map(str, wanted))})")
-        if found.dtype.kind not in ("U" if name.endswith("_names") else "biuf"):
-            self._refuse(name, f"is of type {found.dtype}")
-        if found.dtype.kind == "f" and not (np.abs(found.astype(np.float64)) <= FARTHEST).all():
+        array, wanted = self._array(self._full(name)), self._expected_shape(name)
+        fits = [want in ("any", size) for want, size in zip(wanted, array.shape, strict=False)]
+        if len(wanted) != array.ndim or not all(fits):
+            self._refuse(name, f"has shape {array.shape}, not ({', '.join(map(str, wanted))})")
+        if array.dtype.kind not in ("U" if name.endswith("_names") else "biuf"):
+            self._refuse(name, f"is of type {array.dtype}")
+        if array.dtype.kind == "f" and not (np.abs(array.astype(np.float64)) <= FARTHEST).all():
             self._refuse(name, f"holds numbers that are not finite, or beyond {FARTHEST:g}")
-        if found.size == 0 and name in ("states", "moment_plan", "moment_known", "moment_p_free"):
+        if array.size == 0 and name in ("states", "moment_plan", "moment_known", "moment_p_free"):
             self._refuse(name, "is empty")
-        return found
+        return array
 
     @cached_property
     def _cells(self) -> NDArray[np.int8]:
@@ -223,7 +223,7 @@ class Trace:
     def _full(self, name: str) -> str:
         return f"e{self.index}/{self.arm}/{name}"
 
-    def _shape_of(self, name: str) -> tuple[int | str, ...]:
+    def _expected_shape(self, name: str) -> tuple[int | str, ...]:
         wanted = SHAPES[name]
         if wanted == "world":
             return self._cells.shape

@@ -102,7 +102,7 @@ def new_figure(
     return OwnFigure(figsize=(width, height), dpi=150, layout="compressed" if maps else layout)
 
 
-def name_of(text: str) -> str:
+def short_name(text: str) -> str:
     """Return a name of the user's as a figure shows it: in one line, and cut if it is long."""
     return shown(text, LONGEST)
 

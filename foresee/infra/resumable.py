@@ -133,12 +133,12 @@ class ResumableFolder:
             return
         if path.exists():
             try:
-                theirs = dict(absent or {}) | read_object(path)
+                earlier = dict(absent or {}) | read_object(path)
             except (OSError, ValueError) as error:
                 raise UsageError(f"{path} cannot be read: {one_line(error)}") from None
-            older = [name for name in unchecked if name in settings and name not in theirs]
+            older = [name for name in unchecked if name in settings and name not in earlier]
             self.notes += [f"{folder} does not name its {name}: not compared" for name in older]
-            refuse_other_settings(folder, settings, theirs, (*grows, *older))
+            refuse_other_settings(folder, settings, earlier, (*grows, *older))
         write_whole(path, json.dumps(settings, indent=1).encode())
 
     def __enter__(self) -> Self:
@@ -206,37 +206,37 @@ def _lock_file(folder: Path) -> TextIO:
 
 
 def refuse_other_settings(
-    where: Path, mine: Mapping[str, Any], theirs: Mapping[str, Any], grows: Iterable[str] = ()
+    where: Path, present: Mapping[str, Any], earlier: Mapping[str, Any], grows: Iterable[str] = ()
 ) -> None:
     """Refuse earlier results that were made with other settings.
 
     Args:
         where: folder or file of the results.
-        mine: settings of this run.
-        theirs: settings of the earlier results, as read from JSON.
+        present: settings of this run.
+        earlier: settings of the earlier results, as read from JSON.
         grows: names of settings that may differ.
 
     Raises:
         UsageError: if other settings differ; the message names them.
     """
-    plain = json.loads(json.dumps(mine))
-    other = [k for k in plain | theirs if k not in grows and plain.get(k) != theirs.get(k)]
+    plain = json.loads(json.dumps(present))
+    other = [k for k in plain | earlier if k not in grows and plain.get(k) != earlier.get(k)]
     if other:
-        told = ", ".join(difference(k, plain, theirs) for k in other)
-        raise UsageError(f"{where} holds a run with {told}; choose another place")
+        listed = ", ".join(difference(k, plain, earlier) for k in other)
+        raise UsageError(f"{where} holds a run with {listed}; choose another place")
 
 
-def difference(name: str, mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> str:
+def difference(name: str, present: Mapping[str, Any], earlier: Mapping[str, Any]) -> str:
     """Return a setting of earlier results that differs, as text; of an object, what differs in it.
 
     Args:
         name: name of the setting.
-        mine: settings of this run, plain data.
-        theirs: settings of the earlier results.
+        present: settings of this run, plain data.
+        earlier: settings of the earlier results.
     """
-    if name not in theirs:
+    if name not in earlier:
         return f"no {name}"
-    here, there = mine.get(name), theirs[name]
+    here, there = present.get(name), earlier[name]
     if not (isinstance(here, dict) and isinstance(there, dict)):
         return f"{name} {there}"
     return f"other {name}: " + ", ".join(

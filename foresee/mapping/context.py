@@ -19,7 +19,7 @@ CELLS = round(SIDE / CELL)
 """Side of the context [cells]."""
 
 
-def context_of(around: Grid) -> NDArray[np.uint8]:
+def coarse_context(around: Grid) -> NDArray[np.uint8]:
     """Return the percentage of each coarse cell that was observed free, and observed occupied.
 
     Args:

@@ -131,15 +131,15 @@ class GridFrame:
         Raises:
             ValueError: if the two frames do not share one lattice.
         """
-        mine, theirs = [], []
+        here, there = [], []
         for start, length, their_length in zip(
             self.offset(other), self.shape, other.shape, strict=True
         ):
             low = max(0, start)
             high = max(low, min(length, start + their_length))
-            mine.append(slice(low, high))
-            theirs.append(slice(low - start, high - start))
-        return (mine[0], mine[1]), (theirs[0], theirs[1])
+            here.append(slice(low, high))
+            there.append(slice(low - start, high - start))
+        return (here[0], here[1]), (there[0], there[1])
 
     def square(self, x: float, y: float, side: float) -> GridFrame:
         """Return the square of a given side [m] around a point [m], snapped to this lattice."""
@@ -203,7 +203,7 @@ def paste(
     return out
 
 
-def marks_of(scan: Scan, pose: tuple[float, float, float], frame: GridFrame) -> NDArray[np.uint8]:
+def mark_beams(scan: Scan, pose: tuple[float, float, float], frame: GridFrame) -> NDArray[np.uint8]:
     """Mark the cells of a frame that the beams of a scan cross (1) and end in (2).
 
     Args:
@@ -290,7 +290,7 @@ class OccupancyGrid:
             raise ValueError(f"angle_min, angle_increment and mount are {beams}, not all finite")
         window = self.cover(self.frame.square(x, y, self.window))
         here, _ = self.frame.overlap(window)
-        _update(self.log_odds[here], marks_of(scan, (x, y, yaw), window))
+        _update(self.log_odds[here], mark_beams(scan, (x, y, yaw), window))
 
     def mark_free(self, pose: ArrayLike, body: Body, around: float) -> None:
         """Mark the unobserved cells under a body as free, as at the start of a drive.

@@ -55,20 +55,20 @@ def kept(place: Path, stamp: str) -> Path | None:
         place: parent folder.
         stamp: hash of the kernels' sources.
     """
-    mine = place / f"kernels-{stamp}"
+    folder = place / f"kernels-{stamp}"
     try:
-        mine.mkdir(parents=True, exist_ok=True)
-        os.utime(mine)
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
     except OSError:
         return None
-    if not os.access(mine, os.W_OK):
+    if not os.access(folder, os.W_OK):
         return None
     for other in place.glob("kernels-*"):
         # Another process may be removing it too.
         with contextlib.suppress(OSError):
             if other.stat().st_mtime < time.time() - UNUSED:
                 shutil.rmtree(other)
-    return mine
+    return folder
 
 
 if TYPE_CHECKING:

@@ -96,7 +96,7 @@ class Calibration:
         if not allowed:
             raise CalibrationError(
                 f"{self.path} certifies no risk as small as {risk:g}; "
-                f"it certifies {', '.join(f'{one:g}' for one in sorted(self.levels)) or 'none'}"
+                f"it certifies {', '.join(f'{other:g}' for other in sorted(self.levels)) or 'none'}"
             )
         return self.levels[max(allowed)]
 
@@ -112,13 +112,13 @@ class Calibration:
         names = self.conditions.keys() | conditions.keys()
         # The hash of the planner's settings last, since a message about it is the least helpful.
         for name in sorted(names, key=lambda name: (name == "planner", name)):
-            theirs, mine = self.conditions.get(name), conditions.get(name)
+            certified, asked = self.conditions.get(name), conditions.get(name)
             if name == "world":
-                theirs, mine = sorted(theirs or ()), sorted(mine or ())
-            if mine != theirs:
+                certified, asked = sorted(certified or ()), sorted(asked or ())
+            if asked != certified:
                 raise CalibrationError(
-                    f"{self.path} is for {name} {_told(theirs)}, not {_told(mine)}: calibrate anew "
-                    "with benchmarks.calibrate"
+                    f"{self.path} is for {name} {_listed(certified)}, not {_listed(asked)}: "
+                    "calibrate anew with benchmarks.calibrate"
                 )
 
 
@@ -172,5 +172,5 @@ def _check(levels: Mapping[float, float], tests: Sequence[_Test], confidence: fl
                 )
 
 
-def _told(value: Any) -> str:
+def _listed(value: Any) -> str:
     return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

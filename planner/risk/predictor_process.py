@@ -177,13 +177,13 @@ class _Server:
             opened.callback(os.close, memory)
             os.pwrite(memory, recipe, 0)
             self._memory = SharedMemory(memory)
-            self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            self._socket, child_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             opened.callback(self._socket.close)
-            given.callback(theirs.close)
+            given.callback(child_end.close)
             lifeline, our_end = os.pipe()
             opened.callback(os.close, our_end)
             given.callback(os.close, lifeline)
-            descriptors = memory, theirs.fileno(), lifeline
+            descriptors = memory, child_end.fileno(), lifeline
             self._process = subprocess.Popen(
                 [sys.executable, "-c", CODE, *map(str, descriptors), *sys.path],
                 stdin=subprocess.DEVNULL,

@@ -70,7 +70,7 @@ class Sidecar:
         Raises:
             LogError: if it cannot be read, or holds no numbers where there must be some.
         """
-        beside = sidecar_of(path)
+        beside = sidecar_path(path)
         if not beside.is_file():
             return cls()
         try:
@@ -90,7 +90,7 @@ class Sidecar:
         return cls((first, step) if angles else None, no_return, clock)
 
 
-def name_of(path: Path) -> str:
+def log_name(path: Path) -> str:
     """Return the name of a log without endings."""
     name = path.name.removesuffix(".gz")
     for ending in (*CARMEN, ".txt"):
@@ -98,9 +98,9 @@ def name_of(path: Path) -> str:
     return name
 
 
-def sidecar_of(path: Path) -> Path:
+def sidecar_path(path: Path) -> Path:
     """Return the path of the .json file beside a log, which may be missing."""
-    return path.with_name(name_of(path) + ".json")
+    return path.with_name(log_name(path) + ".json")
 
 
 def read_carmen(path: Path) -> LaserLog:
@@ -154,7 +154,7 @@ def read_carmen(path: Path) -> LaserLog:
     usable = sidecar.clock and bool((np.diff(times) > 0).all())
     clock = np.array(times) if usable else None
     skipped = {"bad ranges": bad, "bad scans": empty}
-    return LaserLog(name_of(path), tuple(scans), np.array(poses), clock, skipped)
+    return LaserLog(log_name(path), tuple(scans), np.array(poses), clock, skipped)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -224,6 +224,6 @@ def _beams(path: Path, number: int, count: int) -> tuple[float, float]:
     if count not in COMMON:
         raise LogError(
             f"{path}, line {number}: the directions of {count} beams are not known: give "
-            f"{' and '.join(ANGLES)} in {name_of(path)}.json beside it"
+            f"{' and '.join(ANGLES)} in {log_name(path)}.json beside it"
         )
     return math.radians(-90.0), math.radians(1.0 if count < HALF_DEGREE else 0.5)

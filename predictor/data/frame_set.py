@@ -26,7 +26,7 @@ from predictor.data.frames import (
     read_manifest,
 )
 from predictor.data.samples import RECIPE
-from predictor.data.squares import codes_of, middle
+from predictor.data.squares import encode_cells, middle
 
 WINDOW = 5.0
 """Side of the window around the car, inside which scans change the map `near` [m]."""
@@ -141,8 +141,8 @@ class Recording:
         """
         square = self.frame.square(float(state[0]), float(state[1]), SIDE * RESOLUTION)
         row = {
-            "estimated": middle(codes_of(whole.crop(square).cells), CROP_CELLS),
-            "remembered": codes_of(near.crop(square).cells),
+            "estimated": middle(encode_cells(whole.crop(square).cells), CROP_CELLS),
+            "remembered": encode_cells(near.crop(square).cells),
             "states": state,
             "actions": action,
             "times": time,

@@ -44,7 +44,7 @@ Array = TypeVar("Array", bound=Any)
 """A NumPy array or a torch tensor."""
 
 
-def pictures_of(
+def frontier_pictures(
     known: Grid, frontiers: Sequence[Frontier]
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """Return the pictures of frontiers, (n, 3, SIDE, SIDE), and their middles, (n, 2) [m].

@@ -8,15 +8,15 @@ from pathlib import Path
 from foresee.infra.errors import one_line
 from predictor.data import CARMEN, LOG_FORMATS, PACKED
 from predictor.data.bags import BagConfig, is_bag, read_bag
-from predictor.data.carmen import name_of, read_carmen, sidecar_of
+from predictor.data.carmen import log_name, read_carmen, sidecar_path
 from predictor.data.frames import checksum
 from predictor.data.laser_log import LaserLog, LogError
 
 
-def site_of(path: Path) -> str:
+def site_name(path: Path) -> str:
     """Return the name of a log: the name of its file or folder without endings."""
     if path.is_file() and not is_bag(path):
-        return name_of(path)
+        return log_name(path)
     return (path.with_suffix("") if path.suffix in PACKED else path).stem
 
 
@@ -41,16 +41,16 @@ def logs_in(paths: list[Path]) -> list[Path]:
     Raises:
         LogError: if a folder holds no log.
     """
-    found: list[Path] = []
+    expanded: list[Path] = []
     for path in paths:
         if not is_folder(path):
-            found.append(path)
+            expanded.append(path)
             continue
-        logs = [one for one in sorted(path.iterdir()) if is_log(one)]
+        logs = [entry for entry in sorted(path.iterdir()) if is_log(entry)]
         if not logs:
             raise LogError(f"{path} holds no log; logs are {LOG_FORMATS}")
-        found += logs
-    return found
+        expanded += logs
+    return expanded
 
 
 def read_log(path: Path, bag: BagConfig | None = None) -> LaserLog:
@@ -66,7 +66,7 @@ def read_log(path: Path, bag: BagConfig | None = None) -> LaserLog:
     return read_bag(path, bag) if is_bag(path) else read_carmen(path)
 
 
-def sources_of(paths: list[Path]) -> dict[str, str]:
+def log_sources(paths: list[Path]) -> dict[str, str]:
     """Return the name and the fingerprint of each log.
 
     Raises:
@@ -76,7 +76,7 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
         if not path.exists():
             raise LogError(f"{path}: no such file")
     try:
-        logs = {site_of(path): _fingerprint(path) for path in paths}
+        logs = {site_name(path): _fingerprint(path) for path in paths}
     except (OSError, ValueError) as error:
         raise LogError(f"--log: {one_line(error)}: {', '.join(map(str, paths))}") from None
     if len(logs) < len(paths):
@@ -87,6 +87,6 @@ def sources_of(paths: list[Path]) -> dict[str, str]:
 def _fingerprint(path: Path) -> str:
     """Return the SHA-256 of a log: of its file or folder, and of the file beside it."""
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
-    beside = sidecar_of(path)
+    beside = sidecar_path(path)
     digests = [checksum(file) for file in [*files, *([beside] if beside.is_file() else [])]]
     return hashlib.sha256("".join(digests).encode()).hexdigest()

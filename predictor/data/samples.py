@@ -21,11 +21,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.context import CELLS, context_of
+from foresee.mapping.context import CELLS, coarse_context
 from foresee.mapping.conventions import CROP_CELLS
 from foresee.mapping.grid import Grid
 from predictor.data.packed_samples import PackedSamples, SamplesError
-from predictor.data.squares import Square, codes_of, joined, middle, parted
+from predictor.data.squares import Square, encode_cells, joined, middle, parted
 
 FORMAT = 3
 RECIPE = "recipe.json"
@@ -50,8 +50,8 @@ def encoded(known: Grid, truth: NDArray[np.uint8], around: Grid, yaw: float) -> 
         yaw: heading of the robot [rad].
     """
     turns = quarters(yaw)
-    codes = np.rot90(joined(codes_of(known.cells), truth), turns)
-    context = np.rot90(context_of(around), turns, axes=(1, 2))
+    codes = np.rot90(joined(encode_cells(known.cells), truth), turns)
+    context = np.rot90(coarse_context(around), turns, axes=(1, 2))
     return zlib.compress(codes.tobytes() + context.tobytes(), 2)
 
 

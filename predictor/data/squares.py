@@ -27,13 +27,13 @@ TERNARY = np.array([1.0, 0.0, 0.5])
 Codes = TypeVar("Codes", NDArray[np.uint8], "Tensor")
 
 
-def codes_of(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
+def encode_cells(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
     """Return the codes of a map's cells: 0 for FREE, 1 for OCCUPIED, 2 for UNKNOWN."""
     return truth_codes(cells == FREE, cells == OCCUPIED)
 
 
-def cells_of(codes: NDArray[np.uint8]) -> NDArray[np.int8]:
-    """Return the cells of a map from their codes; the inverse of `codes_of`."""
+def decode_cells(codes: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """Return the cells of a map from their codes; the inverse of `encode_cells`."""
     return np.array([FREE, OCCUPIED, UNKNOWN], dtype=np.int8)[codes]
 
 

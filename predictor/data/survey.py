@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from foresee.mapping.conventions import RESOLUTION
-from foresee.mapping.grid import GridFrame, OccupancyGrid, marks_of, world_hash
+from foresee.mapping.grid import GridFrame, OccupancyGrid, mark_beams, world_hash
 from foresee.mapping.scan import Scan
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.laser_log import LaserLog, LogError
-from predictor.data.log_files import read_log, site_of
-from predictor.data.squares import cells_of, truth_codes
+from predictor.data.log_files import read_log, site_name
+from predictor.data.squares import decode_cells, truth_codes
 
 HITS = 0.25
 """Least share of hits among hits and crossings of an occupied cell."""
@@ -34,7 +34,7 @@ LARGEST = 1000.0
 """Largest extent of a log's poses [m]; the map then takes 0.4 GB."""
 
 
-def settings_of(bag: BagConfig) -> dict[str, Any]:
+def log_settings(bag: BagConfig) -> dict[str, Any]:
     """Return all settings that decide the frames of a log."""
     return {"reach": REACH, "window": WINDOW, "hits": HITS, "bag": asdict(bag)}
 
@@ -58,12 +58,12 @@ def make_log(folder: Path, bag: BagConfig, path: Path) -> dict[str, Any]:
     about = {
         "split": "physical",
         "map": log.name,
-        "world": world_hash(cells_of(recording.truth)),
+        "world": world_hash(decode_cells(recording.truth)),
         "clock": log.times is not None,
         "skipped": log.skipped,
         "notes": list(log.notes),
     }
-    return write_trajectory(folder, site_of(path), recording.arrays(), about)
+    return write_trajectory(folder, site_name(path), recording.arrays(), about)
 
 
 def record(log: LaserLog) -> Recording:
@@ -105,7 +105,7 @@ def surveyed(frame: GridFrame, scans: list[Scan], poses: NDArray[np.float64]) ->
         where = (float(pose[0]), float(pose[1]), float(pose[2]))
         x, y, _ = scan.sensor_pose(*where)
         square = frame.square(x, y, 2 * scan.range_max + 4 * frame.resolution)
-        marks = marks_of(scan, where, square)
+        marks = mark_beams(scan, where, square)
         here, there = frame.overlap(square)
         hits[here] += marks[there] == 2
         crossings[here] += marks[there] == 1

@@ -21,16 +21,16 @@ from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
 from predictor.evaluation import scored_drive
 from predictor.evaluation.figures import draw_evaluation
-from predictor.evaluation.scored_drive import AS_ROOM, BLANK, VERSION, rows_of
+from predictor.evaluation.scored_drive import AS_ROOM, BLANK, VERSION, score_rows
 from predictor.evaluation.settings import EvaluateConfig
-from predictor.provenance import fingerprint_of
+from predictor.provenance import weights_fingerprint
 from predictor.recording.settings import LEARNED
 from predictor.registry import load_predictor
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
 from sim.buildings import map_hashes, sources
 
 
-def group_of(place: str) -> str:
+def report_group(place: str) -> str:
     """Return the group in which a building is reported: its family, or the folder of its map."""
     path = Path(place)
     return path.resolve().parent.name if path.suffix else place
@@ -85,7 +85,9 @@ class DriveScores:
             raise UsageError("--predictors: a name is given more than once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # The weights are compared, too, since a file of the same name may have changed.
-        fingerprints = {name: fingerprint_of(load_predictor(name)) for name in config.predictors}
+        fingerprints = {
+            name: weights_fingerprint(load_predictor(name)) for name in config.predictors
+        }
         kept = asdict(config) | {"weights": fingerprints, "measures": VERSION}
         kept |= {"maps": maps} if maps else {}
         self.settings = json.loads(json.dumps(kept))
@@ -113,7 +115,7 @@ class DriveScores:
             part = self._read(item)
             if part is not None:
                 facts, arrays = part
-                group = groups.setdefault(group_of(item[0]), Group(rows_of(self.config)))
+                group = groups.setdefault(report_group(item[0]), Group(score_rows(self.config)))
                 group.add(facts, arrays)
                 errors = enumerate(facts.get("errors", ()))
                 pictures += [(error, arrays[f"picture/{i}"]) for i, error in errors]

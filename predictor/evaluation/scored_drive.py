@@ -19,7 +19,7 @@ from predictor.provenance import has_learned
 from predictor.recording.replay import drive_without_prediction, replayed_with
 from predictor.registry import load_predictor
 from predictor.scoring.images import ssim, ternary
-from predictor.scoring.scores import Scores, rings_of
+from predictor.scoring.scores import Scores, cell_rings
 from sim import LidarConfig
 from sim.buildings import task_in
 from sim.task import NoTaskError
@@ -57,7 +57,7 @@ def score_drive(
     world, rng = task.world, np.random.default_rng(seed)
     predictors = {name: load_predictor(name) for name in config.predictors}
     callers = {name: Caller(predictor) for name, predictor in predictors.items()}
-    scores = {name: Scores() for name in rows_of(config)}
+    scores = {name: Scores() for name in score_rows(config)}
     similar: dict[str, list[float]] = {name: [] for name in (*predictors, BLANK)}
     taken: dict[str, list[float]] = {name: [] for name in predictors}
     side = NavigatorConfig(window=config.window, expansion=config.expansion).predicted_side
@@ -68,7 +68,7 @@ def score_drive(
     ):
         square = known.frame.square(state[0], state[1], side)
         crop = known.crop(square)
-        ring = rings_of(crop)
+        ring = cell_rings(crop)
         free, occupied = world.truth(square)
         # Morphological opening; cells outside of the square count as free.
         room = binary_opening(np.pad(free, ROOM_REACH, constant_values=True), square_of_a_car)
@@ -106,7 +106,7 @@ def score_drive(
     return facts, arrays
 
 
-def rows_of(config: EvaluateConfig) -> list[str]:
+def score_rows(config: EvaluateConfig) -> list[str]:
     """Return the names of the rows of scores, three for each predictor."""
     return [name + end for name in config.predictors for end in ("", TRUSTED, AS_ROOM)]
 

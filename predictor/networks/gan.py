@@ -23,7 +23,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from predictor.networks.normalisation import norm_of
+from predictor.networks.normalisation import make_norm
 
 L1_WEIGHT = 100.0
 """Weight of the L1 loss relative to the adversarial loss, from pix2pix; the paper states none."""
@@ -46,7 +46,7 @@ class Discriminator(nn.Module):
         for layer in range(1, count):
             stride = 2 if layer < count - 1 else 1
             layers.append(nn.Conv2d(widths[layer - 1], widths[layer], 4, stride, 1, bias=False))
-            layers += [norm_of(over, widths[layer]), nn.LeakyReLU(0.2)]
+            layers += [make_norm(over, widths[layer]), nn.LeakyReLU(0.2)]
         layers.append(nn.Conv2d(widths[-1], 1, 4, 1, 1))
         self.layers = nn.Sequential(*layers)
 

@@ -25,7 +25,7 @@ GREY_LEVELS = 511
 """Number of levels of grey; odd, so that one of them is exactly 0, unknown."""
 
 
-def image_of(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
+def map_images(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
     """Return the images (..., side, side) of maps (..., n, n), by nearest neighbour.
 
     Where several cells make one pixel, occupied wins over unobserved, and that over free: no wall
@@ -39,24 +39,24 @@ def image_of(codes: NDArray[np.uint8], side: int) -> NDArray[np.int8]:
     if side >= n:
         cells = ((np.arange(side) + 0.5) * (n / side)).astype(np.intp)
         return GREYS[codes[..., cells[:, None], cells]]
-    first = np.searchsorted(pixels_of(n, side), np.arange(side))
+    first = np.searchsorted(nearest_pixels(n, side), np.arange(side))
     rows = np.minimum.reduceat(GREYS[codes], first, axis=-2)
     # Black, grey, white: the smallest grey wins.
     return np.minimum.reduceat(rows, first, axis=-1)
 
 
-def pixels_of(n: int, side: int) -> NDArray[np.intp]:
+def nearest_pixels(n: int, side: int) -> NDArray[np.intp]:
     """Return the row of pixels, of `side`, that holds the middle of each of n rows of cells."""
     return ((np.arange(n) + 0.5) * (side / n)).astype(np.intp)
 
 
 def pixels_at_cells(image: NDArray[Any], n: int) -> NDArray[Any]:
     """Return the pixel at each cell's middle: from images (..., side, side) back to (..., n, n)."""
-    pixels = pixels_of(n, image.shape[-1])
+    pixels = nearest_pixels(n, image.shape[-1])
     return image[..., pixels[:, None], pixels]
 
 
-def level_of(grey: NDArray[np.floating]) -> NDArray[np.intp]:
+def grey_level(grey: NDArray[np.floating]) -> NDArray[np.intp]:
     """Return the level of each grey in [-1, 1], any shape."""
     return np.rint((grey + 1.0) * (0.5 * (GREY_LEVELS - 1))).astype(np.intp)
 
@@ -97,5 +97,5 @@ def counted(
         truth: codes 0 free, 1 occupied, 2 neither; the same shape.
         unseen: which cells are unobserved; the same shape.
     """
-    both = 3 * level_of(grey[unseen]) + truth[unseen]
+    both = 3 * grey_level(grey[unseen]) + truth[unseen]
     return np.bincount(both, minlength=3 * GREY_LEVELS).reshape(GREY_LEVELS, 3).astype(np.int64)

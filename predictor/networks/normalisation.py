@@ -10,7 +10,7 @@ from __future__ import annotations
 from torch import nn
 
 
-def norm_of(over: str, channels: int) -> nn.Module:
+def make_norm(over: str, channels: int) -> nn.Module:
     """Return the normalisation of a layer.
 
     Args:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from torch import Tensor, nn
 
-from predictor.networks.normalisation import norm_of
+from predictor.networks.normalisation import make_norm
 
 BLOCKS = 9
 
@@ -38,14 +38,14 @@ class ResNet(nn.Module):
         super().__init__()
         fine, middle, coarse = (max(1, round(width * channels)) for channels in (64, 128, 256))
         layers: list[nn.Module] = [nn.ReflectionPad2d(3), nn.Conv2d(1, fine, 7, bias=False)]
-        layers += [norm_of(over, fine), nn.ReLU()]
+        layers += [make_norm(over, fine), nn.ReLU()]
         for inputs, outputs in ((fine, middle), (middle, coarse)):
             layers.append(nn.Conv2d(inputs, outputs, 3, 2, 1, bias=False))
-            layers += [norm_of(over, outputs), nn.ReLU()]
+            layers += [make_norm(over, outputs), nn.ReLU()]
         layers += [Block(coarse, over, dropout) for _ in range(BLOCKS)]
         for inputs, outputs in ((coarse, middle), (middle, fine)):
             layers.append(nn.ConvTranspose2d(inputs, outputs, 3, 2, 1, 1, bias=False))
-            layers += [norm_of(over, outputs), nn.ReLU()]
+            layers += [make_norm(over, outputs), nn.ReLU()]
         layers += [nn.ReflectionPad2d(3), nn.Conv2d(fine, 1, 7), nn.Tanh()]
         self.layers = nn.Sequential(*layers)
 
@@ -63,12 +63,12 @@ class Block(nn.Module):
         self.layers = nn.Sequential(
             nn.ReflectionPad2d(1),
             nn.Conv2d(width, width, 3, bias=False),
-            norm_of(over, width),
+            make_norm(over, width),
             nn.ReLU(),
             nn.Dropout(dropout),
             nn.ReflectionPad2d(1),
             nn.Conv2d(width, width, 3, bias=False),
-            norm_of(over, width),
+            make_norm(over, width),
         )
 
     def forward(self, x: Tensor) -> Tensor:

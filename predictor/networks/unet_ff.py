@@ -35,7 +35,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from predictor.networks.normalisation import norm_of
+from predictor.networks.normalisation import make_norm
 
 DROPPING = 3
 """Number of decoder layers with dropout, counted from the innermost."""
@@ -60,13 +60,13 @@ class UNet(nn.Module):
         for layer, (inputs, outputs) in enumerate(zip([1, *widths], widths, strict=False)):
             plain = layer in (0, depth - 1)
             conv = nn.Conv2d(inputs, outputs, 4, 2, 1, bias=plain)
-            self.down.append(conv if plain else nn.Sequential(conv, norm_of(over, outputs)))
+            self.down.append(conv if plain else nn.Sequential(conv, make_norm(over, outputs)))
         for layer, outputs in enumerate([*reversed(widths[:-1]), 1]):
             # Half of the input channels come from the encoder, except in the innermost layer.
             inputs = widths[-1] if layer == 0 else 2 * widths[depth - 1 - layer]
             last = layer == depth - 1
             conv_up = nn.ConvTranspose2d(inputs, outputs, 4, 2, 1, bias=last)
-            rest = [] if last else [norm_of(over, outputs)]
+            rest = [] if last else [make_norm(over, outputs)]
             rest += [nn.Dropout(dropout)] if layer < DROPPING else []
             self.up.append(nn.Sequential(conv_up, *rest))
 

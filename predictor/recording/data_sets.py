@@ -13,11 +13,10 @@ from tqdm import tqdm
 from foresee.infra.workers import finished
 from predictor.data.bags import BagConfig
 from predictor.data.frame_set import FrameSet
-from predictor.data.log_files import site_of, sources_of
+from predictor.data.log_files import log_sources, site_name
 from predictor.data.splits import check_apart
-from predictor.data.survey import make_log
-from predictor.data.survey import settings_of as settings_of_logs
-from predictor.recording.paper_drives import drives_of, make_drive, settings_of
+from predictor.data.survey import log_settings, make_log
+from predictor.recording.paper_drives import make_drive, plan_drives, set_settings
 from predictor.recording.settings import SimulatedConfig
 
 
@@ -34,8 +33,8 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
         DriveError: if a drive cannot be made.
         SplitError: if a validation drive or a further test drive shares a building with others.
     """
-    drives = {drive.name: drive for drive in drives_of(config)}
-    frames = FrameSet(folder, "simulated", settings_of(config), list(drives))
+    drives = {drive.name: drive for drive in plan_drives(config)}
+    frames = FrameSet(folder, "simulated", set_settings(config), list(drives))
     # The longest drives first, so that all processes end at about the same time.
     todo = sorted((drives[name] for name in frames.missing), key=lambda drive: -drive.count)
     total = sum(drive.count for drive in drives.values())
@@ -46,10 +45,10 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
             frames.add(drive.name, facts)
             bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
             bar.update(drive.count)
-    check_apart(worlds_of(frames.done.values()))
+    check_apart(worlds_by_split(frames.done.values()))
 
 
-def worlds_of(trajectories: Iterable[dict[str, Any]]) -> dict[str, set[str]]:
+def worlds_by_split(trajectories: Iterable[dict[str, Any]]) -> dict[str, set[str]]:
     """Return split → hashes of the buildings of its trajectories; "test" belongs to "train".
 
     In the paper, training and test drives are in the same two buildings.
@@ -77,12 +76,12 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
         FramesError: if the folder holds another set.
         LogError: if a log cannot be read.
     """
-    sites = {site_of(path): path for path in paths}
-    frames = FrameSet(folder, "physical", settings_of_logs(config), list(sites), sources_of(paths))
+    sites = {site_name(path): path for path in paths}
+    frames = FrameSet(folder, "physical", log_settings(config), list(sites), log_sources(paths))
     todo = [sites[name] for name in frames.missing]
     with tqdm(total=len(sites), initial=len(sites) - len(todo), unit="log") as bar:
         for path, facts in finished(partial(make_log, folder, config), todo, jobs):
-            frames.add(site_of(path), facts)
+            frames.add(site_name(path), facts)
             passed = "".join(f"; skipped: {n} {what}" for what, n in facts["skipped"].items() if n)
             bar.write(f"{facts['map']}: {facts['count']} frames{passed}", file=sys.stderr)
             for note in facts["notes"]:

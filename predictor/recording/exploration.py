@@ -30,12 +30,12 @@ from planner.risk.cost_map import CostMap
 from predictor.data.frontier_samples import (
     COLUMNS,
     GOALS,
-    pictures_of,
+    frontier_pictures,
     way_back,
     write_frontiers,
 )
 from predictor.networks.frontier_net import FARTHEST
-from predictor.recording.sample_set import EXPLORATIONS, Item, make_missing, path_of
+from predictor.recording.sample_set import EXPLORATIONS, Item, make_missing, sample_path
 from predictor.recording.settings import FrontiersConfig
 from sim import Lidar
 from sim.buildings import task_in_world
@@ -201,7 +201,7 @@ def _samples(
     rng: np.random.Generator,
 ) -> list[tuple[NDArray[Any], ...]]:
     """Return the samples of a map: picture, numbers and size of each frontier."""
-    pictures, middles = pictures_of(known.whole(), frontier_map.frontiers)
+    pictures, middles = frontier_pictures(known.whole(), frontier_map.frontiers)
     hidden = np.argwhere(truth.open & ~frontier_map.reached & np.isfinite(frontier_map.costs))
     goals = [(frontier_map.goal, np.array(goal))]
     while len(goals) < GOALS and len(hidden):
@@ -254,7 +254,9 @@ def record(config: FrontiersConfig, item: Item) -> tuple[int, str]:
         reason = str(error)
     about = {"family": family, "seed": seed, "world": world_hash(world.grid.cells)}
     pictures, numbers, sizes = zip(*samples, strict=True) if samples else ((), (), ())
-    write_frontiers(path_of(config.data, item), pictures, numbers, [float(n) for n in sizes], about)
+    write_frontiers(
+        sample_path(config.data, item), pictures, numbers, [float(n) for n in sizes], about
+    )
     return len(samples), reason
 
 

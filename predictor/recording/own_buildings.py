@@ -113,7 +113,7 @@ class OwnBuildings:
         }
 
 
-def world_of(path: Path) -> World:
+def read_building(path: Path) -> World:
     """Read a map file as a building to drive in, at the resolution of the samples.
 
     Raises:
@@ -139,7 +139,7 @@ def _hash(path: Path) -> str:
         NoTaskError: if the car cannot drive anywhere in the map.
     """
     if not is_log(path):
-        world = world_of(path)
+        world = read_building(path)
         task_in_world(world, 0)
         return world_hash(world.grid.cells)
     log = read_log(path)

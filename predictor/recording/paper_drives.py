@@ -73,7 +73,7 @@ class PaperDrive:
     count: int
 
 
-def settings_of(config: SimulatedConfig) -> dict[str, Any]:
+def set_settings(config: SimulatedConfig) -> dict[str, Any]:
     """Return all settings that decide the frames of a data set, for its manifest."""
     return asdict(config) | {
         "family": FAMILY,
@@ -84,7 +84,7 @@ def settings_of(config: SimulatedConfig) -> dict[str, Any]:
     }
 
 
-def drives_of(config: SimulatedConfig) -> list[PaperDrive]:
+def plan_drives(config: SimulatedConfig) -> list[PaperDrive]:
     """Return all trajectories of a data set."""
     shares = {
         "train": _shared(config.train, 4),

@@ -23,7 +23,7 @@ Item = tuple[str, int]
 """Split, and number of the drive in it."""
 
 
-def path_of(folder: Path, item: Item) -> Path:
+def sample_path(folder: Path, item: Item) -> Path:
     """Return the path of the file with a drive's samples."""
     split, number = item
     return folder / split / f"{number:06d}.npz"
@@ -49,7 +49,7 @@ def make_missing(
     for split in drives:
         (folder / split).mkdir(parents=True, exist_ok=True)
     items = [(split, number) for split, count in drives.items() for number in range(count)]
-    todo = [item for item in items if not path_of(folder, item).exists()]
+    todo = [item for item in items if not sample_path(folder, item).exists()]
     total, reasons = 0, set[str]()
     with tqdm(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
         for _, (samples, reason) in finished(record, todo, jobs):

@@ -28,11 +28,11 @@ from predictor.data.frames import MANIFEST
 from predictor.data.laser_log import LaserLog
 from predictor.data.log_files import is_log, read_log
 from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
-from predictor.data.squares import cells_of, codes_of, truth_codes
+from predictor.data.squares import decode_cells, encode_cells, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
-from predictor.recording.own_buildings import OwnBuildings, log_hash, world_of
+from predictor.recording.own_buildings import OwnBuildings, log_hash, read_building
 from predictor.recording.replay import drive_without_prediction, replayed_with
-from predictor.recording.sample_set import DRIVES, Item, make_missing, path_of
+from predictor.recording.sample_set import DRIVES, Item, make_missing, sample_path
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
 from sim import LidarConfig
@@ -70,12 +70,12 @@ def record(config: DrivesConfig, own: OwnBuildings, item: Item) -> tuple[int, st
     split, number = item
     seed = DRIVES[split] + number
     rng = np.random.default_rng(seed)
-    kind, path = place_of(config, own, split, number)
+    kind, path = draw_place(config, own, split, number)
     if path is not None and is_log(path):
         log, truth, drawn = _surveyed(path)
         driven_through, made = drawn, _replayed(config, log, truth, rng, STRETCH)
     else:
-        world = generate(kind, seed) if path is None else world_of(path)
+        world = generate(kind, seed) if path is None else read_building(path)
         drawn = world_hash(world.grid.cells)
         # Half of the generated buildings are varied, since the network's probabilities are
         # calibrated only for kinds of buildings that it was trained on.
@@ -90,11 +90,11 @@ def record(config: DrivesConfig, own: OwnBuildings, item: Item) -> tuple[int, st
     except NoTaskError as error:
         reason = str(error)
     about = {"family": kind, "seed": seed, "world": driven_through, "original": drawn}
-    write_samples(path_of(config.out, item), samples, about)
+    write_samples(sample_path(config.out, item), samples, about)
     return len(samples), reason
 
 
-def place_of(
+def draw_place(
     config: DrivesConfig, own: OwnBuildings, split: str, number: int
 ) -> tuple[str, Path | None]:
     """Choose the building of a drive.
@@ -160,21 +160,21 @@ def _logged(
         with contextlib.suppress(NoTaskError):
             tasks.append(sample_task(world, SPREAD * number + seed, ROBOT))
     log = simulated_log(tasks, rng)
-    yield from _replayed(config, log, _map_of(log), rng)
+    yield from _replayed(config, log, _survey_log(log), rng)
 
 
 @lru_cache(maxsize=2)
 def _surveyed(path: Path) -> tuple[LaserLog, Grid, str]:
     """Return a log, its map, and its hash."""
     log = read_log(path)
-    return log, _map_of(log), log_hash(log)
+    return log, _survey_log(log), log_hash(log)
 
 
-def _map_of(log: LaserLog) -> Grid:
+def _survey_log(log: LaserLog) -> Grid:
     """Return the map of all scans of a log."""
     frame = frame_around(log.poses, REACH)
     scans = [clipped(scan, REACH) for scan in log.scans]
-    return Grid(frame, cells_of(surveyed(frame, scans, log.poses)))
+    return Grid(frame, decode_cells(surveyed(frame, scans, log.poses)))
 
 
 def _replayed(
@@ -214,7 +214,7 @@ def _replayed(
                 # The remainder is carried over, but not whole jumps from one route to the next.
                 travelled %= APART
                 square = frame.square(float(pose[0]), float(pose[1]), side)
-                true = codes_of(truth.crop(square).cells)
+                true = encode_cells(truth.crop(square).cells)
                 around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT_SIDE))
                 yield encoded(known.crop(square), true, around, float(pose[2])), pose
 

@@ -17,7 +17,7 @@ from skimage.restoration import denoise_tv_chambolle
 from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
 from foresee.mapping.grid import Grid
 from foresee.prediction import Prediction
-from predictor.data.squares import TERNARY, codes_of
+from predictor.data.squares import TERNARY, encode_cells
 
 PERIMETER = 1.0
 """Cost of an edge of one cell's length, in wrongly drawn cells."""
@@ -51,7 +51,7 @@ def ternary(known: Grid, belief: Prediction | None) -> NDArray[np.float64]:
         known: map of all that was observed, which is drawn as it is.
         belief: prediction of the same cells, without NaN; None: unobserved cells are grey.
     """
-    image = TERNARY[codes_of(known.cells)]
+    image = TERNARY[encode_cells(known.cells)]
     if belief is None:
         return image
     p_free = np.where(known.unknown, belief.p_free, known.free).astype(np.float64)

@@ -69,7 +69,7 @@ class Scores:
             p_occupied: predicted probability of occupied, the same shape.
             free: which cells are truly free.
             occupied: which cells are truly a surface that a ray can hit.
-            ring: ring of each cell, see `rings_of`; -1: the cell does not count.
+            ring: ring of each cell, see `cell_rings`; -1: the cell does not count.
         """
         counted = ring >= 0
         at = ring[counted].astype(np.int64)
@@ -187,7 +187,7 @@ def _area(counts: NDArray[np.int64]) -> float:
     return float((counts[:, 1] * (below + 0.5 * counts[:, 0])).sum() / (negative * positive))
 
 
-def rings_of(known: Grid) -> NDArray[np.int8]:
+def cell_rings(known: Grid) -> NDArray[np.int8]:
     """Return the ring of EDGES that each cell lies in, (rows, columns); -1 for observed cells.
 
     The distance of a cell beyond the frontier is that to the nearest cell observed free.

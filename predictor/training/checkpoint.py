@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.input_file import check_input
-from predictor.weights import LARGEST_FILE, WeightsError, facts_of
+from predictor.weights import LARGEST_FILE, WeightsError, read_facts
 
 if TYPE_CHECKING:
     import torch
@@ -100,7 +100,7 @@ def is_trained(weights: Path, facts: dict[str, Any]) -> bool:
     if not weights.exists():
         return False
     try:
-        _, saved = facts_of(weights)
+        _, saved = read_facts(weights)
     except WeightsError as error:
         raise TrainError(f"{error}; delete it to make it again") from None
     if any(saved.get(name) != value for name, value in facts.items()):

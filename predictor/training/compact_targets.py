@@ -15,7 +15,9 @@ from predictor.data.squares import NOTHING, middle, parted
 from predictor.networks.compact_net import FREE, ROOM, ROOM_REACH, room_masks, widened
 
 
-def batch_of(samples: Sequence[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]) -> Tensor:
+def make_batch(
+    samples: Sequence[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]
+) -> Tensor:
     """Return the codes of the middle squares of some samples, (B, side, side) uint8.
 
     Args:
@@ -30,7 +32,7 @@ def batch_of(samples: Sequence[NDArray[np.uint8]], side: int, mirror: NDArray[np
     return torch.from_numpy(out)
 
 
-def contexts_of(
+def pack_contexts(
     contexts: Sequence[NDArray[np.uint8]],
     mirror: NDArray[np.bool_],
     alone: NDArray[np.bool_],
@@ -53,7 +55,7 @@ def contexts_of(
     return torch.from_numpy(out).float() / 100.0
 
 
-def known_of(codes: Tensor) -> Tensor:
+def known_input(codes: Tensor) -> Tensor:
     """Return the input (B, 2, H, W) for codes (B, H, W): observed free, observed occupied."""
     seen, _ = parted(codes)
     known = torch.stack([seen == 0, seen == 1], dim=1).float()
@@ -82,7 +84,7 @@ def losses(logits: Tensor, codes: Tensor) -> tuple[Tensor, Tensor]:
     truth, unseen = truth.long(), seen == NOTHING
     logs = F.log_softmax(logits[:, :ROOM], dim=1)
     of_truth = logs.gather(1, truth[:, None])[:, 0]
-    room, asked = room_of(codes)
+    room, asked = room_targets(codes)
     # Squares of ROOM that reach beyond the map are left out, since their truth is unknown.
     asked = F.pad(
         asked[:, ROOM_REACH:-ROOM_REACH, ROOM_REACH:-ROOM_REACH],
@@ -106,7 +108,7 @@ def nearness(seen: Tensor) -> Tensor:
     return weight
 
 
-def room_of(codes: Tensor) -> tuple[Tensor, Tensor]:
+def room_targets(codes: Tensor) -> tuple[Tensor, Tensor]:
     """Return the cells that truly have room, and those whose room is not known yet, (B, H, W)."""
     seen, truth = parted(codes)
     return widened((truth != FREE).byte()) == 0, room_masks(seen)[1]

@@ -16,7 +16,7 @@ from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.checkpoint import TrainError
-from predictor.training.compact_targets import NEAR, batch_of, contexts_of, known_of, losses
+from predictor.training.compact_targets import NEAR, known_input, losses, make_batch, pack_contexts
 from predictor.training.optimisation import cosine, descend, deterministic, fastest_device
 from predictor.training.settings import CompactTraining
 from predictor.training.trainer import Trainer, common_facts, spread
@@ -125,14 +125,18 @@ class CompactTrainer(Trainer):
         codes, contexts = zip(*drawn, strict=True)
         mirror, alone = rng.random(count) < 0.5, rng.random(count) < ALONE
         families = torch.from_numpy(self.train.family_numbers[chosen])
-        return batch_of(codes, side, mirror), contexts_of(contexts, mirror, alone, side), families
+        return (
+            make_batch(codes, side, mirror),
+            pack_contexts(contexts, mirror, alone, side),
+            families,
+        )
 
     def _learn(self, *batch: Tensor) -> list[float]:
         config, step = self.config, self.step
         self.net.train()
         codes, contexts, families = (part.to(self.device) for part in batch)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
-            logits = self.net(known_of(codes), contexts)
+            logits = self.net(known_input(codes), contexts)
         loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
         if self.kinds is not None:
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
@@ -211,9 +215,12 @@ def validate(
         part = [samples.with_context(int(i)) for i in chosen[start : start + 32]]
         none = np.zeros(len(part), dtype=bool)
         squares, surroundings = zip(*part, strict=True)
-        codes, contexts = batch_of(squares, side, none), contexts_of(surroundings, none, none, side)
+        codes, contexts = (
+            make_batch(squares, side, none),
+            pack_contexts(surroundings, none, none, side),
+        )
         with torch.inference_mode():
-            logits = net(known_of(codes.to(device)), contexts.to(device))[:, :ROOM]
+            logits = net(known_input(codes.to(device)), contexts.to(device))[:, :ROOM]
         p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
         seen, truth = parted(codes.numpy())
         ring = np.where(seen == NOTHING, np.int8(RINGS - 1), np.int8(-1))

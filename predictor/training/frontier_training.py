@@ -86,7 +86,7 @@ class FrontierTrainer(Trainer):
         return [float(loss.detach()), float(of_leads.detach().mean())]
 
     def _measures(self) -> dict[str, float]:
-        of_leads, of_ways = losses_of(self.net, self.validation)
+        of_leads, of_ways = frontier_losses(self.net, self.validation)
         return {
             "validation_of_leads": float(of_leads.mean()),
             "validation_of_ways": float(of_ways.mean()),
@@ -96,7 +96,7 @@ class FrontierTrainer(Trainer):
         save_weights(self.weights, self.net, facts | {"validation": self.log[-1]})
 
 
-def losses_of(
+def frontier_losses(
     net: FrontierNet, samples: FrontierSamples
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the losses of `leads` and of both ways, for the goals of the drives, (n,) each."""
@@ -116,7 +116,7 @@ def losses_of(
 
 def scores(net: FrontierNet, samples: FrontierSamples) -> str:
     """Return a table of the log-loss of `leads` in each family, and of the best constant there."""
-    of_leads, _ = losses_of(net, samples)
+    of_leads, _ = frontier_losses(net, samples)
     leads = samples.numbers[:, 0, COLUMNS.index("leads")]
     families = np.array(samples.families)[samples.family_numbers]
     rows = []

@@ -21,7 +21,7 @@ from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.image_learner import Adversary, Learner
-from predictor.training.image_validation import fit, images_alike, images_of
+from predictor.training.image_validation import batch_images, fit, images_alike
 from predictor.training.optimisation import deterministic, fastest_device
 from predictor.training.settings import ImageTraining, described
 from predictor.training.trainer import Trainer
@@ -89,7 +89,7 @@ class ImageTrainer(Trainer):
         places = [divmod(first + i, len(self.train)) for i in range(self.training.batch)]
         chosen = [int(self._order(epoch)[place]) for epoch, place in places]
         squares = [self.train.square(index, self.config.expansion) for index in chosen]
-        given, wanted = images_of(squares, self.config)
+        given, wanted = batch_images(squares, self.config)
         return torch.from_numpy(given), torch.from_numpy(wanted)
 
     @lru_cache(maxsize=2)  # noqa: B019  It lives as long as the training.
@@ -141,7 +141,7 @@ def train_images(
     """
     torch.set_num_threads(threads)
     of_drives = (data / RECIPE).exists()
-    train, validation = (_samples_of if of_drives else frames_of)(data)
+    train, validation = (_load_samples if of_drives else load_frames)(data)
     config = dataclasses.replace(config, turned=of_drives)
     weights = out / f"{config.arch}.safetensors"
     if is_trained(weights, described(config, training, (train.digest, validation.digest))):
@@ -149,7 +149,7 @@ def train_images(
     return ImageTrainer(config, training, train, validation, out).run(end)
 
 
-def frames_of(data: Path) -> list[Frames]:
+def load_frames(data: Path) -> list[Frames]:
     """Read the frames of a data set to train on, and those to validate on.
 
     Raises:
@@ -161,7 +161,7 @@ def frames_of(data: Path) -> list[Frames]:
         raise TrainError(f"--data: {error}") from None
 
 
-def _samples_of(data: Path) -> list[Samples]:
+def _load_samples(data: Path) -> list[Samples]:
     """Read the samples of drives to train on, and those to validate on."""
     try:
         return [Samples.load(data / split) for split in ("train", "validation")]

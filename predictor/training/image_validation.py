@@ -15,8 +15,8 @@ from predictor.networks.grey_image import (
     GREY_LEVELS,
     counted,
     fitted,
-    image_of,
-    level_of,
+    grey_level,
+    map_images,
     pixels_at_cells,
 )
 from predictor.networks.grey_net import GreyNet
@@ -41,7 +41,7 @@ def images_alike(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
     """
     chosen = spread(len(frames), VALIDATED).tolist()
     squares = [frames.square(i, net.config.expansion) for i in chosen]
-    greys = greys_of(net, squares)
+    greys = predict_greys(net, squares)
     truths = GREYS[np.stack([square.truth for square in squares])].astype(np.float32)
     alike = [ssim(grey, truth, span=2.0) for truth, grey in zip(truths, greys, strict=True)]
     return {"validation_l1": float(abs(greys - truths).mean()), "ssim": float(np.mean(alike))}
@@ -64,11 +64,11 @@ def fit(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
     for first in range(0, len(every), VALIDATED):
         chosen = every[first : first + VALIDATED]
         squares = [frames.square(i, net.config.expansion) for i in chosen]
-        greys = greys_of(net, squares)
+        greys = predict_greys(net, squares)
         truth = np.stack([square.truth for square in squares])
         unseen = np.stack([square.window == NOTHING for square in squares])
         counts += counted(greys, truth, unseen)
-        parts.append((level_of(greys[unseen]).astype(np.int16), truth[unseen]))
+        parts.append((grey_level(greys[unseen]).astype(np.int16), truth[unseen]))
     chances = fitted(counts).astype(np.float32)
     net.chances.copy_(torch.from_numpy(chances))
     scores = Scores()
@@ -78,21 +78,21 @@ def fit(net: GreyNet, frames: Frames | Samples) -> dict[str, float]:
     return scores.measures()
 
 
-def greys_of(net: GreyNet, squares: list[Square]) -> NDArray[np.float32]:
+def predict_greys(net: GreyNet, squares: list[Square]) -> NDArray[np.float32]:
     """Return the greys of a network for some squares, one for each cell, (B, n, n) in [-1, 1]."""
     n = len(squares[0].truth)
     out = np.empty((len(squares), n, n), dtype=np.float32)
     device = next(net.parameters()).device
     net.eval()
     for first in range(0, len(squares), AT_ONCE):
-        given, _ = images_of(squares[first : first + AT_ONCE], net.config)
+        given, _ = batch_images(squares[first : first + AT_ONCE], net.config)
         with torch.inference_mode():
             images = net(torch.from_numpy(given).to(device).float())
         out[first : first + AT_ONCE] = pixels_at_cells(images[:, 0].float().cpu().numpy(), n)
     return out
 
 
-def images_of(
+def batch_images(
     squares: Sequence[Square], config: ImageConfig
 ) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
     """Return the input and the target images of a network of the paper.
@@ -108,4 +108,4 @@ def images_of(
         [square.crop if config.given == "crop" else square.window for square in squares]
     )
     wanted = np.stack([square.truth for square in squares])
-    return image_of(given[:, None], config.side), image_of(wanted[:, None], config.side)
+    return map_images(given[:, None], config.side), map_images(wanted[:, None], config.side)

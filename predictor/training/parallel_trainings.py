@@ -21,7 +21,7 @@ from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import is_trained
 from predictor.training.image_training import train_images
 from predictor.training.settings import ImageTraining, described
-from predictor.training.trainer import Stopped, summary_of
+from predictor.training.trainer import Stopped, summary_line
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Training:
     def last(self) -> str:
         """Return the last entry of its log as one line; empty if there is none yet."""
         try:
-            return summary_of(
+            return summary_line(
                 loads((self.out / "log.jsonl").read_text(encoding="utf-8").splitlines()[-1])
             )
         except (OSError, ValueError, IndexError):

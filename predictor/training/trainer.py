@@ -150,7 +150,7 @@ class Trainer(ABC):
                 noted = self.step % self.note_every == 0 or last
                 if noted:
                     self._note()
-                    bar.set_postfix_str(summary_of(self.log[-1]))
+                    bar.set_postfix_str(summary_line(self.log[-1]))
                     self.losses = []
                 stop = time.monotonic() > end and not last
                 if time.monotonic() - saved > SAVE_EVERY or noted or stop:
@@ -239,7 +239,7 @@ def spread(total: int, count: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, total - 1, count).astype(np.intp))
 
 
-def summary_of(entry: dict[str, float]) -> str:
+def summary_line(entry: dict[str, float]) -> str:
     """Return the main values of a log entry as one line."""
     shown = ", ".join(
         f"{name.replace('_', ' ')} {value:.3f}" for name, value in entry.items() if name in SHOWN

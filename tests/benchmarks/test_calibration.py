@@ -10,7 +10,7 @@ from calibrations import SETTINGS, proof, written
 
 from benchmarks import calibrate, tables
 from benchmarks.calibration import learn_then_test
-from benchmarks.calibration.certificate import at_risk, conditions_of
+from benchmarks.calibration.certificate import at_risk, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
@@ -21,7 +21,7 @@ from sim import empty_straight, save_world
 
 def test_a_risk_is_given_the_level_of_the_largest_certified_risk_below_it(tmp_path):
     found = Calibration.load(written(tmp_path / "c.json"))
-    levels = [found.level_for(risk, conditions_of(SETTINGS)) for risk in (0.02, 0.03, 0.05, 0.5)]
+    levels = [found.level_for(risk, conditions_for(SETTINGS)) for risk in (0.02, 0.03, 0.05, 0.5)]
     assert levels == [0.003, 0.003, 0.01, 0.01]
 
 
@@ -30,7 +30,7 @@ def test_a_smaller_risk_than_any_certified_one_is_refused(tmp_path):
     with pytest.raises(
         CalibrationError, match=r"no risk as small as 0.01; it certifies 0.02, 0.05"
     ):
-        found.level_for(0.01, conditions_of(SETTINGS))
+        found.level_for(0.01, conditions_for(SETTINGS))
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_calibration_of_other_drives_is_refused(change, named, tmp_path):
 
 
 def test_a_calibration_of_another_planner_is_refused(tmp_path):
-    found = written(tmp_path / "c.json", conditions=conditions_of(SETTINGS) | {"planner": "other"})
+    found = written(tmp_path / "c.json", conditions=conditions_for(SETTINGS) | {"planner": "other"})
     with pytest.raises(CalibrationError, match="is for planner other"):
         at_risk(replace(SETTINGS, risk=0.05), found)
 
@@ -78,7 +78,7 @@ def test_the_certificate_is_for_maps_with_the_same_cells(tmp_path):
     path = tmp_path / "map.yaml"
     save_world(empty_straight(20.0, 3.0), path)
     settings = Settings(world=(str(path),), predictor="none", risk=0.05)
-    found = written(tmp_path / "c.json", conditions=conditions_of(settings))
+    found = written(tmp_path / "c.json", conditions=conditions_for(settings))
     assert at_risk(settings, found).level == 0.01
     save_world(empty_straight(20.0, 2.5), path)
     with pytest.raises(CalibrationError, match="is for maps"):
@@ -193,8 +193,8 @@ def test_a_folder_accepts_no_other_levels_later(change, named, tmp_path, monkeyp
 def test_a_folder_accepts_no_drives_of_another_planner(tmp_path, monkeypatch):
     monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
     learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
-    other = conditions_of(SETTINGS) | {"planner": "other"}
-    monkeypatch.setattr(learn_then_test, "conditions_of", lambda _: other)
+    other = conditions_for(SETTINGS) | {"planner": "other"}
+    monkeypatch.setattr(learn_then_test, "conditions_for", lambda _: other)
     with pytest.raises(UsageError, match="planner"):
         learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
 

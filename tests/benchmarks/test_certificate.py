@@ -13,7 +13,7 @@ from benchmarks.calibration.certificate import (
     HASHED,
     RENAMED,
     at_risk,
-    conditions_of,
+    conditions_for,
     load_calibration,
     planner_hash,
 )
@@ -136,7 +136,7 @@ def test_a_new_setting_of_the_drives_counts_only_if_it_is_not_at_its_default(mon
 def test_a_setting_that_a_calibration_does_not_contain_means_its_default(name, tmp_path):
     found = json.loads(OFFICE.read_text())
     default = Settings(world=("office",), risk=0.05)
-    found["conditions"] = json.loads(json.dumps(conditions_of(default)))
+    found["conditions"] = json.loads(json.dumps(conditions_for(default)))
     del found["conditions"][name]
     path = tmp_path / "calibration.json"
     path.write_text(json.dumps(found))
@@ -151,9 +151,11 @@ def test_the_defaults_of_settings_that_published_results_lack_are_those_they_wer
 
 
 def test_the_hash_of_the_planner_is_a_condition(monkeypatch):
-    before = conditions_of(AT_RISK)
+    before = conditions_for(AT_RISK)
     with_planner(monkeypatch, start_margin=0.3)
-    assert {k: v for k, v in conditions_of(AT_RISK).items() if before[k] != v}.keys() == {"planner"}
+    assert {k: v for k, v in conditions_for(AT_RISK).items() if before[k] != v}.keys() == {
+        "planner"
+    }
 
 
 def own_map(folder, resolution):
@@ -165,16 +167,16 @@ def own_map(folder, resolution):
 
 def test_a_calibration_holds_for_the_resolution_of_its_maps(tmp_path):
     here = own_map(tmp_path, 0.05)
-    path = written(tmp_path / "c.json", conditions=conditions_of(here))
+    path = written(tmp_path / "c.json", conditions=conditions_for(here))
     assert at_risk(here, path).level > 0.0
-    assert conditions_of(here)["resolutions"] == [0.05]
+    assert conditions_for(here)["resolutions"] == [0.05]
     with pytest.raises(CalibrationError, match=r"resolutions 0\.05, not 0\.1"):
         at_risk(own_map(tmp_path, 0.1), path)
 
 
 def test_an_older_calibration_of_own_maps_is_of_the_usual_resolution(tmp_path):
     here = own_map(tmp_path, 0.05)
-    conditions = conditions_of(here)
+    conditions = conditions_for(here)
     del conditions["resolutions"]
     path = written(tmp_path / "c.json", conditions=conditions)
     assert at_risk(here, path).level > 0.0
@@ -185,7 +187,7 @@ def test_an_older_calibration_of_own_maps_is_of_the_usual_resolution(tmp_path):
 @pytest.mark.parametrize("maps", [5, None, "x", {"a": 1}, [[]]])
 def test_conditions_of_maps_may_be_anything(tmp_path, maps):
     here = own_map(tmp_path, 0.05)
-    path = written(tmp_path / "c.json", conditions=conditions_of(here) | {"maps": maps})
+    path = written(tmp_path / "c.json", conditions=conditions_for(here) | {"maps": maps})
     with pytest.raises(CalibrationError, match="maps"):
         at_risk(here, path)
 
@@ -193,5 +195,5 @@ def test_conditions_of_maps_may_be_anything(tmp_path, maps):
 def test_a_learned_building_is_known_by_its_cells(tmp_path):
     here = own_map(tmp_path, 0.05)
     cells = load_world(here.world[0]).grid.cells
-    learned = SimpleNamespace(facts={"worlds": conditions_of(here)["maps"]})
+    learned = SimpleNamespace(facts={"worlds": conditions_for(here)["maps"]})
     assert has_learned(learned, cells)

@@ -6,7 +6,7 @@ import pytest
 from calibrations import written
 
 from benchmarks.calibration import certificate, learn_then_test
-from benchmarks.calibration.certificate import at_risk, conditions_of
+from benchmarks.calibration.certificate import at_risk, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import wilson
@@ -57,7 +57,7 @@ def test_a_risk_stays_certified_while_a_smaller_one_is_still_tested(tmp_path, mo
 
 @pytest.mark.parametrize("part", ["mpc", "guide", "car"])
 def test_a_calibration_of_a_planner_with_other_settings_is_refused(part, tmp_path, monkeypatch):
-    conditions = conditions_of(SETTINGS)
+    conditions = conditions_for(SETTINGS)
     path = written(tmp_path / "c.json", conditions=conditions, certified={"0.05": 0.01})
     asked = replace(SETTINGS, risk=0.05)
     assert at_risk(asked, path).level == 0.01
@@ -85,7 +85,7 @@ def test_only_collisions_count_as_losses(tmp_path, monkeypatch):
 
 
 def test_the_conditions_do_not_depend_on_the_level_in_use():
-    assert conditions_of(replace(SETTINGS, level=0.01)) == conditions_of(SETTINGS)
+    assert conditions_for(replace(SETTINGS, level=0.01)) == conditions_for(SETTINGS)
 
 
 def test_the_table_says_what_was_driven_and_what_each_level_is_certified_for(tmp_path, monkeypatch):

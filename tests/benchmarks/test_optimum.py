@@ -16,7 +16,7 @@ from benchmarks.optimal.shortest_path import path_length, shortest_path, time_bo
 from benchmarks.optimum import main
 from benchmarks.runs.drive_file import DriveFile, read_drives
 from benchmarks.runs.settings import Settings
-from benchmarks.runs.tasks import task_of
+from benchmarks.runs.tasks import make_task
 from benchmarks.runs.time_optimal import KIND, read_t_opt, task_key
 from foresee.infra.command_line import UsageError
 from foresee.mapping.car_limits import CarLimits
@@ -283,7 +283,7 @@ def test_the_shipped_drives_are_of_the_default_tasks_and_not_quicker_than_their_
     path = Path(__file__).parents[2] / "docs/results/optimum-corridor.json"
     times = read_t_opt(path, Settings())
     assert len(times) == 100
-    task = task_of(Settings(), 1)
+    task = make_task(Settings(), 1)
     assert task_key(task.world.name, task.seed, task.start, task.goal) in times
     for drive in read_drives(path, KIND)["drives"]:
         assert drive["t_bound"] <= drive["t_opt"] < 2.0 * drive["t_bound"]

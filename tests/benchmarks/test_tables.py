@@ -38,7 +38,7 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
         older["settings"].pop(name)
     # The reliance was called so.
     older["settings"]["risk"] = 0.07
-    text = tables.tables_of(overview.summarised(older))
+    text = tables.file_tables(overview.summarised(older))
     assert "reliance ε = 0.07, risk δ = 0, level λ = 0" in text
     assert "dubins car" in text
     ratio = next(line for line in text.splitlines() if "time ratio" in line)

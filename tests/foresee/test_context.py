@@ -12,7 +12,7 @@ from foresee.prediction import BadPredictionError, Prediction, View
 from predictor.compact import Compact
 from predictor.networks.compact_net import CompactNet
 from predictor.runtime import RUNTIMES
-from predictor.training.compact_targets import contexts_of
+from predictor.training.compact_targets import pack_contexts
 from predictor.weights import load_weights, save_weights
 from sim.episode import EpisodeConfig
 
@@ -119,11 +119,11 @@ def test_in_training_some_samples_are_without_what_lies_beyond_their_square():
     contexts = [np.full((2, CELLS, CELLS), 50, np.uint8) for _ in range(2)]
     contexts[0][:, : CELLS // 2] = 100
     none = np.zeros(2, bool)
-    out = contexts_of(contexts, np.array([True, False]), np.array([False, True]), 200).numpy()
+    out = pack_contexts(contexts, np.array([True, False]), np.array([False, True]), 200).numpy()
     assert out[0, 0, 0, 0] == 0.5
     assert out[0, 0, -1, 0] == 1.0
     assert out[1].sum() == pytest.approx(2 * 20 * 20 * 0.5)
-    assert contexts_of(contexts, none, none, 200).numpy()[1].min() == 0.5
+    assert pack_contexts(contexts, none, none, 200).numpy()[1].min() == 0.5
 
 
 def test_the_contract_holds_for_a_predictor_with_a_context(weights):

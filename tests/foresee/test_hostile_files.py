@@ -39,13 +39,13 @@ from predictor.data.bags import read_bag
 from predictor.data.carmen import read_carmen
 from predictor.data.frames import Frames, FramesError
 from predictor.data.laser_log import LogError
-from predictor.data.log_files import read_log, sources_of
+from predictor.data.log_files import log_sources, read_log
 from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, write_samples
 from predictor.networks.compact_net import CompactNet
 from predictor.provenance import has_learned
 from predictor.training.checkpoint import TrainError, read_checkpoint
-from predictor.weights import WeightsError, facts_of, load_weights
+from predictor.weights import WeightsError, load_weights, read_facts
 from sim.map_server import MapError, load_world
 
 YAML = b"""image: map.pgm
@@ -136,14 +136,14 @@ WEIGHTS = save(
 @given(mutated(WEIGHTS))
 def test_weights_of_any_bytes(folder, data):
     (folder / "w.safetensors").write_bytes(data)
-    said_in_one_line(lambda: facts_of(folder / "w.safetensors"), WeightsError)
+    said_in_one_line(lambda: read_facts(folder / "w.safetensors"), WeightsError)
 
 
 @pytest.mark.parametrize("facts", ["[" * 100_000, "3", "null", "[]", '{"a": 1e999}'])
 def test_facts_of_weights_may_be_anything(folder, facts):
     header = {"architecture": "x", "facts": facts, "fingerprint": "0"}
     (folder / "f.safetensors").write_bytes(save({"w": torch.zeros(2)}, metadata=header))
-    said_in_one_line(lambda: facts_of(folder / "f.safetensors"), WeightsError)
+    said_in_one_line(lambda: read_facts(folder / "f.safetensors"), WeightsError)
 
 
 @given(mutated(RESULTS))
@@ -339,7 +339,7 @@ READERS = {
     "image": (as_map, MapError),
     "YAML": (lambda _, path: read_yaml(path, 1000), YamlError),
     "weights": (lambda _, path: load_weights(path, CompactNet), WeightsError),
-    "facts": (lambda _, path: facts_of(path), WeightsError),
+    "facts": (lambda _, path: read_facts(path), WeightsError),
     "checkpoint": (lambda _, path: read_checkpoint(path, {}, CPU), TrainError),
     "calibration": (lambda _, path: load_calibration(path), CalibrationError),
     "time-optimal drives": (lambda _, path: read_t_opt(path), UsageError),
@@ -350,7 +350,7 @@ READERS = {
     "settings": (as_settings, UsageError),
     "lock": (as_lock, UsageError),
     "log": (lambda _, path: read_log(path), LogError),
-    "log's checksum": (lambda _, path: sources_of([path]), LogError),
+    "log's checksum": (lambda _, path: log_sources([path]), LogError),
     "bag": (lambda _, path: read_bag(path), LogError),
 }
 

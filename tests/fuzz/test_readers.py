@@ -26,7 +26,7 @@ from mutations import mutated
 from PIL import Image
 
 from benchmarks import tables
-from benchmarks.calibration.certificate import conditions_of, load_calibration
+from benchmarks.calibration.certificate import conditions_for, load_calibration
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
@@ -42,7 +42,7 @@ from predictor.data.carmen import read_carmen
 from predictor.data.frames import Frames, FramesError, checksum
 from predictor.data.frontier_samples import GOALS, FrontierSamples, write_frontiers
 from predictor.data.laser_log import LogError
-from predictor.data.log_files import sources_of
+from predictor.data.log_files import log_sources
 from predictor.data.packed_samples import SamplesError
 from predictor.data.samples import SIDE, Samples, write_samples
 from predictor.networks.compact_net import CompactConfig, CompactNet
@@ -50,7 +50,7 @@ from predictor.networks.frontier_net import FrontierConfig, FrontierNet
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
-from predictor.weights import WeightsError, facts_of, load_weights, save_weights
+from predictor.weights import WeightsError, load_weights, read_facts, save_weights
 from sim.map_server import MapError, load_world
 
 MUTATIONS = int(os.environ.get("MUTATIONS", "200"))
@@ -163,7 +163,7 @@ def write_packed_log(folder):
 
 def read_log(folder):
     path = next(iter(sorted(folder.glob("a.log*"))))
-    sources_of([path])
+    log_sources([path])
     read_carmen(path)
 
 
@@ -185,7 +185,7 @@ def read_bags(folder):
 
     path = folder / "site.bag"
     path = path if path.exists() else folder / "site"
-    sources_of([path])
+    log_sources([path])
     read_bag(path)
 
 
@@ -207,7 +207,7 @@ def write_weights(kind):
 
 def read_weights(kind):
     def read(folder):
-        facts_of(folder / "net.safetensors")
+        read_facts(folder / "net.safetensors")
         load_weights(folder / "net.safetensors", NETS[kind][1])
 
     return read
@@ -282,7 +282,7 @@ def read_run(folder):
     summary = summarise(run.episodes, tuple(run.arms))
     title(run.settings)
     table(summary, {"sct": None, "time": None})
-    tables.tables_of(tables._read(folder / "results.json"))
+    tables.file_tables(tables._read(folder / "results.json"))
     for name in ("v_max", "window", "noise", "dt"):
         run.setting(name)
     for index, arm in run.drives:
@@ -318,7 +318,7 @@ def read_optimum(folder):
 
 def read_calibration(folder):
     found = load_calibration(folder / "calibration.json")
-    found.level_for(0.05, conditions_of(calibrations.SETTINGS))
+    found.level_for(0.05, conditions_for(calibrations.SETTINGS))
 
 
 def write_set(folder):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from predictor.data.carmen import name_of, read_carmen
+from predictor.data.carmen import log_name, read_carmen
 from predictor.data.laser_log import LogError
 
 HEAD = "# a log\nPARAM robot_length 0.3\nODOM 0 0 0 0 0 0 0.1 host 0.1\n"
@@ -176,4 +176,4 @@ def test_a_file_beside_the_log_that_makes_no_sense_is_an_error(tmp_path, text):
 
 def test_names_lose_their_endings(tmp_path):
     for name in ("intel.log.gz", "intel.log", "intel.clf", "intel"):
-        assert name_of(tmp_path / name) == "intel"
+        assert log_name(tmp_path / name) == "intel"

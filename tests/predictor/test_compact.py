@@ -13,10 +13,10 @@ from foresee.mapping.resampling import resampled
 from foresee.prediction import View
 from predictor.compact import LOGS, PAPER, SHIPPED, Compact
 from predictor.networks.compact_net import CompactNet, room_masks
-from predictor.provenance import fingerprint_of
+from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
 from predictor.runtime import RUNTIMES, runner
-from predictor.training.compact_targets import known_of, losses, room_of
+from predictor.training.compact_targets import known_input, losses, room_targets
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,8 @@ def test_a_runtime_that_does_not_exist_is_named():
 
 def test_results_can_tell_the_runtime(compact):
     assert (
-        fingerprint_of(compact) == f"{compact.facts['fingerprint']} on {compact.facts['runtime']}"
+        weights_fingerprint(compact)
+        == f"{compact.facts['fingerprint']} on {compact.facts['runtime']}"
     )
     assert compact.facts["runtime"].split()[0] in RUNTIMES
 
@@ -202,7 +203,7 @@ def test_losses_count_only_what_was_not_seen():
 def test_room_is_a_free_square_as_wide_as_the_car():
     codes = torch.full((1, 30, 30), 2, dtype=torch.uint8)  # Not seen, free.
     codes[0, 15, 15] = 2 + 3  # Not seen, a surface.
-    room, asked = room_of(codes)
+    room, asked = room_targets(codes)
     assert asked.all()
     assert not room[0, 12:19, 12:19].any()
     assert int((~room).sum()) == 49
@@ -230,7 +231,7 @@ def test_what_was_seen_settles_the_question_of_room():
 
 def test_the_input_has_a_channel_for_each_thing_seen():
     codes = torch.tensor([[[0, 1, 2], [3, 4, 5], [6, 7, 8]]], dtype=torch.uint8)
-    known = known_of(codes)
+    known = known_input(codes)
     assert known[0, 0].tolist() == [[1, 0, 0]] * 3
     assert known[0, 1].tolist() == [[0, 1, 0]] * 3
 

@@ -19,17 +19,17 @@ from predictor.data.splits import SplitError, check_apart
 from predictor.data.squares import truth_codes
 from predictor.dataset import main
 from predictor.recording import data_sets
-from predictor.recording.data_sets import make_simulated, worlds_of
+from predictor.recording.data_sets import make_simulated, worlds_by_split
 from predictor.recording.paper_drives import (
     FIRST_DRIVE,
     FIRST_MAP,
     TRIES,
     SimulatedConfig,
-    drives_of,
+    plan_drives,
 )
 from predictor.recording.sample_set import DRIVES, EXPLORATIONS
 from predictor.recording.settings import DrivesConfig, FrontiersConfig
-from predictor.weights import facts_of
+from predictor.weights import read_facts
 from sim.families import generate
 
 SMALL = SimulatedConfig(train=46, test=12, more=1, validation=1, length=10)
@@ -48,7 +48,7 @@ def contents(folder):
 
 
 def test_the_papers_set_has_the_papers_numbers():
-    drives = drives_of(SimulatedConfig())
+    drives = plan_drives(SimulatedConfig())
     counts = {
         split: [d.count for d in drives if d.split == split] for split in ("train", "test", "more")
     }
@@ -62,7 +62,7 @@ def test_the_papers_set_has_the_papers_numbers():
 
 
 def test_seeds_are_those_of_nothing_else():
-    drives = drives_of(SimulatedConfig(more=900, validation=900))
+    drives = plan_drives(SimulatedConfig(more=900, validation=900))
     maps = {d.map_seed for d in drives}
     tasks = {d.seed + n for d in drives for n in range(TRIES)}
     assert len(tasks) == TRIES * len(drives)
@@ -82,13 +82,13 @@ def test_seeds_are_those_of_nothing_else():
 @pytest.fixture(scope="module")
 def buildings():
     """Hashes of all buildings of the paper's set."""
-    maps = {drive.map_seed for drive in drives_of(SimulatedConfig())}
+    maps = {drive.map_seed for drive in plan_drives(SimulatedConfig())}
     return {world_hash(generate("paper", seed).grid.cells) for seed in maps}
 
 
 @pytest.mark.parametrize("weights", [SHIPPED, LOGS, PAPER])
 def test_shipped_weights_know_none_of_the_buildings(buildings, weights):
-    _, facts = facts_of(weights)
+    _, facts = read_facts(weights)
     assert len(buildings) == 27
     assert not buildings & {*facts["worlds"], *facts["validation_worlds"]}
 
@@ -191,9 +191,9 @@ def test_the_manifest_says_how_the_set_was_made(folder):
 
 def test_a_building_in_two_splits_is_refused():
     about = [{"split": split, "world": "a"} for split in ("train", "test")]
-    check_apart(worlds_of(about))
+    check_apart(worlds_by_split(about))
     with pytest.raises(SplitError, match="1 buildings are both in train and in more"):
-        check_apart(worlds_of([*about, {"split": "more", "world": "a"}]))
+        check_apart(worlds_by_split([*about, {"split": "more", "world": "a"}]))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from foresee.prediction import Prediction
 from predictor.evaluate import main
-from predictor.evaluation.drive_scores import group_of, table
+from predictor.evaluation.drive_scores import report_group, table
 from predictor.evaluation.scored_drive import score_drive
 from predictor.evaluation.settings import EvaluateConfig
 from predictor.scoring.scores import Scores
@@ -149,8 +149,8 @@ def test_cells_that_were_seen_do_not_count(maps):
 
 
 def test_maps_are_reported_under_their_folder(maps):
-    assert group_of("office") == "office"
-    assert group_of(str(maps / "hall.yaml")) == maps.name
+    assert report_group("office") == "office"
+    assert report_group(str(maps / "hall.yaml")) == maps.name
 
 
 class Graduate:

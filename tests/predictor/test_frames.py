@@ -17,7 +17,7 @@ from predictor.data.frames import (
     FramesError,
     checksum,
 )
-from predictor.data.squares import cells_of, codes_of
+from predictor.data.squares import decode_cells, encode_cells
 
 NAMES = ["train-000", "train-001", "test-000"]
 
@@ -121,8 +121,8 @@ def test_an_expansion_without_a_middle_or_out_of_range_is_refused(folder, expans
 
 def test_codes_and_cells_are_each_others_reverse():
     cells = np.array([[FREE, OCCUPIED, UNKNOWN]], np.int8)
-    assert codes_of(cells).tolist() == [[0, 1, 2]]
-    assert np.array_equal(cells_of(codes_of(cells)), cells)
+    assert encode_cells(cells).tolist() == [[0, 1, 2]]
+    assert np.array_equal(decode_cells(encode_cells(cells)), cells)
 
 
 def test_an_empty_folder_says_how_to_fill_it(tmp_path):

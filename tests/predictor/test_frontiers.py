@@ -24,7 +24,7 @@ from predictor.data.frontier_samples import (
     GOALS,
     SIDE,
     FrontierSamples,
-    pictures_of,
+    frontier_pictures,
     write_frontiers,
 )
 from predictor.data.packed_samples import SamplesError
@@ -158,7 +158,7 @@ def test_a_prescribed_route_asks_no_predictor_of_frontiers():
 def test_a_picture_shows_what_was_observed_around_a_frontier():
     room = crossing()
     found = FrontierMap.of(room.cost, START, GOAL)
-    pictures, middles = pictures_of(room.known.whole(), found.frontiers)
+    pictures, middles = frontier_pictures(room.known.whole(), found.frontiers)
     assert pictures.shape == (len(found.frontiers), 3, SIDE, SIDE)
     known = room.known.whole()
     for picture, middle, frontier in zip(pictures, middles, found.frontiers, strict=True):

@@ -11,7 +11,7 @@ from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.provenance import fingerprint_of
+from predictor.provenance import weights_fingerprint
 from predictor.registry import PredictorError, load_predictor
 from predictor.weights import WeightsError, save_weights
 
@@ -65,7 +65,7 @@ def test_it_keeps_the_contract_and_says_where_it_comes_from(study):
     fused = load_predictor(f"fused:{study}/unet_ff")
     check_predictor(fused)
     assert fused.facts["worlds"] == ["0", "1", "2"]
-    assert fingerprint_of(fused) != fingerprint_of(Fused(fused.weights[:2]))
+    assert weights_fingerprint(fused) != weights_fingerprint(Fused(fused.weights[:2]))
     blind = Grid(known().frame, np.full((200, 200), UNKNOWN, np.int8))
     assert not fused.predict(View(blind, POSE)).confidence.any()
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from predictor.networks.grey_image import GREY_LEVELS, counted, fitted, level_of, literal
+from predictor.networks.grey_image import GREY_LEVELS, counted, fitted, grey_level, literal
 
 COUNTS = arrays(np.int64, (GREY_LEVELS, 3), elements=st.integers(0, 10**6), fill=st.just(0))
 
@@ -50,7 +50,7 @@ def test_greys_are_counted_by_level_and_truth():
 
 
 def test_levels_reach_from_black_to_white_through_grey():
-    assert level_of(np.array([-1.0, 0.0, 1.0])).tolist() == [0, GREY_LEVELS // 2, GREY_LEVELS - 1]
+    assert grey_level(np.array([-1.0, 0.0, 1.0])).tolist() == [0, GREY_LEVELS // 2, GREY_LEVELS - 1]
 
 
 def test_at_their_word_grey_is_nothing_and_white_is_free():

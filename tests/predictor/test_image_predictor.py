@@ -16,7 +16,7 @@ from predictor.networks import ARCHITECTURES
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
-from predictor.provenance import fingerprint_of, has_learned
+from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import PredictorError, load_predictor
 from predictor.runtime import RUNTIMES
 from predictor.weights import WeightsError, load_weights, save_weights
@@ -159,7 +159,7 @@ def test_a_file_is_loaded_by_what_it_holds(folder):
 def test_results_can_tell_weights_runtime_and_buildings(folder):
     predictor = load_predictor(str(folder / "mlp.safetensors"))
     facts = predictor.facts
-    assert fingerprint_of(predictor) == f"{facts['fingerprint']} on {facts['runtime']}"
+    assert weights_fingerprint(predictor) == f"{facts['fingerprint']} on {facts['runtime']}"
     assert has_learned(predictor, CELLS)
     assert not has_learned(predictor, CELLS + 1)
 

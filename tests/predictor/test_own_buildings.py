@@ -13,9 +13,9 @@ from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from predictor.data.samples import Samples
 from predictor.data.splits import check_apart
 from predictor.networks.compact_net import CompactNet
-from predictor.recording.own_buildings import OwnBuildings, world_of
+from predictor.recording.own_buildings import OwnBuildings, read_building
 from predictor.recording.settings import DrivesConfig
-from predictor.recording.training_drives import _check, make, place_of
+from predictor.recording.training_drives import _check, draw_place, make
 from predictor.train import main
 from predictor.training.settings import TUNING
 from predictor.weights import load_weights, save_weights
@@ -88,18 +88,18 @@ def test_drives_are_shared_out_evenly(maps):
     own = OwnBuildings.read((str(maps),))
     config = DrivesConfig(world=(str(maps),), share=0.25, families=("corridor", "paper"))
     mine = [("map", Path(one.paths[0])) for one in own.train]
-    places = [place_of(config, own, "train", number) for number in range(80)]
+    places = [draw_place(config, own, "train", number) for number in range(80)]
     generated = [(family, None) for family in config.families]
     assert [places.count(place) for place in (*mine, *generated)] == [10, 10, 30, 30]
     # All of a short set are not of one kind.
     assert set(places[:8]) == {*mine, *generated}
-    held = {place_of(config, own, "validation", number) for number in range(80)}
+    held = {draw_place(config, own, "validation", number) for number in range(80)}
     assert held == {("map", Path(own.validation[0].paths[0])), *generated}
 
 
 def test_the_drives_without_own_buildings_are_the_families_in_turn():
     config = DrivesConfig()
-    places = [place_of(config, OwnBuildings(), "train", number) for number in range(8)]
+    places = [draw_place(config, OwnBuildings(), "train", number) for number in range(8)]
     count = len(config.families)
     assert places == [(config.families[number % count], None) for number in range(8)]
 
@@ -109,7 +109,7 @@ def test_one_building_is_trained_on_and_validation_is_on_generated_ones(maps, tm
     own = OwnBuildings.read(world)
     assert (len(own.train), len(own.validation)) == (1, 0)
     config = DrivesConfig(world=world)
-    assert place_of(config, own, "validation", 1)[0] in config.families
+    assert draw_place(config, own, "validation", 1)[0] in config.families
     with pytest.raises(UsageError, match="cannot be both trained on and held out"):
         make(DrivesConfig(out=tmp_path, world=world, share=1.0), 1)
 
@@ -173,7 +173,7 @@ def test_files_in_a_folder_of_their_own_are_of_one_building(tmp_path):
     both = [{Path(path).parent.name for path in one.paths} for one in (*own.train, *own.validation)]
     assert sorted(map(sorted, both)) == [["a"], ["b"]]
     config = DrivesConfig(world=(str(tmp_path),), share=1.0)
-    paths = {place_of(config, own, "train", number)[1] for number in range(4)}
+    paths = {draw_place(config, own, "train", number)[1] for number in range(4)}
     assert {str(path) for path in paths} == set(own.train[0].paths)
 
 
@@ -182,7 +182,7 @@ def test_a_map_is_learned_at_the_resolution_of_the_samples(tmp_path):
     coarse = np.kron(fine.grid.cells[::2, ::2], np.ones((1, 1), np.int8))
     frame = GridFrame(0.1, (0.0, 0.0), coarse.shape)
     save_world(World("coarse", Grid(frame, coarse)), tmp_path / "coarse.yaml")
-    world = world_of(tmp_path / "coarse.yaml")
+    world = read_building(tmp_path / "coarse.yaml")
     assert world.grid.frame.resolution == 0.05
     assert np.allclose(world.grid.frame.size, frame.size, atol=0.11)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from foresee.mapping.context import CELLS, context_of
+from foresee.mapping.context import CELLS, coarse_context
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, world_hash
 from predictor.data.packed_samples import SamplesError
@@ -79,7 +79,7 @@ def test_a_context_is_in_percent_at_any_resolution(resolution):
     n = round(CONTEXT / resolution)
     cells = np.full((n, n), UNKNOWN, np.int8)
     cells[: n // 2] = FREE
-    context = context_of(Grid(GridFrame(resolution, (0.0, 0.0), (n, n)), cells))
+    context = coarse_context(Grid(GridFrame(resolution, (0.0, 0.0), (n, n)), cells))
     assert context.shape == (2, CELLS, CELLS)
     assert (context[0, : CELLS // 2 - 1] == 100).all()
     assert not context[0, CELLS // 2 + 1 :].any()
@@ -88,7 +88,7 @@ def test_a_context_is_in_percent_at_any_resolution(resolution):
 
 def test_a_context_of_another_size_is_refused():
     with pytest.raises(ValueError, match="it must be of 40"):
-        context_of(Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8)))
+        coarse_context(Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8)))
 
 
 def test_quarter_turns_cover_every_heading():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
-from predictor.scoring.scores import EDGES, RINGS, Scores, calibration_interval, rings_of
+from predictor.scoring.scores import EDGES, RINGS, Scores, calibration_interval, cell_rings
 
 LAST = RINGS - 1
 
@@ -100,7 +100,7 @@ def test_where_nothing_was_scored_there_is_no_figure():
 def test_rings_are_distances_beyond_what_was_seen_free():
     cells = np.full((3, 200), UNKNOWN, np.int8)
     cells[:, :10], cells[1, 150] = FREE, OCCUPIED
-    ring = rings_of(Grid(GridFrame(0.05, (0.0, 0.0), cells.shape), cells))
+    ring = cell_rings(Grid(GridFrame(0.05, (0.0, 0.0), cells.shape), cells))
     assert (ring[:, :10] == -1).all()
     assert ring[1, 150] == -1
     distance = 0.05 * (np.arange(200) - 9)
@@ -111,6 +111,6 @@ def test_rings_are_distances_beyond_what_was_seen_free():
 def test_with_nothing_seen_free_every_cell_is_far():
     cells = np.full((5, 5), UNKNOWN, np.int8)
     cells[2, 2] = OCCUPIED
-    ring = rings_of(Grid(GridFrame(0.05, (0.0, 0.0), (5, 5)), cells))
+    ring = cell_rings(Grid(GridFrame(0.05, (0.0, 0.0), (5, 5)), cells))
     assert ring[2, 2] == -1
     assert (np.delete(ring.ravel(), 12) == LAST).all()

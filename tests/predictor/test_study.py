@@ -12,7 +12,7 @@ from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import EXPANSIONS, ImageConfig
 from predictor.study import ORDER, main
 from predictor.training import parallel_trainings
-from predictor.training.image_training import frames_of
+from predictor.training.image_training import load_frames
 from predictor.training.parallel_trainings import Study, Training
 from predictor.training.settings import ImageTraining
 from predictor.weights import save_weights
@@ -29,7 +29,7 @@ def data(tmp_path_factory):
 
 def training_of(data, out, arch="mlp", expansion=1.1):
     config = ImageConfig(arch, expansion, width=1 / 16, side=64)
-    digests = tuple(frames.digest for frames in frames_of(data))
+    digests = tuple(frames.digest for frames in load_frames(data))
     return Training(config, ImageTraining(epochs=0.2), data, digests, out / f"{arch}-{expansion}")
 
 

@@ -10,8 +10,8 @@ from foresee.mapping.grid import GridFrame, world_hash
 from foresee.mapping.scan import Scan
 from predictor.data.frames import Frames
 from predictor.data.laser_log import LaserLog, LogError
-from predictor.data.log_files import logs_in, site_of, sources_of
-from predictor.data.squares import cells_of
+from predictor.data.log_files import log_sources, logs_in, site_name
+from predictor.data.squares import decode_cells
 from predictor.data.survey import clipped, frame_around, record, surveyed
 from sim import Lidar, LidarConfig, generate
 from sim.task import sample_task
@@ -159,7 +159,7 @@ def test_the_command_makes_a_set_of_logs(journey, tmp_path, capsys):
         True,
         {"bad ranges": 1, "bad scans": 0},
     )
-    assert frames.worlds == {world_hash(cells_of(frames.maps[0]))}
+    assert frames.worlds == {world_hash(decode_cells(frames.maps[0]))}
     truth = frames.truth(slice(None), 1.0)
     agree = (frames.estimated == truth) | (frames.estimated == 2)
     assert agree.mean() > 0.99
@@ -228,13 +228,13 @@ def test_a_set_grows_and_shrinks_by_logs_and_a_bad_one_spoils_nothing(tmp_path, 
 def test_two_logs_of_one_name_or_missing_ones_are_refused(tmp_path):
     paths = [tmp_path / name / "a.log" for name in ("one", "two")]
     with pytest.raises(LogError, match="no such file"):
-        sources_of(paths)
+        log_sources(paths)
     for path in paths:
         path.parent.mkdir()
         path.write_text("x")
     with pytest.raises(LogError, match="each site once"):
-        sources_of(paths)
-    assert site_of(paths[0]) == "a"
+        log_sources(paths)
+    assert site_name(paths[0]) == "a"
 
 
 def test_a_folder_stands_for_its_logs_alone(tmp_path):

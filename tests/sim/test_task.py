@@ -6,7 +6,7 @@ import pytest
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.family_names import FAMILIES
-from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, marks_of
+from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, mark_beams
 from sim.arc_search import HEADINGS, search_arcs
 from sim.car import along_arc, collides
 from sim.families import empty_straight, generate
@@ -192,6 +192,6 @@ def test_what_the_lidar_sees_overrules_what_was_assumed_of_the_start():
     assumed = known.crop(frame).free & world.solid
     scan = Lidar().scan(world, pose)
     known.integrate(scan, pose)
-    hits = assumed & (marks_of(scan, pose, frame) == 2)
+    hits = assumed & (mark_beams(scan, pose, frame) == 2)
     assert hits.any()
     assert known.crop(frame).occupied[hits].all()

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from benchmarks.calibration.certificate import conditions_of
+from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import Settings
 from planner.risk.betting import capital
 
@@ -32,7 +32,7 @@ def written(path, **changes):
     """Write a calibration of `SETTINGS` with some changes, and return its path."""
     content = {
         "kind": "calibration",
-        "conditions": conditions_of(SETTINGS),
+        "conditions": conditions_for(SETTINGS),
         "confidence": 0.9,
         "certified": {"0.02": 0.003, "0.05": 0.01},
         "seed": 100,

@@ -39,7 +39,7 @@ swept area is free: the product of the least trusts of all steps, and 1 minus th
 (1 - trust) over all cells."""
 
 
-def distances_of(run: Run) -> dict[str, Any]:
+def reliable_distances(run: Run) -> dict[str, Any]:
     """Return the mean distance beyond the observed space for each score and share of wrong arcs.
 
     Returns:
@@ -60,7 +60,7 @@ def distances_of(run: Run) -> dict[str, Any]:
     arcs: list[NDArray[np.float64]] = []
     worlds: list[str] = []
     for index in tqdm(indices, desc=run.label, unit="drive"):
-        of_drive = _arcs_of(run, index, caller, side)
+        of_drive = _sweep_drive(run, index, caller, side)
         arcs += of_drive
         worlds += [run.drives[index, "known"].world] * len(of_drive)
     if not arcs:
@@ -75,7 +75,7 @@ def distances_of(run: Run) -> dict[str, Any]:
     return {"arcs": len(arcs), "drives": len(indices), "scores": scores}
 
 
-def _arcs_of(run: Run, index: int, caller: Caller, side: float) -> list[NDArray[np.float64]]:
+def _sweep_drive(run: Run, index: int, caller: Caller, side: float) -> list[NDArray[np.float64]]:
     """Return the arcs of a drive that leave the observed space, each as `_swept` returns it."""
     trace, swept = run.trace(index, "known"), []
     for tick in range(0, len(trace.states) - 1, EVERY):

@@ -29,9 +29,9 @@ def distances(run: Run) -> dict[str, Any]:
         UsageError: if it has no drives of the arm `known`, or its LIDAR was noisy.
     """
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.studies.driver.arcs import distances_of
+    from benchmarks.studies.driver.arcs import reliable_distances
 
-    return distances_of(run)
+    return reliable_distances(run)
 
 
 def table(results: dict[str, Any]) -> str:

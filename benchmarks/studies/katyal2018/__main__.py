@@ -78,11 +78,11 @@ def _run(settings: PredictionSettings) -> None:
     import torch
 
     from benchmarks.studies.katyal2018.contestants import contestants
-    from benchmarks.studies.katyal2018.cost import costs_of, published_costs
+    from benchmarks.studies.katyal2018.cost import measure_costs, published_costs
     from benchmarks.studies.katyal2018.evaluation import Evaluation
     from benchmarks.studies.katyal2018.figures import draw
     from benchmarks.studies.katyal2018.report import report
-    from benchmarks.studies.katyal2018.tables import summary, tables_of
+    from benchmarks.studies.katyal2018.tables import study_tables, summary
     from foresee.infra.atomic_file import write_whole
     from foresee.infra.environment import several_states
     from predictor.data.frames import MANIFEST
@@ -96,10 +96,10 @@ def _run(settings: PredictionSettings) -> None:
         data = SIMULATED
     evaluation = Evaluation(settings.out, data, logs, expansions, settings.apart, who)
     # Costs are measured first: they need an idle machine, and reveal invalid predictors early.
-    costs, published = costs_of(evaluation), published_costs(evaluation)
+    costs, published = measure_costs(evaluation), published_costs(evaluation)
     evaluation.run(settings.jobs)
     results = report(evaluation, costs, published)
-    write_whole(settings.out / "tables.md", tables_of(results).encode())
+    write_whole(settings.out / "tables.md", study_tables(results).encode())
     paths = [settings.out / "results.json", settings.out / "tables.md", *draw(evaluation, results)]
     mixed = several_states(results["commits"], "scores")
     print(*filter(None, [summary(results), mixed, "\n".join(map(str, paths))]), sep="\n\n")

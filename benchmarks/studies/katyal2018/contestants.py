@@ -16,10 +16,10 @@ from benchmarks.studies.katyal2018.square import ScoredSquare
 from foresee.mapping.grid import Grid
 from foresee.prediction import BadPredictionError, Caller, Predictor, View
 from predictor.data.frames import checksum
-from predictor.data.squares import TERNARY, codes_of
+from predictor.data.squares import TERNARY, encode_cells
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
-from predictor.provenance import fingerprint_of
+from predictor.provenance import weights_fingerprint
 from predictor.recording.settings import SimulatedConfig
 from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 from predictor.scoring.images import ternary
@@ -142,7 +142,7 @@ def _contestant(spec: str, name: str) -> Contestant:
     """Return the contestant of a predictor, with the identity of its weights or source."""
     predictor = load_predictor(spec)
     expansion = predictor.config.expansion if isinstance(predictor, ImagePredictor) else None
-    identity = fingerprint_of(predictor)
+    identity = weights_fingerprint(predictor)
     if identity is None:
         try:
             # One file may hold several predictors.
@@ -214,7 +214,7 @@ _loaded = lru_cache(maxsize=8)(load_predictor)
 
 def _of_baseline(name: str, rates: tuple[float, float], square: ScoredSquare) -> Answer:
     """Answer with the unchanged crop, or with grey, and with the same probabilities everywhere."""
-    crop = TERNARY[codes_of(square.crop.cells)]
+    crop = TERNARY[encode_cells(square.crop.cells)]
     image = crop if name == "copy" else np.full_like(crop, 0.5)
     free, occupied = (np.full(crop.shape, rate, np.float32) for rate in rates)
     return Answer(image, image, free, occupied)
@@ -227,7 +227,7 @@ def _of_network(predictor: ImagePredictor | Fused, square: ScoredSquare) -> Answ
     if not np.isfinite(grey).all():
         raise BadPredictionError("the network returned numbers that are not finite")
     image = 0.5 + 0.5 * grey.astype(np.float64)
-    kept = np.where(known.unknown, image, TERNARY[codes_of(known.cells)])
+    kept = np.where(known.unknown, image, TERNARY[encode_cells(known.cells)])
     return Answer(image, kept, p_free, p_occupied)
 
 

@@ -15,7 +15,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, given_to
-from benchmarks.studies.katyal2018.evaluation import Evaluation, hashed, key_of
+from benchmarks.studies.katyal2018.evaluation import Evaluation, expansion_key, hashed
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import ScoringError
 from foresee.infra.environment import machine
@@ -45,7 +45,7 @@ Cost = dict[str, Any] | None
 """Measures of a predictor; None for a baseline, which predicts nothing."""
 
 
-def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
+def measure_costs(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     """Measure the cost of each predictor at each expansion, once on each machine.
 
     It is called before scoring, so that predictors that break the contract are found early.
@@ -57,7 +57,7 @@ def costs_of(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     pairs = [(x, contestant) for x in evaluation.expansions for contestant in evaluation.who(x)]
     for expansion, contestant in tqdm(pairs, desc="cost", unit="predictor"):
         name = hashed("cost", contestant.identity, expansion, machine())
-        out[key_of(expansion), contestant.name] = evaluation.store.once(
+        out[expansion_key(expansion), contestant.name] = evaluation.store.once(
             f"{name}.json", partial(_cost, evaluation, contestant, expansion)
         )
     return out

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant
-from benchmarks.studies.katyal2018.stretch_scores import Stretch, rates_of, score
+from benchmarks.studies.katyal2018.stretch_scores import Stretch, class_shares, score
 from foresee.infra.environment import commit
 from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
@@ -100,7 +100,7 @@ class Evaluation:
         self.rates = dict.fromkeys(expansions, UNMEASURED)
         if data is not None:
             validation = Frames.load(data, "validation")
-            self.rates = {x: rates_of(validation, x) for x in expansions}
+            self.rates = {x: class_shares(validation, x) for x in expansions}
 
     @property
     def places(self) -> list[str]:
@@ -197,12 +197,12 @@ def _scores_name(stretch: Stretch, sha256: str, contestant: Contestant) -> str:
     return f"{key}.npz"
 
 
-def key_of(expansion: float) -> str:
+def expansion_key(expansion: float) -> str:
     """Return the key of an expansion in the results, such as "1.30"."""
     return f"{expansion:.2f}"
 
 
-def sets_of(evaluation: Evaluation) -> dict[str, Any]:
+def describe_sets(evaluation: Evaluation) -> dict[str, Any]:
     """Return the facts of the data sets for the results."""
     out = {}
     for kind, frames in evaluation.sets.items():

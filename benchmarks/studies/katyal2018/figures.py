@@ -17,17 +17,17 @@ from benchmarks.studies.katyal2018.pictures import (
     NOTHING,
     TRUE,
     Row,
-    leader_of,
+    pick_leader,
     pictures,
     shown,
 )
-from benchmarks.studies.katyal2018.tables import kind_of, names_of, places_of
+from benchmarks.studies.katyal2018.tables import drive_kind, predictor_names, split_places
 from foresee.infra.drawing import INK, bare, new_figure, save_figures
 from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
 from foresee.mapping.grid import GridFrame
 from predictor.data.frames import Frames
 from predictor.data.squares import NOTHING as UNKNOWN
-from predictor.data.squares import cells_of
+from predictor.data.squares import decode_cells
 from predictor.evaluation import figures as scores
 
 if TYPE_CHECKING:
@@ -68,9 +68,9 @@ def draw(evaluation: Evaluation, results: dict[str, Any]) -> list[Path]:
         evaluation: evaluation whose frames are all scored.
         results: results of `report`.
     """
-    sheets, leader = pictures(evaluation), leader_of(evaluation)
-    places = places_of(results)
-    drawn = {*NOTHING, *shown(names_of(next(iter(places.values()))))}
+    sheets, leader = pictures(evaluation), pick_leader(evaluation)
+    places = split_places(results)
+    drawn = {*NOTHING, *shown(predictor_names(next(iter(places.values()))))}
     places = {
         place: {
             x: {name: row for name, row in rows.items() if name in drawn}
@@ -94,13 +94,13 @@ def ssim(places: dict[str, Any], paper: dict[str, Any]) -> Figure:
     figure, axes = scores.panels(places, SIMILAR.values(), "expansion")
     for row, (place, entry) in zip(axes.T, places.items(), strict=True):
         for axis, measure in zip(row, SIMILAR, strict=True):
-            for name in names_of(entry):
+            for name in predictor_names(entry):
                 points = {
                     float(x): rows[name][measure] for x, rows in entry.items() if name in rows
                 }
                 scores.line(axis, list(points), list(points.values()), name)
-        published = paper[kind_of(place)]
-        for name in names_of(published):
+        published = paper[drive_kind(place)]
+        for name in predictor_names(published):
             values = [values[name] for values in published.values()]
             style = {"color": scores.predictor_colour(name), "linestyle": ":", "linewidth": 1.0}
             row[0].plot([*map(float, published)], values, label=f"the paper's {name}", **style)
@@ -173,6 +173,6 @@ def draw_map(axis: Axes, codes: NDArray[np.uint8], origin: NDArray[np.float64]) 
     pad = round(MARGIN / RESOLUTION)
     low = np.maximum(known.min(axis=0) - pad, 0)
     high = np.minimum(known.max(axis=0) + 1 + pad, codes.shape)
-    cells = cells_of(codes[low[0] : high[0], low[1] : high[1]])
+    cells = decode_cells(codes[low[0] : high[0], low[1] : high[1]])
     x, y = (origin + RESOLUTION * low[::-1]).tolist()
     palette.draw_image(axis, palette.map_image(cells), GridFrame(RESOLUTION, (x, y), cells.shape))

@@ -14,8 +14,8 @@ from tqdm import tqdm
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, entrant
 from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive
 from benchmarks.studies.katyal2018.square import ScoredSquare
-from benchmarks.studies.katyal2018.stretch_scores import drive_of
-from predictor.data.squares import TERNARY, codes_of
+from benchmarks.studies.katyal2018.stretch_scores import load_drive
+from predictor.data.squares import TERNARY, encode_cells
 from predictor.networks import PROPOSED
 from predictor.scoring.images import ssim
 
@@ -87,7 +87,7 @@ def shown(names: Iterable[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if name not in NOTHING][:COLUMNS]
 
 
-def leader_of(evaluation: Evaluation) -> str:
+def pick_leader(evaluation: Evaluation) -> str:
     """Return the name of the contestant whose typical and worst squares are shown.
 
     Returns:
@@ -102,8 +102,8 @@ def leader_of(evaluation: Evaluation) -> str:
 def _row(evaluation: Evaluation, asked: list[Contestant], example: Example) -> Row:
     """Predict a square by all contestants asked."""
     drive, index, expansion, title = example
-    square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
-    images = {GIVEN: TERNARY[codes_of(square.crop.cells)]}
+    square = ScoredSquare.of(load_drive(drive.folder, drive.number), index, expansion)
+    images = {GIVEN: TERNARY[encode_cells(square.crop.cells)]}
     for contestant in asked:
         if contestant.does(expansion):
             answer = entrant(contestant, evaluation.rates[expansion])(square)
@@ -141,7 +141,7 @@ def _scored(
     evaluation: Evaluation, drives: list[ScoredDrive], expansion: float
 ) -> list[tuple[ScoredDrive, int]]:
     """Return drive and frame of all squares, in ascending order of the leader's SSIM."""
-    name = leader_of(evaluation)
+    name = pick_leader(evaluation)
     leader = next(each for each in evaluation.who(expansion) if each.name == name)
     squares: list[tuple[float, ScoredDrive, int]] = []
     for drive in drives:

@@ -16,8 +16,8 @@ from benchmarks.studies.katyal2018.evaluation import (
     SPLITS,
     Evaluation,
     ScoredDrive,
-    key_of,
-    sets_of,
+    describe_sets,
+    expansion_key,
 )
 from benchmarks.studies.katyal2018.stretch_scores import OF_A_FRAME, Kept
 from benchmarks.studies.katyal2018.transients import transients
@@ -61,13 +61,14 @@ def report(
 
     Args:
         evaluation: the evaluation.
-        costs: results of `costs_of`.
+        costs: results of `measure_costs`.
         published: results of `published_costs`.
     """
     commits: set[str] = set()
     places = {
         place: {
-            key_of(x): _rows(evaluation, place, x, costs, commits) for x in evaluation.expansions
+            expansion_key(x): _rows(evaluation, place, x, costs, commits)
+            for x in evaluation.expansions
         }
         for place in evaluation.places
     }
@@ -79,9 +80,9 @@ def report(
             "ssim": images.SETTINGS,
             "ssim_coarse": images.BLOCKS,
             "rings": EDGES,
-            "rates": {key_of(x): rate for x, rate in evaluation.rates.items()},
+            "rates": {expansion_key(x): rate for x, rate in evaluation.rates.items()},
         },
-        "sets": sets_of(evaluation),
+        "sets": describe_sets(evaluation),
         "version": version("foresee"),
         "commits": sorted(commits),
         "machine": machine(),
@@ -129,7 +130,7 @@ def _rows(
             "drives": len(drives),
             "rings": [{"from": EDGES[i], **_cells(scores, slice(i, i + 1))} for i in range(RINGS)],
             "reliability": {name: _curve(scores, name) for name in ("free", "occupied")},
-            "cost": costs[key_of(expansion), contestant.name],
+            "cost": costs[expansion_key(expansion), contestant.name],
         }
         if len(parts) > 1:
             rows[contestant.name] |= {split: _measures(*_joined(parts[split])) for split in SPLITS}
@@ -206,5 +207,5 @@ def _facts(contestants: Iterable[Contestant]) -> dict[str, Any]:
             out[contestant.name] = facts
         else:
             facts["reduced"] = reduced(training)
-            out.setdefault(contestant.name, {})[key_of(contestant.expansion)] = facts
+            out.setdefault(contestant.name, {})[expansion_key(contestant.expansion)] = facts
     return out

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import Grid, GridFrame
 from predictor.data.frames import SIDE, Frames
-from predictor.data.squares import NOTHING, TERNARY, cells_of
+from predictor.data.squares import NOTHING, TERNARY, decode_cells
 from predictor.scoring.images import beyond_crop
-from predictor.scoring.scores import rings_of
+from predictor.scoring.scores import cell_rings
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class ScoredSquare:
             is at most half a cell from the car.
         truth: codes of the true map, (n, n).
         image: ternary image of the true map, (n, n).
-        ring: ring of each cell as in `predictor.scoring.scores.rings_of`, the same for all
+        ring: ring of each cell as in `predictor.scoring.scores.cell_rings`, the same for all
             predictors, (n, n); -1: observed in the crop or in the window.
         unseen: unobserved cells outside of the crop, (n, n).
     """
@@ -54,11 +54,11 @@ class ScoredSquare:
         x, y = frames.origins[frames.trajectory[index]] + RESOLUTION * np.array([col, row])
         frame = GridFrame(RESOLUTION, (float(x), float(y)), (n, n))
         middle = RESOLUTION * n / 2
-        seen = Grid(frame, cells_of(np.where(window == NOTHING, crop, window)))
-        ring = rings_of(seen)
+        seen = Grid(frame, decode_cells(np.where(window == NOTHING, crop, window)))
+        ring = cell_rings(seen)
         return cls(
-            crop=Grid(frame, cells_of(crop)),
-            window=Grid(frame, cells_of(window)),
+            crop=Grid(frame, decode_cells(crop)),
+            window=Grid(frame, decode_cells(window)),
             pose=np.array([x + middle, y + middle, frames.states[index, 2]]),
             truth=square.truth,
             image=TERNARY[square.truth],

@@ -56,7 +56,7 @@ def score(stretch: Stretch) -> dict[Contestant, Kept]:
     Raises:
         ScoringError: if a contestant breaks the contract of predictors.
     """
-    frames = drive_of(stretch.folder, stretch.drive)
+    frames = load_drive(stretch.folder, stretch.drive)
     answers = {asked: entrant(asked, stretch.rates) for asked in stretch.contestants}
     sums = {contestant: Scores() for contestant in answers}
     rows: dict[Contestant, list[tuple[float, ...]]] = {contestant: [] for contestant in answers}
@@ -90,7 +90,7 @@ def _brier(sums: Scores) -> float:
     return float(0.5 * (sums.brier_free.sum() + sums.brier_occupied.sum()))
 
 
-def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, float]:
+def class_shares(frames: Frames, expansion: float, every: int = 10) -> tuple[float, float]:
     """Compute the shares of free and of occupied cells among the unobserved ones.
 
     Args:
@@ -107,7 +107,7 @@ def rates_of(frames: Frames, expansion: float, every: int = 10) -> tuple[float, 
 
 
 @lru_cache(maxsize=2)
-def drive_of(folder: Path, drive: int) -> Frames:
+def load_drive(folder: Path, drive: int) -> Frames:
     """Return one drive of a data set; cached, since stretches of a drive are scored in turn."""
     return _set(folder).alone(drive)
 

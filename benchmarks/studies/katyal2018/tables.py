@@ -58,7 +58,7 @@ interval of each difference lies above zero. By expansion: {expansions}.
 
 def summary(results: dict[str, Any]) -> str:
     """Return the tables of the comparison with the baselines, and of the networks."""
-    places, sites = places_of(results), results["physical"]
+    places, sites = split_places(results), results["physical"]
     expansions = list(dict.fromkeys(x for entry in places.values() for x in entry))
     return "\n".join(
         (
@@ -74,16 +74,16 @@ def summary(results: dict[str, Any]) -> str:
     )
 
 
-def tables_of(results: dict[str, Any]) -> str:
+def study_tables(results: dict[str, Any]) -> str:
     """Return all tables of a results.json of `benchmarks.studies.katyal2018`."""
     parts = [summary(results)]
-    for place, entry in places_of(results).items():
-        published = results["paper"][kind_of(place)]
+    for place, entry in split_places(results).items():
+        published = results["paper"][drive_kind(place)]
         paper = {expansion: published.get(expansion) for expansion in entry}
-        networks = names_of(published)
+        networks = predictor_names(published)
         parts.append(f"\n## {place}\n\n{_size(entry)} Expansions: {', '.join(entry)}.")
         parts.append(f"\n### In short\n\n{_in_short(entry, paper, networks)}")
-        names = names_of(entry)
+        names = predictor_names(entry)
         for measure, title in IMAGES.items():
             table = _by_expansion(entry, names, measure)
             for name in networks if measure == "ssim" else ():
@@ -102,18 +102,18 @@ def tables_of(results: dict[str, Any]) -> str:
     return "\n".join(parts) + "\n"
 
 
-def places_of(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
+def split_places(results: dict[str, Any]) -> dict[str, dict[str, Rows]]:
     """Return place → expansion → predictor → measures, "simulated" first if it was scored."""
     simulated = {"simulated": results["simulated"]} if results["simulated"] else {}
     return simulated | results["physical"]
 
 
-def kind_of(place: str) -> str:
+def drive_kind(place: str) -> str:
     """Return the kind of drives of a place, "simulated" or "physical"."""
     return "simulated" if place == "simulated" else "physical"
 
 
-def names_of(entry: dict[str, Rows]) -> list[str]:
+def predictor_names(entry: dict[str, Rows]) -> list[str]:
     """Return the names of the predictors of a place, each once."""
     return list(dict.fromkeys(name for rows in entry.values() for name in rows))
 
@@ -130,7 +130,7 @@ def _in_short(entry: dict[str, Rows], paper: dict[str, Any], networks: list[str]
         return " / ".join(_number(value).removeprefix("0") for value in values)
 
     rows = [["predictor", *SHORT.values(), "ms"]]
-    for name in names_of(entry):
+    for name in predictor_names(entry):
         cells = [side_by_side(_along(entry, name, measure)) for measure in SHORT]
         taken = [ms for ms in _along(entry, name, "cost", "ms_median") if ms is not None]
         rows.append([f"`{name}`", *cells, _number(max(taken), ".1f") if taken else ""])
@@ -159,7 +159,7 @@ def _compacts(measured: Iterable[str]) -> list[str]:
 def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
     """Count the sites where a predictor is above others, at each expansion."""
     entries = list(sites.values())
-    names = [name for entry in entries for name in _compacts(names_of(entry))]
+    names = [name for entry in entries for name in _compacts(predictor_names(entry))]
     rows = [["predictor", "above", "whole square", "unobserved cells"]]
     for name in dict.fromkeys([BEST, *names]):
         for others in (BASELINES, ("none",)):

@@ -18,9 +18,9 @@ from scipy.ndimage import distance_transform_edt
 from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import Contestant, Entrant, answers_in_grey, entrant
-from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive, hashed, key_of
+from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive, expansion_key, hashed
 from benchmarks.studies.katyal2018.square import ScoredSquare
-from benchmarks.studies.katyal2018.stretch_scores import drive_of
+from benchmarks.studies.katyal2018.stretch_scores import load_drive
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import OCCUPIED, Grid
 
@@ -131,9 +131,11 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
     for expansion, place, contestant in tqdm(asked, desc="transients", unit="network"):
         frames = chosen[place]
         shots = [(drive.about["sha256"], index) for drive, index in frames]
-        out[place].setdefault(key_of(expansion), {})[contestant.name] = evaluation.store.once(
-            f"{hashed('transients', shots, expansion, contestant.identity)}.json",
-            partial(_shares, contestant, evaluation.rates[expansion], expansion, frames),
+        out[place].setdefault(expansion_key(expansion), {})[contestant.name] = (
+            evaluation.store.once(
+                f"{hashed('transients', shots, expansion, contestant.identity)}.json",
+                partial(_shares, contestant, evaluation.rates[expansion], expansion, frames),
+            )
         )
     return out
 
@@ -148,7 +150,7 @@ def _shares(
     answer, put_in = entrant(contestant, rates), frames[0][0].place == "simulated"
     total = np.zeros(5, dtype=np.int64)
     for seed, (drive, index) in enumerate(frames):
-        square = ScoredSquare.of(drive_of(drive.folder, drive.number), index, expansion)
+        square = ScoredSquare.of(load_drive(drive.folder, drive.number), index, expansion)
         total += counts(answer, square, put_in, seed)
     return shares(total, put_in)
 

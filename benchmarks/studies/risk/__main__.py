@@ -66,13 +66,13 @@ class RiskSettings(Options):
 def _run(settings: RiskSettings) -> int:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import absent_in, load_calibration
-    from benchmarks.studies.risk.series import series_of
+    from benchmarks.studies.risk.series import list_series
     from foresee.infra.resumable import ResumableFolder
     from sim.buildings import check_maps
 
     calibration, *others = (load_calibration(path) for path in settings.calibration)
     check_maps(settings.maps)
-    all_series = series_of(
+    all_series = list_series(
         calibration,
         others,
         settings.predictor,

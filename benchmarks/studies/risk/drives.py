@@ -12,7 +12,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.runs.drive import attempt, weights_of
+from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import ARMS, OLDER, Settings
@@ -59,7 +59,7 @@ def drive_all(
             if time.monotonic() > end or len(files[series.name].first(due)) == due:
                 continue
             print(f"{series.name}, {due} of {series.settings.episodes}")
-            work = partial(_driven, series.settings, weights_of(series.settings))
+            work = partial(_driven, series.settings, run_fingerprint(series.settings))
             files[series.name].fill(
                 work,
                 range(due),
@@ -77,7 +77,7 @@ def drive_all(
 
 
 def _file(series: Series, out: Path) -> DriveFile:
-    conditions = asdict(series.settings) | {"weights": weights_of(series.settings)}
+    conditions = asdict(series.settings) | {"weights": run_fingerprint(series.settings)}
     return DriveFile(out / f"{series.name}.json", KIND, conditions, "episodes", OLDER)
 
 

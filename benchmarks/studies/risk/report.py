@@ -14,7 +14,7 @@ from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
 from benchmarks.studies.risk.drives import Drives
-from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, name_of
+from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, predictor_label
 from foresee.mapping.family_names import FAMILIES
 
 BASELINES = ("known", "oracle", "full")
@@ -159,7 +159,7 @@ def _about(series: Series) -> dict[str, Any]:
         "tasks": series.tasks,
         "arm": series.arm,
         "world": [Path(place).stem for place in series.settings.world],
-        "predictor": name_of(series.settings.predictor),
+        "predictor": predictor_label(series.settings.predictor),
         "adapted": not series.settings.fixed_level,
         **{name: getattr(series.settings, name) for name in same},
     }

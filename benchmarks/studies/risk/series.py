@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.calibration.certificate import conditions_of
+from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
@@ -79,7 +79,7 @@ class Series:
         return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
 
 
-def series_of(
+def list_series(
     calibration: Calibration,
     others: Sequence[Calibration],
     predictor: str,
@@ -143,7 +143,7 @@ def _settings(calibration: Calibration, predictor: str) -> Settings:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"{calibration.path} is no calibration: {one_line(error)}") from None
-    calibration.refuse_other(conditions_of(settings))
+    calibration.refuse_other(conditions_for(settings))
     return settings
 
 
@@ -169,7 +169,7 @@ def _promises(
     yield Series(PROMISE, MIXTURE, "optimistic", optimistic, turns=2)
     for rival in ("extend", *rivals):
         settings = replace(same, predictor=rival, level=_cautious(calibration)[1])
-        yield Series(PROMISE, MIXTURE, name_of(rival), settings, turns=2)
+        yield Series(PROMISE, MIXTURE, predictor_label(rival), settings, turns=2)
     for place in (*HELD_OUT, *maps):
         there = replace(mixture, world=(place,), episodes=40)
         known = replace(there, arms=("known",))
@@ -180,7 +180,7 @@ def _promises(
             yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)
 
 
-def name_of(predictor: str) -> str:
+def predictor_label(predictor: str) -> str:
     """Return the name of a predictor in the results: a file of weights without its folder."""
     return Path(predictor).name.removesuffix(".safetensors")
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runs.drive import car_of, navigator_for
+from benchmarks.runs.drive import limits_for, navigator_for
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.settings import ARMS, VEHICLES, Settings
-from benchmarks.runs.tasks import task_of
+from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness.hostile_predictors import DEADLINE, KINDS, Hostile
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
@@ -62,11 +62,11 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         "commit": commit(),
     }
     try:
-        task = task_of(settings, 0)
+        task = make_task(settings, 0)
     except NoTaskError as error:
         return entry | {"outcome": NO_TASK, "error": None, "note": str(error)}
     driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), DEADLINE)
-    car, lidar = DubinsCar(car_of(settings)), Lidar(LidarConfig())
+    car, lidar = DubinsCar(limits_for(settings)), Lidar(LidarConfig())
     config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
     rng = np.random.default_rng([task.seed, 2])
     try:

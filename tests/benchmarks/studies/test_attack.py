@@ -7,9 +7,9 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from benchmarks.runs.drive import car_of, navigator_for
+from benchmarks.runs.drive import limits_for, navigator_for
 from benchmarks.runs.settings import ARMS, Settings
-from benchmarks.runs.tasks import task_of
+from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness import attack
 from benchmarks.studies.robustness.hostile_drives import attacked
 from benchmarks.studies.robustness.hostile_predictors import (
@@ -47,11 +47,16 @@ def test_a_drive_with_a_hostile_predictor_ends_well_and_its_faults_are_counted(i
 @pytest.mark.parametrize("kind", ["free, confidence 0.999999", "clears the map"])
 def test_near_certain_lies_do_not_make_a_car_collide(family, seed, kind):
     settings = Settings(world=(family,), seed=seed, episodes=1)
-    task = task_of(settings, 0)
+    task = make_task(settings, 0)
     driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), deadline=60.0)
     rng = np.random.default_rng(0)
     episode = run_episode(
-        task, driver, DubinsCar(car_of(settings)), Lidar(LidarConfig()), EpisodeConfig(), rng
+        task,
+        driver,
+        DubinsCar(limits_for(settings)),
+        Lidar(LidarConfig()),
+        EpisodeConfig(),
+        rng,
     )
     assert episode.outcome is not Outcome.COLLIDED
 

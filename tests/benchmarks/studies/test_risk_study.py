@@ -10,7 +10,7 @@ from calibrations import written
 from drive_results import a_result
 
 from benchmarks import corridor, tables
-from benchmarks.calibration.certificate import conditions_of
+from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import Settings
 from benchmarks.studies.risk import __main__ as risk
 from benchmarks.studies.risk import series as study
@@ -24,7 +24,7 @@ from benchmarks.studies.risk.report import (
     exceeds_its_risk,
     pooled_rows,
 )
-from benchmarks.studies.risk.series import Series, series_of
+from benchmarks.studies.risk.series import Series, list_series
 from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body
@@ -35,7 +35,12 @@ from predictor.registry import load_predictor
 
 SETTINGS = Settings(world=("corridor", "narrow"), predictor="none")
 CALIBRATION = Calibration(
-    Path("c.json"), conditions_of(SETTINGS), {0.02: 0.001, 0.05: 0.01}, 0.9, seed=7, drives=300
+    Path("c.json"),
+    conditions_for(SETTINGS),
+    {0.02: 0.001, 0.05: 0.01},
+    0.9,
+    seed=7,
+    drives=300,
 )
 FRAME = GridFrame(0.05, (0.0, 0.0), (60, 100))
 
@@ -65,7 +70,7 @@ def test_to_leave_the_map_is_to_touch():
 
 
 def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
-    all_series = series_of(CALIBRATION, [], "none", [], ["maps/a.yaml"], quick=False)
+    all_series = list_series(CALIBRATION, [], "none", [], ["maps/a.yaml"], quick=False)
     names = [series.name for series in all_series]
     assert len(set(names)) == len(names)
     asked = {
@@ -77,12 +82,12 @@ def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
     )
     assert {series.settings.level for series in all_series if "sham" in series.group} == {0.001}
     assert any(series.settings.world == ("maps/a.yaml",) for series in all_series)
-    quick = series_of(CALIBRATION, [], "none", [], [], quick=True)
+    quick = list_series(CALIBRATION, [], "none", [], [], quick=True)
     assert {series.settings.episodes for series in quick} == {4}
 
 
 def test_series_are_compared_with_those_that_drive_the_same_tasks():
-    all_series = series_of(CALIBRATION, [], "none", [], [], quick=False)
+    all_series = list_series(CALIBRATION, [], "none", [], [], quick=False)
     same = {}
     for series in all_series:
         same.setdefault((series.group, series.tasks), []).append(series)
@@ -98,31 +103,31 @@ def test_series_are_compared_with_those_that_drive_the_same_tasks():
 
 def test_a_calibration_for_another_predictor_is_refused():
     with pytest.raises(CalibrationError, match="is for predictor none, not extend"):
-        series_of(CALIBRATION, [], "extend", [], [], quick=False)
+        list_series(CALIBRATION, [], "extend", [], [], quick=False)
 
 
 def test_a_calibration_of_another_planner_is_refused_even_if_it_certifies_nothing():
     conditions = CALIBRATION.conditions | {"planner": "other"}
     with pytest.raises(CalibrationError, match="is for planner other"):
-        series_of(
+        list_series(
             replace(CALIBRATION, conditions=conditions, levels={}), [], "none", [], [], quick=False
         )
 
 
 def test_a_calibration_in_buildings_of_the_study_is_refused():
     with pytest.raises(CalibrationError, match="made in buildings of this study"):
-        series_of(replace(CALIBRATION, seed=study.SEED), [], "none", [], [], quick=False)
+        list_series(replace(CALIBRATION, seed=study.SEED), [], "none", [], [], quick=False)
 
 
 def test_a_damaged_calibration_is_refused_in_one_line():
     conditions = {k: v for k, v in CALIBRATION.conditions.items() if k != "v_max"}
     with pytest.raises(CalibrationError, match=r"c.json is no calibration: .*v_max"):
-        series_of(replace(CALIBRATION, conditions=conditions), [], "none", [], [], quick=False)
+        list_series(replace(CALIBRATION, conditions=conditions), [], "none", [], [], quick=False)
 
 
 def test_a_level_that_is_certified_is_not_measured_once_more():
     levels = {0.05: 0.003}
-    all_series = series_of(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
+    all_series = list_series(replace(CALIBRATION, levels=levels), [], "none", [], [], quick=False)
     assert [
         series.risk for series in all_series if series.settings.level == 0.003 and series.turns == 2
     ] == [
@@ -133,13 +138,14 @@ def test_a_level_that_is_certified_is_not_measured_once_more():
 
 def test_maps_of_the_same_name_are_refused():
     with pytest.raises(UsageError, match="a name of its own"):
-        series_of(CALIBRATION, [], "none", [], ["a/map.yaml", "b/map.yaml"], quick=False)
+        list_series(CALIBRATION, [], "none", [], ["a/map.yaml", "b/map.yaml"], quick=False)
 
 
 def test_a_fixed_level_is_studied_as_it_was_calibrated():
-    fixed = replace(CALIBRATION, conditions=conditions_of(replace(SETTINGS, fixed_level=True)))
+    fixed = replace(CALIBRATION, conditions=conditions_for(replace(SETTINGS, fixed_level=True)))
     assert all(
-        series.settings.fixed_level for series in series_of(fixed, [], "none", [], [], quick=False)
+        series.settings.fixed_level
+        for series in list_series(fixed, [], "none", [], [], quick=False)
     )
 
 
@@ -166,7 +172,7 @@ def test_a_broken_promise_is_noticed(change, broken):
 
 def test_buildings_of_the_study_are_not_those_of_the_calibration():
     seeds = {
-        series.settings.seed for series in series_of(CALIBRATION, [], "none", [], [], quick=False)
+        series.settings.seed for series in list_series(CALIBRATION, [], "none", [], [], quick=False)
     }
     assert seeds == {study.SEED, study.OTHER_SEED}
     assert min(seeds) > 5_000_000 + 100_000
@@ -206,7 +212,7 @@ def few_series(short_map, monkeypatch):
             found.append(Series("promise", "mixture", f"{wanted:g}", settings, wanted))
         return found
 
-    monkeypatch.setattr(study, "series_of", few)
+    monkeypatch.setattr(study, "list_series", few)
 
 
 @pytest.mark.slow
@@ -287,8 +293,8 @@ def test_times_are_compared_in_each_family():
 
 def test_a_further_calibration_is_tested_in_buildings_like_its_own():
     alone = replace(SETTINGS, world=("narrow",))
-    other = Calibration(Path("n.json"), conditions_of(alone), {0.02: 0.3}, 0.9, seed=900, drives=9)
-    all_series = series_of(CALIBRATION, [other], "none", [], [], quick=False)
+    other = Calibration(Path("n.json"), conditions_for(alone), {0.02: 0.3}, 0.9, seed=900, drives=9)
+    all_series = list_series(CALIBRATION, [other], "none", [], [], quick=False)
     own = [series for series in all_series if series.group == study.OWN]
     assert {series.label for series in own} == {"narrow-0.02", "narrow-known", "narrow-oracle"}
     assert {series.settings.world for series in own} == {("narrow",)}
@@ -298,12 +304,12 @@ def test_a_further_calibration_is_tested_in_buildings_like_its_own():
 def test_a_further_calibration_must_not_be_made_in_buildings_of_the_study():
     used = replace(CALIBRATION, path=Path("u.json"), seed=study.OWN_SEED)
     with pytest.raises(CalibrationError, match=r"u.json was made in buildings of this study"):
-        series_of(CALIBRATION, [used], "none", [], [], quick=False)
+        list_series(CALIBRATION, [used], "none", [], [], quick=False)
 
 
 def test_a_calibration_given_twice_is_refused():
     with pytest.raises(UsageError, match="each calibration must have a name of its own"):
-        series_of(CALIBRATION, [CALIBRATION, CALIBRATION], "none", [], [], quick=False)
+        list_series(CALIBRATION, [CALIBRATION, CALIBRATION], "none", [], [], quick=False)
 
 
 def test_further_calibrations_are_pooled_at_each_risk():
@@ -340,7 +346,7 @@ def test_further_calibrations_are_pooled_at_each_risk():
 
 
 def test_other_predictors_are_compared_at_the_level_of_the_smallest_risk():
-    all_series = series_of(CALIBRATION, [], "none", ["nets/unet.safetensors"], [], quick=False)
+    all_series = list_series(CALIBRATION, [], "none", ["nets/unet.safetensors"], [], quick=False)
     (rival,) = (s for s in all_series if s.settings.predictor == "nets/unet.safetensors")
     (extend,) = (s for s in all_series if s.settings.predictor == "extend")
     assert (rival.variant, rival.settings.level, rival.risk) == ("unet", 0.001, None)
