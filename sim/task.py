@@ -21,8 +21,9 @@ from sim.world import World
 
 START_CLEARANCE = 0.3
 """Free space around the body at the start and around the goal [m]."""
-START_MARGINS = (0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
-"""Margins around the body at the start that a driver may be told are free [m], see `Task`."""
+START_MARGINS = (0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.0)
+"""Margins around the body at the start that a driver may be told are free [m], see `Task`. With
+none of them, the cells beside the body count as unobserved, and the driver cannot even stand."""
 WAY_CLEARANCE = 0.05
 """Free space around the body along the way [m]."""
 COMFORT = 0.4

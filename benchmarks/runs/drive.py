@@ -167,6 +167,7 @@ def navigator_for(
     predictor: Predictor | None,
     deadline: float,
     frontiers: FrontierPredictor | None = None,
+    car: CarLimits | None = None,
 ) -> Navigator:
     """Return the navigator of an arm at the start of a task.
 
@@ -177,9 +178,11 @@ def navigator_for(
         predictor: predictor of the arm; None: it has none.
         deadline: time that a prediction may take [s].
         frontiers: predictor of frontiers of the arm; None: it has none.
+        car: limits of the car; None: those of the settings.
     """
     truth, window = task.world.grid, settings.window
     config = navigator_config(settings, arm, truth.frame.resolution)
+    config = replace(config, car=car or config.car)
     # The driver is told no more free space around the start than there is.
     start_margin = min(config.start_margin, task.start_margin(config.car.body))
     config = replace(config, deadline=deadline, start_margin=start_margin)

@@ -14,7 +14,6 @@ from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import Settings
 from benchmarks.studies.risk import __main__ as risk
 from benchmarks.studies.risk import series as study
-from benchmarks.studies.risk.contact_test import touches
 from benchmarks.studies.risk.drives import saved_drives
 from benchmarks.studies.risk.figures import _promise
 from benchmarks.studies.risk.report import (
@@ -27,7 +26,6 @@ from benchmarks.studies.risk.report import (
 from benchmarks.studies.risk.series import Series, list_series
 from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
-from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import View
 from planner.risk.calibration import Calibration, CalibrationError
@@ -42,31 +40,6 @@ CALIBRATION = Calibration(
     seed=7,
     drives=300,
 )
-FRAME = GridFrame(0.05, (0.0, 0.0), (60, 100))
-
-
-def straight(y, yaw=0.0):
-    """A drive along x at a height y [m]."""
-    x = np.arange(1.0, 4.0, 0.3)
-    return np.column_stack([x, np.full(len(x), y), np.full(len(x), yaw), np.full(len(x), 3.0)])
-
-
-@pytest.mark.parametrize(
-    ("y", "yaw", "hit"),
-    [(1.0, 0.0, False), (1.79, 0.0, False), (1.9, 0.0, True), (1.75, 0.5, True)],
-)
-def test_the_independent_test_finds_what_the_body_touches(y, yaw, hit):
-    solid = np.zeros(FRAME.shape, bool)
-    # A post of one cell, with its near side at y = 1.95 m.
-    solid[39, 50] = True
-    assert Body().half_width == pytest.approx(0.15)
-    assert touches(straight(y, yaw), solid, FRAME, Body()) == hit
-
-
-def test_to_leave_the_map_is_to_touch():
-    solid = np.zeros(FRAME.shape, bool)
-    for states in (straight(0.1), straight(2.95), straight(1.0) + np.array([2.0, 0.0, 0.0, 0.0])):
-        assert touches(states, solid, FRAME, Body())
 
 
 def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
