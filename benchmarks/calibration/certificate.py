@@ -21,6 +21,8 @@ from predictor.registry import load_predictor
 from sim.buildings import sources
 from sim.map_server import load_world
 
+ARM = "predicted"
+"""The arm that calibrations are of; no other may drive at a level that one certifies."""
 ABSENT = {name: OLDER[name] for name in CONDITIONS}
 """Condition → its value where a calibration does not contain it, because it is older."""
 HASHED = {
@@ -45,7 +47,7 @@ REMOVED = {"oracle": False}
 
 def conditions_for(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
-    config = navigator_config(replace(settings, level=0.0), ARMS["predicted"], RESOLUTION)
+    config = navigator_config(replace(settings, level=0.0), ARMS[ARM], RESOLUTION)
     weights = weights_fingerprint(load_predictor(settings.predictor))
     return {
         **_map_conditions(settings),
@@ -144,11 +146,17 @@ def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
         calibration: calibration.json of `benchmarks.calibrate`; needed for a risk above 0.
 
     Raises:
-        UsageError: if both risk and level are given, or a risk without a calibration.
+        UsageError: if both risk and level are given, or a risk without a calibration; if the arm
+            that calibrations are of does not drive, or another arm takes risks.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     if settings.risk == 0.0:
         return settings
+    strange = [arm for arm in settings.arms if arm != ARM and ARMS[arm].takes_risk]
+    if strange:
+        raise UsageError(f"--risk: a calibration is of the arm {ARM}, not of {', '.join(strange)}")
+    if ARM not in settings.arms:
+        raise UsageError(f"--risk is of the arm {ARM}, which --arms does not name")
     if settings.level > 0.0:
         raise UsageError("--level is in place of --risk: give one of them")
     if calibration is None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.calibration.certificate import absent_in, conditions_for
+from benchmarks.calibration.certificate import ARM, absent_in, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
@@ -27,7 +27,6 @@ from planner.risk.betting import capital, decided_after, needed
 from planner.risk.calibration import KIND
 from sim.buildings import sources
 
-ARM = "predicted"
 KIND_OF_DRIVES = "calibration drives"
 """Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
 ENTRY = {"index": int, "place": str, "outcome": str}

@@ -23,10 +23,12 @@ from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 ARM_COLOURS = {
     "known": "#0072B2",
     "known+route": "#56B4E9",
+    "backup": "#999933",
     "predicted": "#D55E00",
     "known+frontiers": "#332288",
     "known+route+frontiers": "#882255",
     "optimistic": "#CC79A7",
+    "perfect": "#66CCAA",
     "oracle": "#009E73",
     "full": "#4D4D4D",
 }

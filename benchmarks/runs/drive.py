@@ -22,6 +22,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
 from planner.navigator import Navigator, NavigatorConfig
+from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
@@ -159,6 +160,18 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
     )
 
 
+def predictor_for(settings: Settings, arm: Arm, task: Task) -> Predictor | None:
+    """Return the predictor of an arm in a task; None: it has none.
+
+    Raises:
+        PredictorError: if the chosen predictor cannot be loaded.
+    """
+    if arm.predictor == "chosen":
+        return load_predictor(settings.predictor)
+    others: dict[str, Predictor] = {"free": Free(), "oracle": Oracle(task.world)}
+    return others.get(arm.predictor)
+
+
 def navigator_for(
     settings: Settings,
     arm: Arm,
@@ -203,8 +216,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     task = task or make_task(settings, index)
     arm = ARMS[arm_name]
     car = limits_for(settings)
-    choices = {"chosen": load_predictor(settings.predictor), "oracle": Oracle(task.world)}
-    predictor = choices.get(arm.predictor)
+    predictor = predictor_for(settings, arm, task)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
     # A long deadline, so that the result does not depend on the load of the machine.
     navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers)

@@ -18,7 +18,8 @@ class Arm:
     """One arm (variant) of a comparison: how much of the map its planner may know and rely on.
 
     Attributes:
-        predictor: "none", "chosen" (the predictor of --predictor) or "oracle".
+        predictor: "none", "chosen" (the predictor of --predictor), "free" (all unobserved cells of
+            the predicted square are free) or "oracle" (its true map).
         reliance: reliance ε; None: the value of --reliance.
         steer: whether the prediction influences the route.
         whole_map: whether the whole map is known from the start.
@@ -71,6 +72,9 @@ ARMS = {
     "known": Arm(predictor="none", reliance=0.0, steer=False, whole_map=False),
     # Only cells that were observed free; the prediction influences the route.
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
+    # All cells that were not observed occupied, as if they were predicted free; its last resort
+    # enters cells that were observed free alone. Any reliance between 0 and 1 does the same.
+    "backup": Arm(predictor="free", reliance=0.5, steer=False, whole_map=False),
     # Also predicted cells, at the given reliance and level; the prediction influences the route.
     "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False, level=None),
     # As known; and a prediction of where each frontier leads influences the free route.
@@ -80,10 +84,12 @@ ARMS = {
     "known+route+frontiers": Arm(
         predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
     ),
-    # All cells that were not observed occupied.
+    # All cells that were not observed occupied, without a last resort.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
-    # As predicted, but the prediction is the true map of the predicted square. Its probabilities
-    # are 0 and 1, so that the last resort may enter all free cells of it at any level above 0.
+    # As predicted at a risk of 0, but the prediction is the true map of the predicted square.
+    "perfect": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False),
+    # The upper bound: as perfect, and its last resort relies on the true map as well. The
+    # probabilities of that map are 0 and 1, so that any level above 0 does.
     "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False, level=1e-9),
     # All free cells; the whole map is known from the start.
     "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),

@@ -17,7 +17,8 @@ from benchmarks.calibration.certificate import (
     load_calibration,
     planner_hash,
 )
-from benchmarks.runs.settings import CONDITIONS, OLDER, Settings
+from benchmarks.runs.settings import ARMS, CONDITIONS, OLDER, Settings
+from foresee.infra.command_line import UsageError
 from foresee.infra.options import option
 from foresee.mapping.grid import Grid
 from planner.mpc.mpc import MPCConfig
@@ -65,6 +66,14 @@ def test_the_published_calibrations_are_accepted(path):
     chosen = {name: conditions[name] for name in CONDITIONS}
     settings = Settings(world=tuple(conditions["world"]), risk=0.05, **chosen)
     assert at_risk(settings, path).level > 0.0
+
+
+def test_a_calibration_is_of_the_arm_predicted_alone(monkeypatch):
+    with pytest.raises(UsageError, match="which --arms does not name"):
+        at_risk(replace(AT_RISK, arms=("known", "oracle")), OFFICE)
+    monkeypatch.setitem(ARMS, "bold", replace(ARMS["predicted"], steer=False))
+    with pytest.raises(UsageError, match="not of bold"):
+        at_risk(replace(AT_RISK, arms=("predicted", "bold")), OFFICE)
 
 
 @pytest.mark.parametrize("path", [p for p, _ in all_settings(NavigatorConfig())], ids=".".join)
