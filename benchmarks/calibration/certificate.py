@@ -162,4 +162,5 @@ def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
     if calibration is None:
         raise UsageError("--risk needs --calibration, a file that benchmarks.calibrate has written")
     certificate = load_calibration(calibration)
-    return replace(settings, level=certificate.level_for(settings.risk, conditions_for(settings)))
+    level = certificate.level_for(settings.risk, conditions_for(settings))
+    return replace(settings, level=level, calibrated=certificate.revision)

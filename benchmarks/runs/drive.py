@@ -22,6 +22,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
 from planner.navigator import Navigator, NavigatorConfig
+from planner.revision import REVISION
 from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_frontiers, load_predictor
@@ -251,6 +252,8 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         paths={str(k): int(v) for k, v in episode.paths.items()},
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
+        revision=REVISION,
+        calibrated=settings.calibrated if arm.takes_risk and settings.risk > 0 else None,
         cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
     )
     return Drive(result, trace)

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, Self, get_type_hints
 
 from foresee.infra.plain_json import fits
+from planner.revision import FIRST
 
 SIZES = {"start": 3, "goal": 2, "cycle_ms": 2}
 """Field that is a list → its length."""
@@ -48,6 +49,9 @@ class DriveResult:
         faults: kind of fault → number of ticks in which it was handled.
         paths: source of the path → number of paths followed.
         commit: commit of the code that drove.
+        revision: revision of the driving, see `planner.revision`.
+        calibrated: revision that the calibration was measured with which gave the level of the last
+            resort; None: none did.
         cycle_ms: median and 99th percentile of the time of a control cycle [ms].
     """
 
@@ -79,6 +83,8 @@ class DriveResult:
     faults: dict[str, int]
     paths: dict[str, int]
     commit: str | None
+    revision: int = FIRST
+    calibrated: int | None = None
     cycle_ms: list[float]
 
     @classmethod
@@ -102,6 +108,11 @@ class DriveResult:
         if wrong:
             raise ValueError(f"the result of a drive lacks a proper {wrong[0]}")
         return cls(**known)
+
+    @property
+    def earlier_calibration(self) -> bool:
+        """Whether the calibration was measured with an earlier revision of the driving."""
+        return self.calibrated is not None and self.calibrated < self.revision
 
     @property
     def verdict(self) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import checked, up_to_date
-from benchmarks.runs.summary import broken, gap, no_gap, summarise
+from benchmarks.runs.summary import EARLIER, broken, gap, no_gap, summarise
 from foresee.infra.markdown import DASH, figure, interval, records
 
 
@@ -37,12 +37,13 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
             return " / ".join(DASH if value is None else format(value, form) for value in values)
 
         known, share = summary["known"], run["gap"]
+        earlier = any(summary[arm]["earlier_calibration"] for arm in summary)
         closed = {key: interval(share[key], ".0f", 100.0, " %") for key in ("sct", "time")}
         if no_gap(summary, share):
             closed["sct"] = "no gap"
         rows.append(
             {
-                " / ".join(f"`{arm}`" for arm in arms): name,
+                " / ".join(f"`{arm}`" for arm in arms): name + (EARLIER if earlier else ""),
                 "car": known["vehicle"],
                 "episodes": known["episodes"],
                 "SCT": each("sct", ".3f"),

@@ -11,6 +11,7 @@ from foresee.infra.options import Options, option
 from foresee.infra.plain_json import fits
 from foresee.mapping.conventions import LONGEST_STOP
 from foresee.mapping.family_names import FAMILIES
+from planner.revision import FIRST
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,15 @@ class Arm:
         Args:
             differing: names of the settings in which the two runs differ.
         """
-        heedless = {"predictor", "weights", "frontiers", "risk", "level", "fixed_level"}
+        heedless = {
+            "predictor",
+            "weights",
+            "frontiers",
+            "risk",
+            "level",
+            "calibrated",
+            "fixed_level",
+        }
         if self.predictor == "none":
             heedless.add("expansion")
         if self.reliance is not None:
@@ -196,6 +205,8 @@ class Settings(Options):
         f"{VEHICLES['reeds-shepp']:g} m/s",
         choices=tuple(VEHICLES),
     )
+    calibrated: int = FIRST
+    """Revision of the driving that the calibration for `risk` was measured with."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -216,7 +227,10 @@ class Settings(Options):
             raise UsageError("--arms needs at least one arm, and each only once")
 
 
-NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level")
+NO_CONDITIONS = (
+    *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
+    "calibrated",
+)
 """Settings that a calibration need not share with the drives that use it; the predictor and the
 buildings are compared in `benchmarks.calibration.certificate`."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)

@@ -19,6 +19,8 @@ from sim.episode import Outcome
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 """Sources of the paths that were followed, as in `planner.motion.path.Path.source`."""
 OUTCOMES = tuple(map(str, Outcome))
+EARLIER = ", calibrated with an earlier planner"
+"""Remark on drives at a risk whose calibration was measured with an earlier revision."""
 
 
 def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
@@ -53,6 +55,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
     ratio = {"time_ratio": statistics.time_ratio(by_arm, arm, "known")} if compared else {}
     entry: dict[str, Any] = {
         "vehicle": results[0].vehicle,
+        "earlier_calibration": any(r.earlier_calibration for r in results),
         **_with_ends("sct", statistics.success(by_arm, arm)),
         "over_optimum": _ratio(reached, "time", "t_opt"),
         "detour": _ratio(reached, "path_length", "shortest_length"),
@@ -142,9 +145,14 @@ def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
     if not summary:
         return "no episode has been finished by all arms yet"
     entries = list(summary.values())
-    rows = [[f"{entries[0]['episodes']} paired episodes", *(f"`{arm}`" for arm in summary)]]
+    rows = [[f"{entries[0]['episodes']} paired episodes", *map(head, summary, entries)]]
     rows += [[title, *map(cell, entries)] for title, cell in _rows(entries).items()]
     return "\n".join([markdown(rows), "", *_remarks(summary, share)]).rstrip()
+
+
+def head(arm: str, entry: dict[str, Any]) -> str:
+    """Return the head of an arm's column."""
+    return f"`{arm}`" + (EARLIER if entry["earlier_calibration"] else "")
 
 
 Cell = Callable[[dict[str, Any]], str]

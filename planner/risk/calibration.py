@@ -14,6 +14,7 @@ import numpy as np
 
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.plain_json import read_json
+from planner.revision import FIRST
 from planner.risk.betting import capital, needed
 
 KIND = "calibration"
@@ -41,6 +42,7 @@ class Calibration:
         confidence: probability with which each certificate holds.
         seed: seed of the first building of the calibration.
         drives: largest number of drives that was allowed at a level, each in a building of its own.
+        revision: revision of the driving that it was measured with, see `planner.revision`.
     """
 
     path: Path
@@ -49,6 +51,7 @@ class Calibration:
     confidence: float
     seed: int
     drives: int
+    revision: int = FIRST
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -72,7 +75,8 @@ class Calibration:
             drives = int(content.get("most_drives", counted))
             conditions = dict(content["conditions"])
             conditions["world"] = [str(place) for place in conditions["world"]]
-            return cls(path, conditions, levels, confidence, seed, drives)
+            revision = int(content.get("revision", FIRST))
+            return cls(path, conditions, levels, confidence, seed, drives, revision)
         except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
             raise CalibrationError(f"{path} is no calibration: {one_line(error)}") from None
 

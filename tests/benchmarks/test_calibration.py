@@ -15,6 +15,7 @@ from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
+from planner.revision import FIRST, REVISION
 from planner.risk.calibration import Calibration, CalibrationError
 from sim import empty_straight, save_world
 
@@ -188,6 +189,24 @@ def test_a_folder_accepts_no_other_levels_later(change, named, tmp_path, monkeyp
     with pytest.raises(UsageError, match=named):
         learn_then_test.calibrate(SETTINGS, replace(LEVELS, **change), tmp_path, jobs=1)
     learn_then_test.calibrate(SETTINGS, replace(LEVELS, drives=700), tmp_path, jobs=1)
+
+
+def test_a_calibration_records_the_revision_of_its_drives_and_continues_no_other(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
+    learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    assert Calibration.load(tmp_path / "calibration.json").revision == REVISION
+    monkeypatch.setattr(learn_then_test, "REVISION", REVISION + 1)
+    with pytest.raises(UsageError, match="revision"):
+        learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+
+
+def test_a_calibration_without_a_revision_is_of_the_first(tmp_path):
+    path = written(tmp_path / "c.json")
+    assert at_risk(replace(SETTINGS, risk=0.05), path).calibrated == FIRST
+    path = written(tmp_path / "c.json", revision=7)
+    assert at_risk(replace(SETTINGS, risk=0.05), path).calibrated == 7
 
 
 def test_a_folder_accepts_no_drives_of_another_planner(tmp_path, monkeypatch):

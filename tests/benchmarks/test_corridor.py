@@ -10,6 +10,7 @@ from comparison import python, results, run
 from benchmarks.runs.drive import drive, score
 from benchmarks.runs.settings import Settings
 from foresee.mapping.car_limits import CarLimits
+from planner.revision import FIRST, REVISION
 
 SUMMARY = {
     "episodes",
@@ -165,6 +166,19 @@ def test_an_episode_is_that_of_its_seed_with_noise_too():
     first, b = drive(Settings(**common, seed=1), 0, "known")
     assert replace(second, index=0, cycle_ms=[]) == replace(first, cycle_ms=[])
     assert np.array_equal(a.states, b.states)
+
+
+@pytest.mark.parametrize(
+    ("arm", "risk", "earlier"),
+    [("predicted", 0.05, True), ("known", 0.05, False), ("predicted", 0.0, False)],
+)
+def test_a_drive_knows_whether_its_calibration_is_of_an_earlier_planner(
+    arm, risk, earlier, short_map
+):
+    settings = Settings(world=(str(short_map),), predictor="none", risk=risk, calibrated=FIRST)
+    result = drive(settings, 0, arm).result
+    assert result.revision == REVISION
+    assert result.earlier_calibration == earlier
 
 
 def test_help_names_the_units(tmp_path):
