@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import up_to_date
+from benchmarks.runs.settings import ARMS, up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import figure, interval, markdown, span
 from foresee.statistics import MIN_GROUPS
@@ -106,15 +106,21 @@ def _mean(values: Iterable[float | None]) -> float | None:
 
 
 def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[str, Any]:
-    """Return the share of the gap between `known` and `oracle` that `predicted` closes.
+    """Return the share of the gap between the best baseline and `oracle` that a network closes.
 
     Returns:
-        `sct`: the share in SCT; `time`: the share in time, on a prescribed route only. Each is None
-        if `statistics.share_of_gap` gives none.
+        For each arm that takes the chosen risk: `sct`, the share in SCT, and `time`, the share in
+        time, on a prescribed route only. Each is None if `statistics.share_of_gap` gives none.
     """
     by_arm = paired(episodes, arms)
-    in_time = statistics.share_of_gap(by_arm, "time") if route == "fixed" else None
-    return {"sct": statistics.share_of_gap(by_arm, "sct"), "time": in_time}
+    return {
+        arm: {
+            "sct": statistics.share_of_gap(by_arm, arm, "sct"),
+            "time": statistics.share_of_gap(by_arm, arm, "time") if route == "fixed" else None,
+        }
+        for arm in arms
+        if arm in ARMS and ARMS[arm].takes_risk
+    }
 
 
 def title(settings: dict[str, Any]) -> str:
@@ -135,19 +141,19 @@ def comparison(results: dict[str, Any]) -> str:
     return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
 
 
-def table(summary: dict[str, Any], share: dict[str, Any]) -> str:
+def table(summary: dict[str, Any], shares: dict[str, Any]) -> str:
     """Return the summary as a Markdown table, with remarks below it.
 
     Args:
         summary: result of `summarise`.
-        share: result of `gap`.
+        shares: result of `gap`.
     """
     if not summary:
         return "no episode has been finished by all arms yet"
     entries = list(summary.values())
     rows = [[f"{entries[0]['episodes']} paired episodes", *map(head, summary, entries)]]
     rows += [[title, *map(cell, entries)] for title, cell in _rows(entries).items()]
-    return "\n".join([markdown(rows), "", *_remarks(summary, share)]).rstrip()
+    return "\n".join([markdown(rows), "", *_remarks(summary, shares)]).rstrip()
 
 
 def head(arm: str, entry: dict[str, Any]) -> str:
@@ -204,27 +210,17 @@ def broken(entry: dict[str, Any]) -> str:
     return figure(entry["promises_broken"], entry["promises_broken_interval"], ".2f", 100.0, " %")
 
 
-def _remarks(summary: dict[str, Any], share: dict[str, Any]) -> Iterator[str]:
+def _remarks(summary: dict[str, Any], shares: dict[str, Any]) -> Iterator[str]:
     """Yield the lines below the table: kinds of faults, and the share of the gap."""
     for arm, entry in summary.items():
         if entry["faults"]:
             kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
             yield f"Handled faults of `{arm}`: {kinds}."
-    for key, what in (("sct", "in SCT"), ("time", "in time, where all three reached")):
-        if share[key] is not None:
-            closed = interval(share[key], ".0f", 100.0, " %")
-            yield f"Share of the gap between `known` and `oracle` {what}: {closed}."
-    if no_gap(summary, share):
-        yield (
-            "Share of the gap in SCT: not given, `oracle` is not better than `known` with "
-            "certainty."
-        )
-
-
-def no_gap(summary: dict[str, Any], share: dict[str, Any]) -> bool:
-    """Return whether `oracle` is not better than `known` in SCT with certainty.
-
-    Without an interval there are too few buildings to say anything about the gap.
-    """
-    driven = summary.keys() >= set(statistics.GAP)
-    return driven and share["sct"] is None and summary["known"]["sct_interval"] is not None
+    for arm, closed in shares.items():
+        for key, what in (("sct", "in SCT"), ("time", "in time, where all reached")):
+            if closed[key] is not None:
+                share = interval(closed[key], ".0f", 100.0, " %")
+                yield (
+                    f"`{arm}` closes {share} of the gap {what}, between the best baseline without "
+                    f"a network, `{closed[key]['baseline']}`, and the upper bound, `oracle`."
+                )

@@ -124,7 +124,7 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
         == 0
     )
     said = capsys.readouterr().out
-    assert "Share of the gap" not in said
+    assert "of the gap" not in said
     rows = {line.split("|")[1].strip(): line for line in said.splitlines() if line[:1] == "|"}
     assert list(rows)[2:4] == [
         "**SCT** (95 % over worlds)",
@@ -145,7 +145,7 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
     for name in ("time_ratio", "faster_than_known"):
         assert entry[name]["value"] is not None
         assert (entry[name]["low"], entry[name]["high"]) == (None, None)
-    assert r["gap"] == {"sct": None, "time": None}
+    assert r["gap"] == {"predicted": {"sct": None, "time": None}}
 
 
 def test_the_figures_and_traces_are_there(narrow):
