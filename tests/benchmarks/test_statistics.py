@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from benchmarks.runs.statistics import (
-    GAP,
     mcnemar,
     mean_speed,
     promises_broken,
@@ -24,6 +22,8 @@ from benchmarks.runs.statistics import (
 from foresee.statistics import MIN_GROUPS, estimate, grouped_mean
 
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
+WORLDS = MIN_GROUPS + 4
+"""Number of worlds in which drives are compared, enough for intervals."""
 
 
 def result(world="w", length=10.0, time=5.0, outcome="reached", broken=0, promises=0):
@@ -127,7 +127,12 @@ def test_an_interval_takes_five_distinct_worlds(worlds):
     names = [f"w{i % worlds}" for i in range(14)]
     arms = {
         name: [replace(result(world, promises=4, broken=1, time=time), sct=sct) for world in names]
-        for name, sct, time in (("known", 0.3, 9), ("predicted", 0.4, 7), ("oracle", 0.5, 6))
+        for name, sct, time in (
+            ("known", 0.3, 9),
+            ("backup", 0.3, 9),
+            ("predicted", 0.4, 7),
+            ("oracle", 0.5, 6),
+        )
     }
     given = [
         mean_speed(arms, "known"),
@@ -139,7 +144,7 @@ def test_an_interval_takes_five_distinct_worlds(worlds):
     enough = worlds >= MIN_GROUPS == 5
     for figure in given:
         assert (figure["low"] is not None, figure["high"] is not None) == (enough, enough)
-    for share in (share_of_gap(arms, "sct"), share_of_gap(arms, "time")):
+    for share in shares(arms):
         assert (share is not None) == enough
 
 
@@ -181,47 +186,60 @@ def test_time_ratios_one_way_and_the_other_are_reciprocal(times):
     assert time_ratio(arms, "a", "a")["value"] == 1.0
 
 
-SHARES = [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (-0.2, -0.2)]
+def paired_drives(**drives):
+    """Arms with the same drive, (SCT, time), in each of some worlds."""
+    return {arm: scored([sct] * WORLDS, [time] * WORLDS) for arm, (sct, time) in drives.items()}
 
 
-@pytest.mark.parametrize(("where", "share"), SHARES)
-def test_the_share_of_the_gap_is_where_predicted_stands_between_known_and_oracle(where, share):
-    sct = {"known": 0.3, "predicted": 0.3 + 0.4 * where, "oracle": 0.7}
-    time = {"known": 20.0, "predicted": 20.0 - 8.0 * where, "oracle": 12.0}
-    arms = {name: scored([sct[name]] * 6, [time[name]] * 6) for name in sct}
-    for found in (share_of_gap(arms, "sct"), share_of_gap(arms, "time")):
-        assert found == pytest.approx({"value": share, "low": share, "high": share})
+def shares(arms, arm="predicted"):
+    return [share_of_gap(arms, arm, key) for key in ("sct", "time")]
+
+
+@pytest.mark.parametrize("where", [0.0, 0.5, 1.0, -0.2])
+def test_the_share_of_the_gap_is_where_an_arm_stands_between_the_best_baseline_and_oracle(where):
+    ends = {"known": (0.3, 20.0), "backup": (0.4, 16.0), "oracle": (0.6, 12.0)}
+    arms = paired_drives(**ends, predicted=(0.4 + 0.2 * where, 16.0 - 4.0 * where))
+    # Where `known` is the better baseline, it takes the place of `backup`.
+    swapped = arms | {"known": arms["backup"], "backup": arms["known"]}
+    for compared, baseline in ((arms, "backup"), (swapped, "known")):
+        for share in shares(compared):
+            assert share.pop("baseline") == baseline
+            assert share == pytest.approx({"value": where, "low": where, "high": where})
+
+
+def test_a_share_against_known_alone_is_not_given():
+    arms = paired_drives(known=(0.3, 20.0), predicted=(0.5, 15.0), oracle=(0.6, 12.0))
+    assert shares(arms) == [None, None]
 
 
 def test_speed_bought_by_a_detour_closes_no_gap():
     # Twice the way at twice the speed: as late as `known`.
-    known, oracle = scored([0.4] * 6), scored([0.8] * 6)
-    predicted = [replace(drive, path_length=2 * drive.path_length) for drive in known]
-    arms = {"known": known, "predicted": predicted, "oracle": oracle}
+    arms = paired_drives(known=(0.4, 10.0), backup=(0.4, 10.0), oracle=(0.8, 10.0))
+    arms["predicted"] = [replace(d, path_length=2 * d.path_length) for d in arms["known"]]
     assert mean_speed(arms, "predicted", "known")["value"] == pytest.approx(1.0)
-    assert share_of_gap(arms, "sct")["value"] == 0.0
+    assert share_of_gap(arms, "predicted", "sct")["value"] == 0.0
 
 
 def test_a_drive_that_did_not_arrive_counts_in_sct_and_not_in_time():
-    drives = {"known": (0.4, 20), "predicted": (0.5, 16), "oracle": (0.8, 10)}
-    arms = {name: scored([sct] * 6, [time] * 6) for name, (sct, time) in drives.items()}
-    before = share_of_gap(arms, "sct"), share_of_gap(arms, "time")
+    ends = {"known": (0.4, 20), "backup": (0.4, 20), "oracle": (0.8, 10)}
+    arms = paired_drives(**ends, predicted=(0.5, 16))
+    before = shares(arms)
     arms["predicted"][0] = replace(arms["predicted"][0], sct=0.0, outcome="stuck", time=40.0)
-    assert share_of_gap(arms, "sct")["value"] < before[0]["value"]
-    assert share_of_gap(arms, "time") == pytest.approx(before[1])
+    after = shares(arms)
+    assert after[0]["value"] < before[0]["value"]
+    assert after[1] == pytest.approx(before[1])
 
 
 def test_no_share_is_given_where_the_oracle_is_not_better_with_certainty():
-    known = scored([0.50, 0.55, 0.45, 0.50, 0.60, 0.40], [20, 21, 19, 20, 22, 18])
-    oracle = scored([0.55, 0.45, 0.50, 0.65, 0.40, 0.45], [19, 21, 20, 17, 23, 21])
-    better = scored([0.9] * 6, [10] * 6)
-    for key in ("sct", "time"):
-        share = partial(share_of_gap, key=key)
-        assert share({"known": known, "predicted": known, "oracle": oracle}) is None
-        assert share({"known": better, "predicted": known, "oracle": known}) is None
-        assert share({"known": known, "oracle": better}) is None
-        assert share({"known": known, "predicted": known, "oracle": better}) is not None
-    assert share_of_gap({name: drives([20] * 6) for name in GAP}, "sct") is None
+    rng = np.random.default_rng(0)
+    scts, times = rng.uniform(0.4, 0.6, (2, WORLDS)), rng.uniform(18, 22, (2, WORLDS))
+    known, oracle = (scored(list(s), list(t)) for s, t in zip(scts, times, strict=True))
+    better = scored([0.9] * WORLDS, [10] * WORLDS)
+    same = {"known": known, "backup": known, "predicted": known}
+    assert shares(same | {"oracle": oracle}) == [None, None]
+    assert shares(same | {"backup": better, "oracle": known}) == [None, None]
+    assert None not in shares(same | {"oracle": better})
+    assert share_of_gap({name: drives([20] * WORLDS) for name in same}, "predicted", "sct") is None
 
 
 @given(st.lists(st.tuples(st.sampled_from(OUTCOMES), st.sampled_from(OUTCOMES)), max_size=30))
