@@ -46,9 +46,9 @@ class View:
     """What a predictor is shown of the observed map.
 
     Attributes:
-        known: map of all that was observed inside the square to predict. A navigator asks for a
-            square that is at most `expansion` times as wide as the LIDAR's window, and centred on
-            the robot.
+        known: map of all that was observed inside the square to predict, which is centred on the
+            robot. Its side is the predictor's `side`; a predictor without one is asked for a square
+            that is at most `expansion` times as wide as the LIDAR's window.
         pose: x, y, yaw of the robot, (3,) [m, m, rad].
         around: map of all that was observed inside a larger square around the robot. Its side is
             the predictor's `context_side`. Where no larger map exists, it is `known` itself, as for
@@ -98,7 +98,8 @@ class Predictor(Protocol):
 
     A predictor may have an attribute `context_side`: the side of the square of `View.around` [m],
     at most `LARGEST_CONTEXT`. Without it, the side is 40 m, which takes 0.1 ms in each tick. If it
-    is 0, `around` is `known`.
+    is 0, `around` is `known`. An attribute `side` states the side of the square that it predicts
+    [m], at most `LARGEST_CONTEXT` as well: routes use predictions as far as they reach.
     """
 
     def predict(self, view: View) -> Prediction:
@@ -119,7 +120,7 @@ class Predictor(Protocol):
 
 
 LARGEST_CONTEXT = 100.0
-"""Largest `context_side` that a predictor may have [m]."""
+"""Largest `context_side` and `side` that a predictor may have [m]."""
 
 
 class BadPredictionError(LineError):
@@ -213,12 +214,13 @@ class Caller:
         predictor: predictor to call.
 
     Raises:
-        BadPredictionError: if the predictor has no method `predict(view)`, or its `context_side` is
-            not a length from 0 to `LARGEST_CONTEXT`.
+        BadPredictionError: if the predictor has no method `predict(view)`, or its `context_side` or
+            `side` is not a length from 0 to `LARGEST_CONTEXT`.
 
     Attributes:
         name: name of the predictor's class.
         context_side: side of the square of `View.around` [m]; 0: no larger map is wanted.
+        side: side of the square that it predicts [m]; 0: it states none.
         is_old: whether `predict` has the old form.
     """
 
@@ -230,14 +232,10 @@ class Caller:
             raise BadPredictionError(f"{self.name} has no method predict(view) -> Prediction")
         signature = _signature(self._predict)
         self.is_old = "pose" in signature.parameters or not _takes(signature, 1)
-        side = _read(predictor, "context_side", 0.0 if self.is_old else SIDE)
-        if not isinstance(side, int | float) or not 0.0 <= side <= LARGEST_CONTEXT:
-            raise BadPredictionError(
-                f"context_side is {side!r}, it must be a length from 0 to {LARGEST_CONTEXT:g} m"
-            )
-        self.context_side = float(side)
+        self.context_side = _length(predictor, "context_side", 0.0 if self.is_old else SIDE)
+        self.side = _length(predictor, "side", 0.0)
         if self.is_old:
-            if not _takes(signature, 3 if side else 2):
+            if not _takes(signature, 3 if self.context_side else 2):
                 raise BadPredictionError(
                     f"{self.name} has predict{signature}, it must be predict(view) -> Prediction"
                 )
@@ -284,6 +282,16 @@ def _read(predictor: Any, name: str, default: Any) -> Any:
         return getattr(predictor, name, default)
     except (Exception, SystemExit) as error:
         raise BadPredictionError(f"{name} raised {one_line(error)}") from error
+
+
+def _length(predictor: Any, name: str, default: float) -> float:
+    """Return an attribute of a predictor that is a length [m]."""
+    length = _read(predictor, name, default)
+    if not isinstance(length, int | float) or not 0.0 <= length <= LARGEST_CONTEXT:
+        raise BadPredictionError(
+            f"{name} is {length!r}, it must be a length from 0 to {LARGEST_CONTEXT:g} m"
+        )
+    return float(length)
 
 
 def _signature(predict: Callable[..., Any]) -> inspect.Signature:

@@ -96,7 +96,8 @@ class NavigatorConfig:
 
     @property
     def predicted_side(self) -> float:
-        """Side of the predicted square [m], at most what a stop from top speed can make use of."""
+        """Side of the square that is predicted if the predictor states none [m]: at most what a
+        stop from top speed can make use of."""
         return min(self.window * self.expansion, max(10.0, 2 * (self.car.stopping_distance + 1.5)))
 
     @property
@@ -343,7 +344,7 @@ class Navigator:
         """Return the predictor's answer, or None if it fails in any way, and the faults."""
         if self._asker is None:
             return None, ()
-        side, patience = self.config.predicted_side, self.config.deadline
+        side, patience = self._asker.side or self.config.predicted_side, self.config.deadline
         if self._tick == 0:
             patience = max(FIRST_DEADLINE, patience)
         view = View.of(self.known, state[:3].copy(), side, self._asker.context_side)

@@ -40,12 +40,13 @@ class Oracle:
 
     Args:
         world: true map of the building.
+        side: side of the square [m]; 0: the one that any predictor is asked about.
     """
 
     context_side = 0.0
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, world: World, side: float = 0.0) -> None:
+        self.world, self.side = world, side
 
     def predict(self, view: View) -> Prediction:
         """Return the true map with a confidence of 1."""
@@ -186,7 +187,7 @@ def predictor_for(settings: Settings, arm: Arm, task: Task) -> Predictor | None:
     """
     if arm.predictor == "chosen":
         return load_predictor(settings.predictor)
-    others: dict[str, Predictor] = {"free": Free(), "oracle": Oracle(task.world)}
+    others: dict[str, Predictor] = {"free": Free(), "oracle": Oracle(task.world, arm.side)}
     return others.get(arm.predictor)
 
 

@@ -28,6 +28,7 @@ class Arm:
             must be free (--route free).
         level: level λ of the last resort, which is not adapted; None: the value of --level, or the
             one certified for --risk, which is adapted.
+        side: side of the square of the true map that "oracle" gives [m]; 0: the predicted square.
     """
 
     predictor: str
@@ -36,6 +37,7 @@ class Arm:
     whole_map: bool
     frontiers: bool = False
     level: float | None = 0.0
+    side: float = 0.0
 
     @property
     def takes_risk(self) -> bool:
@@ -94,6 +96,14 @@ ARMS = {
     "known+route+frontiers": Arm(
         predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
     ),
+    # As known; and the true map of a square influences the route: the most that a predictor of that
+    # square can be worth to it.
+    **{
+        f"known+truth{side}": Arm(
+            predictor="oracle", reliance=0.0, steer=True, whole_map=False, side=float(side)
+        )
+        for side in (10, 20, 40)
+    },
     # All cells that were not observed occupied, without a last resort.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
     # As predicted at a risk of 0, but the prediction is the true map of the predicted square.

@@ -25,7 +25,7 @@ from planner.guide.subgoals import with_frontiers
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
-from planner.risk.cost_map import CostMap, RememberedCost, remember
+from planner.risk.cost_map import Belief, CostMap, remember
 from planner.risk.risk_map import RiskMap
 
 REST = 1e-6
@@ -126,7 +126,7 @@ class Guide:
         self._frontiers = frontiers
         self.path: Path | None = None
         self._whole: Path | None = None
-        self._remembered: RememberedCost | None = None
+        self._belief: Belief | None = None
         self.segment = 0
         self.is_new = False
         self.counts: Counter[str] = Counter()
@@ -309,11 +309,11 @@ class Guide:
         """Return the cost map, and the rest of the prescribed route if there is one."""
         faults: tuple[Fault, ...] = ()
         if steering is not None:
-            self._remembered = remember(self._remembered, known.frame, steering)
+            self._belief = remember(self._belief, known.frame, steering)
         route = self._route
         prescribed = None if route is None else self._rest_of_route(route, position)
         half_width = self.car.body.half_width
-        cost = CostMap.build(known, self._remembered, half_width, prescribed, self._stuck)
+        cost = CostMap.build(known, self._belief, half_width, prescribed, self._stuck)
         if self._frontiers is not None and prescribed is None:
             try:
                 cost = with_frontiers(cost, known, position, self.goal, self._frontiers)

@@ -32,6 +32,7 @@ class Asker:
 
     Attributes:
         context_side: side of the larger square that the predictor wants to see [m]; 0: none.
+        side: side of the square that it predicts [m]; 0: it states none.
 
     Raises:
         BadPredictionError: if it cannot be called as a predictor.
@@ -39,7 +40,7 @@ class Asker:
 
     def __init__(self, predictor: Predictor) -> None:
         self._caller = Caller(predictor)
-        self.context_side = self._caller.context_side
+        self.context_side, self.side = self._caller.context_side, self._caller.side
         self._thread: threading.Thread | None = None
 
     def ask(self, view: View, patience: float) -> Prediction:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from foresee.mapping.grid import GridFrame, OccupancyGrid, paste
 from foresee.prediction import Prediction
@@ -17,8 +18,12 @@ from planner.risk.distance_transform import distance_field
 
 UNKNOWN_COST = 1.4
 """Cost of a metre of unobserved space, in metres of free space."""
-OCCUPIED_COST = 20.0
-"""Cost of a metre of space that is predicted to be occupied, in metres of free space."""
+AVOIDED_COST = 20.0
+"""Cost of a metre of unobserved space that the car should not enter unless nothing else is left: around
+a place where it got stuck, and beside a prescribed route."""
+WAY_BACK, WALL, LANES = 30.0, 0.3, 6
+"""Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], how
+thick a thin wall is to a route [m], and how many lanes lie side by side in an opening."""
 WALL_PRIOR, WALL_REACH = 15.0, 2.5
 """Additional cost of a metre of unobserved space right beside an occupied cell, and distance from
 the cell at which it has fallen to 0 [m]. Walls usually continue, so that a route should turn off
@@ -26,8 +31,8 @@ where an opening was observed."""
 STUCK_REACH = 1.2
 """Distance from a place where the car got stuck up to which unobserved cells cost as much as
 walls [m]."""
-PREDICTED_WALL = 8.0
-"""Cost of a metre above which an unobserved cell counts as predicted occupied."""
+LIKELY = 0.5
+"""Probability above which an unobserved cell counts as predicted free, or as predicted blocked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +62,7 @@ class CostMap:
     def build(
         cls,
         known: OccupancyGrid,
-        remembered: RememberedCost | None,
+        belief: Belief | None,
         half_width: float,
         prescribed: NDArray[np.float64] | None = None,
         stuck: NDArray[np.float64] | None = None,
@@ -66,36 +71,39 @@ class CostMap:
 
         Args:
             known: map of all that was observed.
-            remembered: cost according to the predictions so far; None: without predictions.
+            belief: what was predicted so far; None: without predictions.
             half_width: half the width of the car's body [m].
             prescribed: points (n, 2) [m] of a prescribed route, less than a cell apart, or None.
-                Its unobserved cells cost as much as free ones, and those beside it as much as
-                predicted walls: the car leaves the route only where it must, not for a short cut.
+                Its unobserved cells cost as much as free ones, and those beside it
+                `AVOIDED_COST`: the car leaves the route only where it must, not for a short cut.
             stuck: points (k, 2) [m] at which the car got stuck, or None. The unobserved cells
-                around them cost as much as predicted walls.
+                around them cost `AVOIDED_COST`.
         """
         frame = coarsened(known.frame)
         occupied, unseen = _pooled(known, frame)
         clearance = distance_field(occupied) * np.float32(frame.resolution)
-        unknown = UNKNOWN_COST if prescribed is None else OCCUPIED_COST
+        unknown = UNKNOWN_COST if prescribed is None else AVOIDED_COST
         prior = np.float32(WALL_PRIOR) * np.clip(1.0 - clearance / WALL_REACH, 0.0, None)
         density = np.where(unseen, np.float32(unknown) + prior, np.float32(1.0))
         room, unsure = clearance, unseen
-        if remembered is not None:
-            predicted_cost = remembered.on(frame)
-            steered = unseen & np.isfinite(predicted_cost)
-            walls = steered & (predicted_cost > PREDICTED_WALL)
-            room = distance_field(occupied | walls) * np.float32(frame.resolution)
+        if belief is not None:
+            free, blocked = belief.on(frame)
+            predicted = unseen & np.isfinite(free)
+            blocked = np.where(predicted, blocked, np.float32(0.0))
+            room = distance_field(occupied | (blocked > LIKELY)) * np.float32(frame.resolution)
             if prescribed is None:
-                unsure = unseen & ~(steered & (predicted_cost < 0.5 * (1.0 + UNKNOWN_COST)))
-                # The prior of continued walls fades where the prediction says free.
-                doubt = np.clip(predicted_cost - 1.0, 0.0, 1.0)
-                density[steered] = (predicted_cost + prior * doubt)[steered]
+                unsure = unseen & ~(predicted & (free > LIKELY))
+                # Free space costs 1. The prior of continued walls fades with it, too.
+                doubt = (np.float32(UNKNOWN_COST - 1.0) + prior) * (1.0 - free)
+                density[predicted] = 1.0 + doubt[predicted]
+                # The body's width makes predicted obstacles wider, as it does observed ones.
+                width = 1 + 2 * int(half_width / frame.resolution)
+                density += blocked_cost(maximum_filter(blocked, size=width))
         if prescribed is not None:
             density[_beside(prescribed, frame)] = 1.0
         for x, y in () if stuck is None else stuck:
             here = around(frame, float(x), float(y), STUCK_REACH)
-            density[here][unseen[here]] = OCCUPIED_COST
+            density[here][unseen[here]] = AVOIDED_COST
         # Routes keep away from walls, up to a clearance of 0.7 m for a body of 0.3 m.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
@@ -113,7 +121,7 @@ class CostMap:
         inside, rows, cols = self.frame.locate(points)
         price = np.full(len(points), UNKNOWN_COST)
         fits = self.clearance[rows, cols] >= self.required
-        price[inside] = np.where(fits, self.density[rows, cols], OCCUPIED_COST)
+        price[inside] = np.where(fits, self.density[rows, cols], AVOIDED_COST)
         steps = np.hypot(*np.diff(points, axis=0).T)
         return float((steps * (price * slowness)[1:]).sum())
 
@@ -152,26 +160,44 @@ def around(frame: GridFrame, x: float, y: float, reach: float) -> tuple[slice, s
     return np.s_[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
 
 
+def blocked_cost(blocked: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the additional cost of a metre in cells that are blocked with a probability.
+
+    Where a route is blocked, the car has to come back, and try another one: `WAY_BACK` metres. But
+    it is blocked only if all lanes of the opening are; of `LANES` independent ones that is the
+    probability to the power of `LANES`. So a doubt costs little, however far it extends, and a sure
+    wall costs `WAY_BACK` on its `WALL` metres, even if it is thin.
+
+    Args:
+        blocked: probability that a cell is not free, (rows, columns).
+    """
+    return np.float32(WAY_BACK / WALL) * blocked**LANES
+
+
 @dataclass(frozen=True, eq=False)
-class RememberedCost:
-    """The cost of a metre in each cell according to the cell's newest prediction.
+class Belief:
+    """The newest prediction of each cell, on the coarser cells of a cost map.
 
     Predictions are remembered, since a car that forgot a predicted dead end as soon as it turned
     away from it would turn round again and again.
 
     Attributes:
         frame: position and resolution of the cells, those of a cost map.
-        density: cost of a metre [1], NaN where nothing was predicted, (rows, columns).
+        free: mean trust, confidence · p_free, NaN where nothing was predicted, (rows, columns).
+        blocked: largest probability of a cell that it is not free, at most the confidence, NaN
+            where nothing was predicted, (rows, columns).
     """
 
     frame: GridFrame
-    density: NDArray[np.float32]
+    free: NDArray[np.float32]
+    blocked: NDArray[np.float32]
 
-    def on(self, frame: GridFrame) -> NDArray[np.float32]:
-        """Return the density on another frame of the same lattice."""
+    def on(self, frame: GridFrame) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return `free` and `blocked` on another frame of the same lattice."""
         if frame == self.frame:
-            return self.density
-        return paste(self.frame, self.density, frame, np.float32(np.nan))
+            return self.free, self.blocked
+        nan = np.float32(np.nan)
+        return paste(self.frame, self.free, frame, nan), paste(self.frame, self.blocked, frame, nan)
 
 
 def coarsening(frame: GridFrame) -> int:
@@ -186,41 +212,56 @@ def coarsened(frame: GridFrame) -> GridFrame:
     return GridFrame(frame.resolution * factor, frame.origin, (rows, cols))
 
 
-def remember(
-    remembered: RememberedCost | None, frame: GridFrame, prediction: Prediction
-) -> RememberedCost:
-    """Return the remembered cost with a new prediction added.
+def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
+    """Return the belief with a new prediction added.
 
     A cell that is predicted with confidence 0 costs as much as unobserved space.
 
     Args:
-        remembered: cost according to the predictions so far, or None.
+        belief: what was predicted so far, or None.
         frame: frame of the observed map.
         prediction: new prediction, on the same lattice.
     """
     coarse, factor = coarsened(frame), coarsening(frame)
-    density = (
-        np.full(coarse.shape, np.nan, dtype=np.float32)
-        if remembered is None
-        else remembered.on(coarse).copy()
-    )
+    if belief is None:
+        free, blocked = np.full((2, *coarse.shape), np.nan, dtype=np.float32)
+    else:
+        free, blocked = (values.copy() for values in belief.on(coarse))
     row, col = frame.offset(prediction.frame)
-    confidence = prediction.confidence
-    predicted_cost = (
-        UNKNOWN_COST
-        + (1.0 - UNKNOWN_COST) * confidence * prediction.p_free
-        + (OCCUPIED_COST - UNKNOWN_COST) * confidence * prediction.p_occupied
-    )
-    rows = (row + np.arange(predicted_cost.shape[0])) // factor
-    cols = (col + np.arange(predicted_cost.shape[1])) // factor
-    keep_r = (rows >= 0) & (rows < density.shape[0])
-    keep_c = (cols >= 0) & (cols < density.shape[1])
-    predicted_cost, rows, cols = predicted_cost[np.ix_(keep_r, keep_c)], rows[keep_r], cols[keep_c]
-    if predicted_cost.size:
-        top, left = rows[0], cols[0]
-        shape = (int(rows[-1] - top + 1), int(cols[-1] - left + 1))
-        flat = ((rows - top)[:, None] * shape[1] + (cols - left)[None, :]).ravel()
-        total = np.bincount(flat, predicted_cost.ravel(), shape[0] * shape[1]).reshape(shape)
-        count = np.bincount(flat, minlength=shape[0] * shape[1]).reshape(shape)
-        density[top : top + shape[0], left : left + shape[1]] = total / count
-    return RememberedCost(coarse, density)
+    rows, inside_rows = _coarse_index(row, prediction.frame.shape[0], factor, coarse.shape[0])
+    cols, inside_cols = _coarse_index(col, prediction.frame.shape[1], factor, coarse.shape[1])
+    if len(rows) and len(cols):
+        here = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        p_free, confidence = (
+            values[inside_rows, inside_cols] for values in (prediction.p_free, prediction.confidence)
+        )
+        counts = _joined(np.ones(p_free.shape, np.float32), rows, cols, np.add)
+        free[here] = _joined(confidence * p_free, rows, cols, np.add) / counts
+        not_free = np.minimum(1.0 - p_free, confidence)
+        blocked[here] = _joined(not_free, rows, cols, np.maximum)
+    return Belief(coarse, free, blocked)
+
+
+def _coarse_index(
+    first: int, count: int, factor: int, length: int
+) -> tuple[NDArray[np.int64], slice]:
+    """Return the coarse index of each of some rows or columns, and the slice of those inside.
+
+    Args:
+        first: index of the first of them.
+        count: number of them.
+        factor: number of them that make a coarse one.
+        length: number of coarse ones.
+    """
+    low, high = max(0, -first), min(count, length * factor - first)
+    return (first + np.arange(low, max(low, high))) // factor, np.s_[low : max(low, high)]
+
+
+def _joined(
+    values: NDArray[np.float32], rows: NDArray[np.int64], cols: NDArray[np.int64], join: np.ufunc
+) -> NDArray[np.float32]:
+    """Join the values of the cells of each coarse cell; rows and cols are its index, ascending."""
+    firsts = (np.flatnonzero(np.diff(index, prepend=-1)) for index in (rows, cols))
+    for axis, first in enumerate(firsts):
+        values = join.reduceat(values, first, axis=axis)
+    return values

@@ -60,6 +60,7 @@ class PredictorProcess:
 
     Attributes:
         context_side: side of the larger square that the predictor wants to see [m]; 0: none.
+        side: side of the square that it predicts [m]; 0: it states none.
 
     Raises:
         BadPredictionError: if the predictor cannot be made.
@@ -70,11 +71,11 @@ class PredictorProcess:
         self._failures, self._retry = 0, 0.0
         self._server = _Server(self._recipe, FIRST_DEADLINE)
         try:
-            _, side = self._receive(self._server.limit)
+            _, sides = self._receive(self._server.limit)
         except LateError:
             late = f"the predictor was not ready after {FIRST_DEADLINE:g} s"
             raise BadPredictionError(late) from None
-        self.context_side = float(side)
+        self.context_side, self.side = map(float, sides)
 
     def predict(self, view: View) -> Prediction:
         """Return the prediction; see `Predictor`."""

@@ -89,7 +89,7 @@ def serve(memory: int, connection: int, lifeline: int) -> None:
         with os.fdopen(memory, "rb", closefd=False) as file:
             factory, arguments = pickle.load(file)
         caller = Caller(factory(*arguments))
-        reply: tuple[str, Any] = "ready", caller.context_side
+        reply: tuple[str, Any] = "ready", (caller.context_side, caller.side)
     except BaseException as error:
         reply = "failed", one_line(error)
     planner.send(json.dumps(reply).encode())
