@@ -27,7 +27,7 @@ TABLES = {
     "weave": "benchmarks.studies.driver.weave:table",
     "sweeps": "benchmarks.studies.driver.sweeps:table",
     "stages": "benchmarks.studies.performance.tables:tables",
-    "prediction": "benchmarks.studies.katyal2018.tables:file_tables",
+    "prediction": "benchmarks.studies.katyal2018.tables:study_tables",
     "evaluation": "predictor.evaluation.drive_scores:table",
     "calibration": "benchmarks.calibration.learn_then_test:table",
     "risk": "benchmarks.studies.risk.tables:tables",
