@@ -173,6 +173,19 @@ def p_value(value: float, error: float, groups: int) -> float:
     return float(2.0 * student.sf(abs(value) / error, groups - 1))
 
 
+def holm(p_values: Sequence[float]) -> NDArray[np.float64]:
+    """Return p values corrected for their number by Holm's method (1979), (n,).
+
+    With a corrected p value below 0.05 as the criterion, the probability that any difference is
+    called significant without being there is below 0.05, however the tests depend on each other.
+    """
+    p = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(p)
+    corrected = np.empty_like(p)
+    corrected[order] = np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p))))
+    return np.minimum(corrected, 1.0)
+
+
 def of_percentiles(estimated: dict[str, Any], groups: int) -> dict[str, Any]:
     """Return an estimate with an interval by Student's t in place of a bootstrap's percentiles.
 

@@ -8,6 +8,7 @@ from foresee.statistics import (
     MIN_GROUPS,
     estimate,
     grouped_mean,
+    holm,
     interval,
     of_percentiles,
     p_value,
@@ -180,3 +181,16 @@ def test_recorded_percentiles_become_an_interval_by_students_t():
 def test_a_difference_without_spread_is_certain_unless_it_is_zero():
     assert p_value(0.0, 0.0, 30) == 1.0
     assert p_value(0.1, 0.0, 30) == 0.0
+
+
+def test_holms_correction_is_that_of_its_definition():
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.9, 0.6]) == pytest.approx([1.0, 1.0])
+    assert holm([0.02]) == pytest.approx([0.02])
+
+
+def test_of_many_differences_that_are_not_there_holm_seldom_calls_any_significant():
+    rng = np.random.default_rng(0)
+    draws = [rng.random(50) for _ in range(400)]
+    assert np.mean([(p < 0.05).any() for p in draws]) > 0.8
+    assert np.mean([(holm(p) < 0.05).any() for p in draws]) < 0.08
