@@ -1,9 +1,9 @@
 """Predictors of the part of a map that a robot has not observed, and all that makes them.
 
 The contract of a predictor is `foresee.prediction`. `registry` finds a predictor by its name; those
-that ship are `none`, `extend`, and `compact` with its variants. `networks`, `data` and `training`
-make the weights, `recording` drives for the samples, and `evaluation` scores predictions along
-drives.
+that ship are `none`, `distance`, `extend`, and `compact` with its variants. `networks`, `data` and
+`training` make the weights, `recording` drives for the samples, and `evaluation` scores predictions
+along drives.
 """
 
 import importlib

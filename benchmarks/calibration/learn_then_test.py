@@ -16,18 +16,18 @@ from benchmarks.calibration.certificate import absent_in, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
-from benchmarks.runs.settings import OLDER, Settings
+from benchmarks.runs.settings import CALIBRATED_ARM, OLDER, Settings
 from benchmarks.runs.statistics import rate_interval
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import machine
 from foresee.infra.markdown import DASH, records, span
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import ResumableFolder
+from planner.revision import FIRST, REVISION
 from planner.risk.betting import capital, decided_after, needed
 from planner.risk.calibration import KIND
 from sim.buildings import sources
 
-ARM = "predicted"
 KIND_OF_DRIVES = "calibration drives"
 """Kind, in the sense of `results_file`, of the files that contain the drives at one level."""
 ENTRY = {"index": int, "place": str, "outcome": str}
@@ -90,10 +90,10 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
             )
     conditions = conditions_for(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
-    identity = asdict(asked) | conditions
-    with ResumableFolder(
-        out, identity, grows=("drives",), absent=absent_in(conditions), exclusive=True
-    ):
+    # Nor may the driving: the drives must be alike.
+    identity = asdict(asked) | conditions | {"revision": REVISION}
+    absent = absent_in(conditions) | {"revision": FIRST}
+    with ResumableFolder(out, identity, grows=("drives",), absent=absent, exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)
 
 
@@ -117,6 +117,7 @@ def _calibrate(
         "conditions": conditions,
         "confidence": asked.confidence,
         "seed": asked.seed,
+        "revision": REVISION,
         "risks": list(asked.risks),
         "sequence": sorted(asked.levels),
         "most_drives": asked.drives,
@@ -139,7 +140,9 @@ def _test(
 ) -> Tested:
     """Drive at a level until the test of each risk is decided."""
     wanted = needed(asked.confidence)
-    settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
+    settings = replace(
+        settings, seed=asked.seed, level=level, arms=(CALIBRATED_ARM,), episodes=asked.drives
+    )
     weights = run_fingerprint(settings)
     identity = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
     absent = {name: value for name, value in OLDER.items() if name in identity}
@@ -183,7 +186,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     place = places[int(np.random.default_rng([seed, 3]).integers(len(places)))]
     entry = {"index": index, "place": Path(place).stem}
     single = replace(settings, world=(place,), seed=seed, episodes=1)
-    driven = attempt(single, weights, (0, ARM))
+    driven = attempt(single, weights, (0, CALIBRATED_ARM))
     if isinstance(driven, str):
         return entry | {"outcome": NO_TASK, "note": driven}
     return entry | {name: getattr(driven.result, name) for name in KEPT}

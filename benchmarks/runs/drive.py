@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
-from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
+from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings, arm_kind
 from benchmarks.runs.tasks import make_task, refuse_edited_map, shortest_length, task_facts
 from benchmarks.runs.trace import Drive, Trace
 from foresee.frontiers import FrontierPredictor
@@ -22,6 +22,8 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
 from planner.navigator import Navigator, NavigatorConfig
+from planner.revision import REVISION
+from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
@@ -91,7 +93,7 @@ def run_fingerprint(settings: Settings) -> str | None:
         PredictorError: if a predictor cannot be loaded.
     """
     fingerprints = [weights_fingerprint(load_predictor(settings.predictor))]
-    if any(ARMS[arm].frontiers for arm in settings.arms):
+    if any(ARMS[arm_kind(arm)].frontiers for arm in settings.arms):
         fingerprints.append(weights_fingerprint(load_frontiers(settings.frontiers)))
     return " and ".join(filter(None, fingerprints)) or None
 
@@ -122,6 +124,23 @@ def attempt(
         return drive(settings, *item)
     except NoTaskError as error:
         return str(error)
+
+
+def attempt_arm(
+    arms: Mapping[str, Settings],
+    weights: str | None,
+    item: tuple[int, str],
+    maps: Mapping[str, str] | None = None,
+) -> Drive | str:
+    """Return what `attempt` returns, with the settings of the arm.
+
+    Args:
+        arms: settings of each arm's drives, see `benchmarks.calibration.certificate.arms_at`.
+        weights: as in `attempt`.
+        item: as in `attempt`.
+        maps: as in `attempt`.
+    """
+    return attempt(arms[item[1]], weights, item, maps)
 
 
 def limits_for(settings: Settings) -> CarLimits:
@@ -157,6 +176,18 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
         margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
         car=limits_for(settings),
     )
+
+
+def predictor_for(settings: Settings, arm: Arm, task: Task) -> Predictor | None:
+    """Return the predictor of an arm in a task; None: it has none.
+
+    Raises:
+        PredictorError: if the chosen predictor cannot be loaded.
+    """
+    if arm.predictor == "chosen":
+        return load_predictor(settings.predictor)
+    others: dict[str, Predictor] = {"free": Free(), "oracle": Oracle(task.world)}
+    return others.get(arm.predictor)
 
 
 def navigator_for(
@@ -201,11 +232,11 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         NoTaskError: if the building has no route of at least 10 m.
     """
     task = task or make_task(settings, index)
-    arm = ARMS[arm_name]
+    arm = ARMS[arm_kind(arm_name)]
     car = limits_for(settings)
-    choices = {"chosen": load_predictor(settings.predictor), "oracle": Oracle(task.world)}
-    predictor = choices.get(arm.predictor)
+    predictor = predictor_for(settings, arm, task)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
+    at_risk = arm.takes_risk and settings.risk > 0
     # A long deadline, so that the result does not depend on the load of the machine.
     navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
@@ -231,6 +262,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         outcome=str(episode.outcome),
         **measured,
         stops=int(episode.stops),
+        hard_stops=int(episode.hard_stops),
         impact_speed=episode.impact_speed,
         promises=int((trace.kept >= 0).sum()),
         promises_broken=int((trace.kept == 0).sum()),
@@ -239,6 +271,10 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         paths={str(k): int(v) for k, v in episode.paths.items()},
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
+        revision=REVISION,
+        level=settings.level if arm.takes_risk else None,
+        calibrated=settings.calibrated if at_risk else None,
+        uncertified=settings.uncertified and at_risk,
         cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
     )
     return Drive(result, trace)

@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import checked, up_to_date
-from benchmarks.runs.summary import broken, gap, no_gap, summarise
+from benchmarks.runs.summary import EARLIER, broken, gap, summarise
 from foresee.infra.markdown import DASH, figure, interval, records
 
 
@@ -27,7 +27,8 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`.
     """
-    arms = ("known", "predicted", "oracle", "full")
+    arms = ("known", "backup", "predicted", "oracle", "full")
+    closes = any(share for run in runs.values() for share in run["gap"]["predicted"].values())
     rows = []
     for name, run in runs.items():
         summary = run["summary"]
@@ -36,21 +37,23 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
             values = [of[arm][key] if arm in of else None for arm in arms]
             return " / ".join(DASH if value is None else format(value, form) for value in values)
 
-        known, share = summary["known"], run["gap"]
-        closed = {key: interval(share[key], ".0f", 100.0, " %") for key in ("sct", "time")}
-        if no_gap(summary, share):
-            closed["sct"] = "no gap"
+        known, share = summary["known"], run["gap"]["predicted"]
+        earlier = any(summary[arm]["earlier_calibration"] for arm in summary)
+        closed = {
+            f"gap from the best baseline closed in {what}": interval(share[key], ".0f", 100.0, " %")
+            for key, what in (("sct", "SCT"), ("time", "time"))
+            if closes
+        }
         rows.append(
             {
-                " / ".join(f"`{arm}`" for arm in arms): name,
+                " / ".join(f"`{arm}`" for arm in arms): name + (EARLIER if earlier else ""),
                 "car": known["vehicle"],
                 "episodes": known["episodes"],
                 "SCT": each("sct", ".3f"),
                 "time ratio `predicted` to `known`": interval(
                     summary["predicted"]["time_ratio"], ".2f"
                 ),
-                "gap closed in SCT": closed["sct"],
-                "gap closed in time": closed["time"],
+                **closed,
                 "detour": each("detour", ".2f"),
                 "speed [m/s]": each("mean_speed", ".2f"),
                 **{key: each(key, "d") for key in ("reached", "stuck", "collided")},

@@ -11,6 +11,7 @@ from foresee.infra.options import Options, option
 from foresee.infra.plain_json import fits
 from foresee.mapping.conventions import LONGEST_STOP
 from foresee.mapping.family_names import FAMILIES
+from planner.revision import FIRST
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class Arm:
     """One arm (variant) of a comparison: how much of the map its planner may know and rely on.
 
     Attributes:
-        predictor: "none", "chosen" (the predictor of --predictor) or "oracle".
+        predictor: "none", "chosen" (the predictor of --predictor), "free" (all unobserved cells of
+            the predicted square are free) or "oracle" (its true map).
         reliance: reliance ε; None: the value of --reliance.
         steer: whether the prediction influences the route.
         whole_map: whether the whole map is known from the start.
@@ -58,7 +60,16 @@ class Arm:
         Args:
             differing: names of the settings in which the two runs differ.
         """
-        heedless = {"predictor", "weights", "frontiers", "risk", "level", "fixed_level"}
+        heedless = {
+            "predictor",
+            "weights",
+            "frontiers",
+            "risk",
+            "level",
+            "uncertified",
+            "calibrated",
+            "fixed_level",
+        }
         if self.predictor == "none":
             heedless.add("expansion")
         if self.reliance is not None:
@@ -71,6 +82,9 @@ ARMS = {
     "known": Arm(predictor="none", reliance=0.0, steer=False, whole_map=False),
     # Only cells that were observed free; the prediction influences the route.
     "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
+    # All cells that were not observed occupied, as if they were predicted free; its last resort
+    # enters cells that were observed free alone. Any reliance between 0 and 1 does the same.
+    "backup": Arm(predictor="free", reliance=0.5, steer=False, whole_map=False),
     # Also predicted cells, at the given reliance and level; the prediction influences the route.
     "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False, level=None),
     # As known; and a prediction of where each frontier leads influences the free route.
@@ -80,16 +94,30 @@ ARMS = {
     "known+route+frontiers": Arm(
         predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
     ),
-    # All cells that were not observed occupied.
+    # All cells that were not observed occupied, without a last resort.
     "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
-    # As predicted, but the prediction is the true map of the predicted square. Its probabilities
-    # are 0 and 1, so that the last resort may enter all free cells of it at any level above 0.
+    # As predicted at a risk of 0, but the prediction is the true map of the predicted square.
+    "perfect": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False),
+    # The upper bound: as perfect, and its last resort relies on the true map as well. The
+    # probabilities of that map are 0 and 1, so that any level above 0 does.
     "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False, level=1e-9),
     # All free cells; the whole map is known from the start.
     "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),
 }
+CALIBRATED_ARM = "predicted"
+"""The arm that calibrations are of; no other may drive at a level that one certifies."""
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 """Car → top speed in reverse [m/s]; 0: no reverse gear."""
+
+
+def arm_at(risk: float) -> str:
+    """Return the name of `CALIBRATED_ARM` at a risk, such as "predicted 2 %"; at 0 its own."""
+    return f"{CALIBRATED_ARM} {100 * risk:g} %" if risk > 0 else CALIBRATED_ARM
+
+
+def arm_kind(name: str) -> str:
+    """Return the key in `ARMS` of an arm that may be named with its risk, see `arm_at`."""
+    return name.partition(" ")[0]
 
 
 def _arms(text: str) -> tuple[str, ...]:
@@ -138,10 +166,16 @@ class Settings(Options):
     risk: float = option(
         0.0,
         "accepted probability of a collision in a drive of arm predicted; 0: collisions are "
-        "excluded by construction. Above 0, --calibration gives the level λ of its last resort",
+        "excluded by construction. Above 0, a calibration gives the level λ of its last resort",
         "δ",
         low=0,
         high=1,
+    )
+    uncertified: bool = option(
+        False,
+        "drive at a --risk without a calibration for these drives, such as in real buildings: the "
+        "level λ is that of --calibration, or of the shipped one for the same predictor and route "
+        "in the mixture of families. More drives than accepted may collide",
     )
     level: float = option(
         0.0,
@@ -190,6 +224,8 @@ class Settings(Options):
         f"{VEHICLES['reeds-shepp']:g} m/s",
         choices=tuple(VEHICLES),
     )
+    calibrated: int = FIRST
+    """Revision of the driving that the calibration for `risk` was measured with."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -200,9 +236,9 @@ class Settings(Options):
                 f"m, at most {LONGEST_STOP:g} m are planned"
             )
         for arm in self.arms:
-            if arm not in ARMS:
+            if arm_kind(arm) not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
-        if self.route == "fixed" and any(ARMS[arm].frontiers for arm in self.arms):
+        if self.route == "fixed" and any(ARMS[arm_kind(arm)].frontiers for arm in self.arms):
             raise UsageError("arms that end with +frontiers choose a route: they need --route free")
         if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
             raise UsageError("--level and --risk need a --reliance below 1")
@@ -210,7 +246,10 @@ class Settings(Options):
             raise UsageError("--arms needs at least one arm, and each only once")
 
 
-NO_CONDITIONS = ("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level")
+NO_CONDITIONS = (
+    *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
+    *("uncertified", "calibrated"),
+)
 """Settings that a calibration need not share with the drives that use it; the predictor and the
 buildings are compared in `benchmarks.calibration.certificate`."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)

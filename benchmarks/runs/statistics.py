@@ -18,8 +18,8 @@ from foresee.statistics import CONFIDENCE, MIN_GROUPS, estimate
 ResultsByArm = dict[str, list[DriveResult]]
 """Arm → its results on the paired episodes, in the same order for all arms."""
 
-GAP = ("known", "predicted", "oracle")
-"""Arms for the share of the gap between the first and the last that the second one closes."""
+BASELINES = ("known", "backup")
+"""Arms without a network, the better of which an arm with a network is compared with."""
 
 
 def wilson(successes: float, trials: float) -> tuple[float, float]:
@@ -111,34 +111,44 @@ def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | 
     return ratio | {"groups": logs["groups"], "episodes": len(both[arm])}
 
 
-def share_of_gap(arms: ResultsByArm, key: str) -> dict[str, Any] | None:
-    """Compute the share of the gap that `predicted` closes, (predicted - known) / (oracle - known).
+def share_of_gap(arms: ResultsByArm, arm: str, key: str) -> dict[str, Any] | None:
+    """Compute the share of the gap between the best baseline and `oracle` that an arm closes.
+
+    The share is (arm - baseline) / (oracle - baseline). The baseline is the better one of
+    `BASELINES` over the same episodes, in which no arm has a network: neither takes a risk, so that
+    each may stand beside a network at any.
 
     Args:
         arms: results of each arm.
-        key: "sct"; or "time", over the episodes that all three arms reached. Time is for prescribed
-            routes only, since on a free route a shorter route would count as faster driving.
+        arm: arm with a network.
+        key: "sct"; or "time", over the episodes that all of these arms reached. Time is for
+            prescribed routes only, since on a free route a shorter route would count as faster
+            driving.
 
     Returns:
-        As `estimate`. None if the interval of the denominator includes 0, there are fewer than
-        `foresee.statistics.MIN_GROUPS` buildings, or arms or values are missing.
+        As `estimate`, and `baseline`, the name of the better one. None if the interval of the
+        denominator includes 0, there are fewer than `foresee.statistics.MIN_GROUPS` buildings, or
+        arms or values are missing.
     """
-    if not arms.keys() >= set(GAP):
+    names = (*BASELINES, arm, "oracle")
+    if not arms.keys() >= set(names):
         return None
-    kept = _scored(arms) if key == "sct" else reached(arms, GAP)
-    if not kept["known"]:
+    kept = _scored(arms) if key == "sct" else reached(arms, names)
+    if not kept[arm]:
         return None
-    values = _values(kept, key, *GAP)
+    totals = dict(zip(BASELINES, _values(kept, key, *BASELINES).sum(axis=1), strict=True))
+    baseline = (max if key == "sct" else min)(totals, key=totals.__getitem__)
+    values = _values(kept, key, baseline, arm, "oracle")
     lead = values[2] - values[0] if key == "sct" else values[0] - values[2]
     low = _mean(kept, lead)["low"]
     if low is None or low <= 0:
         return None
 
     def share(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        known, predicted, oracle = sums
-        return np.asarray((predicted - known) / np.where(oracle == known, np.nan, oracle - known))
+        base, reached_by_arm, best = sums
+        return np.asarray((reached_by_arm - base) / np.where(best == base, np.nan, best - base))
 
-    return estimate(_worlds(kept), values, share)
+    return estimate(_worlds(kept), values, share) | {"baseline": baseline}
 
 
 def _values(arms: ResultsByArm, key: str, *names: str) -> NDArray[np.float64]:

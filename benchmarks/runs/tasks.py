@@ -14,14 +14,16 @@ from sim.buildings import map_hash, sources, task_in
 from sim.task import Task
 
 
-@lru_cache(maxsize=2)
 def make_task(settings: Settings, index: int) -> Task:
     """Return the task (building, start, goal, route) of an episode, the same for all arms and cars.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
-    return task_in(*_episode_source(settings, index))
+    return _task_in(*_episode_source(settings, index))
+
+
+_task_in = lru_cache(maxsize=2)(task_in)
 
 
 def refuse_edited_map(settings: Settings, index: int, maps: Mapping[str, str]) -> None:

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from short_drive import LIDAR, straight
 
-from benchmarks.runs.drive import navigator_config
+from benchmarks.runs.drive import navigator_config, navigator_for, predictor_for
 from benchmarks.runs.settings import ARMS, Settings
 
 SETTINGS = Settings(reliance=0.05, level=0.02)
@@ -32,3 +34,23 @@ def test_an_oracle_has_no_level_where_no_last_resort_is_needed(reliance):
 def test_the_reliance_is_at_least_the_level():
     config = navigator_config(Settings(reliance=0.05, level=0.2), ARMS["predicted"], 0.1)
     assert (config.reliance, config.level) == (0.2, 0.2)
+
+
+@pytest.mark.parametrize("name", ["backup", "perfect"])
+def test_a_belief_without_a_level_leads_the_plan_and_never_the_last_resort(name):
+    task, arm = straight(), ARMS[name]
+    settings = Settings(predictor="none", level=0.02)
+    predictor = predictor_for(settings, arm, task)
+    driver = navigator_for(settings, arm, task, predictor, deadline=60.0)
+    start = np.array([*task.start, 0.0])
+    risk = driver.step(start, LIDAR.scan(task.world, start, np.random.default_rng(0))).risk_map
+    unseen = risk.known.unknown
+    assert (risk.safe & unseen).any()
+    assert not (risk.certain & unseen).any()
+    assert not (risk.safe & risk.known.occupied).any()
+
+
+def test_only_arms_with_a_prediction_let_it_influence_the_route():
+    steering = {name for name in ARMS if navigator_config(SETTINGS, ARMS[name], 0.1).steer}
+    predicting = {"known+route", "known+route+frontiers", "predicted", "perfect", "oracle"}
+    assert steering == predicting

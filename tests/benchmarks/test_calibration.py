@@ -10,11 +10,12 @@ from calibrations import SETTINGS, proof, written
 
 from benchmarks import calibrate, tables
 from benchmarks.calibration import learn_then_test
-from benchmarks.calibration.certificate import at_risk, conditions_for
+from benchmarks.calibration.certificate import SHIPPED, at_risk, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
+from planner.revision import FIRST, REVISION
 from planner.risk.calibration import Calibration, CalibrationError
 from sim import empty_straight, save_world
 
@@ -101,7 +102,7 @@ def test_a_planner_that_takes_everything_for_free_has_no_level(risky):
 
 
 def test_a_risk_without_a_calibration_is_refused():
-    with pytest.raises(UsageError, match="--risk needs --calibration"):
+    with pytest.raises(UsageError, match="make one with `foresee calibrate"):
         at_risk(Settings(risk=0.05))
 
 
@@ -132,6 +133,7 @@ def collides(share):
             "index": index,
             "place": settings.world[index % len(settings.world)],
             "learned": False,
+            "world": f"{index}",
             "outcome": "collided" if bad else "reached",
             "time": 10.0,
             "path_length": 20.0,
@@ -188,6 +190,24 @@ def test_a_folder_accepts_no_other_levels_later(change, named, tmp_path, monkeyp
     with pytest.raises(UsageError, match=named):
         learn_then_test.calibrate(SETTINGS, replace(LEVELS, **change), tmp_path, jobs=1)
     learn_then_test.calibrate(SETTINGS, replace(LEVELS, drives=700), tmp_path, jobs=1)
+
+
+def test_a_calibration_records_the_revision_of_its_drives_and_continues_no_other(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
+    learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+    assert Calibration.load(tmp_path / "calibration.json").revision == REVISION
+    monkeypatch.setattr(learn_then_test, "REVISION", REVISION + 1)
+    with pytest.raises(UsageError, match="revision"):
+        learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
+
+
+def test_a_calibration_without_a_revision_is_of_the_first(tmp_path):
+    path = written(tmp_path / "c.json")
+    assert at_risk(replace(SETTINGS, risk=0.05), path).calibrated == FIRST
+    path = written(tmp_path / "c.json", revision=7)
+    assert at_risk(replace(SETTINGS, risk=0.05), path).calibrated == 7
 
 
 def test_a_folder_accepts_no_drives_of_another_planner(tmp_path, monkeypatch):
@@ -303,9 +323,8 @@ def test_a_level_that_failed_below_the_certified_one_is_no_proof(tmp_path):
 
 
 def test_the_calibrations_that_ship_are_proved_by_their_tests():
-    shipped = sorted((Path(__file__).parents[2] / "docs/results").rglob("calibration*/*.json"))
-    assert len(shipped) == 6
-    assert all(Calibration.load(path).levels for path in shipped)
+    assert len(SHIPPED) == 7
+    assert all(Calibration.load(path).levels for path in SHIPPED)
 
 
 @pytest.mark.parametrize("place", ["/dev/zero", "/dev", "/dev/null"])

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibrations import written
 from comparison import python, results, run
 
 from benchmarks.runs.drive import drive, score
 from benchmarks.runs.settings import Settings
 from foresee.mapping.car_limits import CarLimits
+from planner.revision import FIRST, REVISION
 
 SUMMARY = {
     "episodes",
@@ -123,7 +125,7 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
         == 0
     )
     said = capsys.readouterr().out
-    assert "Share of the gap" not in said
+    assert "of the gap" not in said
     rows = {line.split("|")[1].strip(): line for line in said.splitlines() if line[:1] == "|"}
     assert list(rows)[2:4] == [
         "**SCT** (95 % over worlds)",
@@ -144,7 +146,35 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
     for name in ("time_ratio", "faster_than_known"):
         assert entry[name]["value"] is not None
         assert (entry[name]["low"], entry[name]["high"]) == (None, None)
-    assert r["gap"] == {"sct": None, "time": None}
+    assert r["gap"] == {"predicted": {"sct": None, "time": None}}
+
+
+def test_each_risk_is_a_column_that_says_whether_it_is_certified(short_map, tmp_path, capsys):
+    levels = {"0.02": 0.01, "0.05": 0.03}
+    calibration = written(tmp_path / "c.json", certified=levels)
+    out = tmp_path / "run"
+    command = ["--world", short_map, "--episodes", 1, "--jobs", 1, "--predictor", "none"]
+    command += ["--arms", "known,predicted", "--calibration", calibration, "--out", out]
+    assert run(*command, "--risk", 0, 0.02) == 2
+    assert "is for maps" in capsys.readouterr().err
+    assert run(*command, "--risk", 0, 0.02, "--uncertified") == 0
+    said = capsys.readouterr().out
+    assert "| `known` " in said
+    assert "| `predicted` " in said
+    assert "| `predicted 2 %`, not certified " in said
+    assert {e["arm"]: e["level"] for e in results(out)["episodes"]} == {
+        "known": None,
+        "predicted": 0.0,
+        "predicted 2 %": 0.01,
+    }
+    # A further risk is a further column of the same run; the other drives stay.
+    before = results(out)["episodes"]
+    assert run(*command, "--risk", 0, 0.02, 0.05, "--uncertified") == 0
+    assert "| `predicted 5 %`, not certified " in capsys.readouterr().out
+    assert results(out)["episodes"][:3] == before
+    written(calibration, certified={"0.02": 0.02})
+    assert run(*command, "--risk", 0, 0.02, "--uncertified") == 2
+    assert "drives of predicted 2 % at level 0.01, not 0.02" in capsys.readouterr().err
 
 
 def test_the_figures_and_traces_are_there(narrow):
@@ -165,6 +195,19 @@ def test_an_episode_is_that_of_its_seed_with_noise_too():
     first, b = drive(Settings(**common, seed=1), 0, "known")
     assert replace(second, index=0, cycle_ms=[]) == replace(first, cycle_ms=[])
     assert np.array_equal(a.states, b.states)
+
+
+@pytest.mark.parametrize(
+    ("arm", "risk", "earlier"),
+    [("predicted", 0.05, True), ("known", 0.05, False), ("predicted", 0.0, False)],
+)
+def test_a_drive_knows_whether_its_calibration_is_of_an_earlier_planner(
+    arm, risk, earlier, short_map
+):
+    settings = Settings(world=(str(short_map),), predictor="none", risk=risk, calibrated=FIRST)
+    result = drive(settings, 0, arm).result
+    assert result.revision == REVISION
+    assert result.earlier_calibration == earlier
 
 
 def test_help_names_the_units(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from comparison import results, run
 
-from benchmarks.runs.drive import attempt
+from benchmarks.runs.drive import attempt_arm
 
 
 def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
@@ -75,13 +75,13 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
     first, second = tmp_path / "first", tmp_path / "second"
     arms = "known,predicted,oracle"
     assert run(*command, "--arms", arms, "--predictor", "none", "--out", first) == 0
-    plain, driven = attempt, []
+    plain, driven = attempt_arm, []
 
     def counted(settings, weights, item, **_):
         driven.append(item)
         return plain(settings, weights, item)
 
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", counted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", counted)
     assert (
         run(
             *command, "--arms", arms, "--predictor", "extend", "--baselines", first, "--out", second

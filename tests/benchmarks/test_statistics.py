@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.runs.statistics import (
-    GAP,
     independent,
     mcnemar,
     mean_speed,
@@ -25,6 +23,8 @@ from benchmarks.runs.statistics import (
 from foresee.statistics import MIN_GROUPS
 
 OUTCOMES = ("reached", "collided", "timed_out", "stuck")
+WORLDS = MIN_GROUPS + 4
+"""Number of worlds in which drives are compared, enough for intervals."""
 
 
 def result(world="w", length=10.0, time=5.0, outcome="reached", broken=0, promises=0):
@@ -148,7 +148,12 @@ def test_an_interval_takes_twenty_distinct_worlds(worlds):
             )
             for i, world in enumerate(names)
         ]
-        for name, sct, time in (("known", 0.3, 9), ("predicted", 0.4, 7), ("oracle", 0.5, 6))
+        for name, sct, time in (
+            ("known", 0.3, 9),
+            ("backup", 0.3, 9),
+            ("predicted", 0.4, 7),
+            ("oracle", 0.5, 6),
+        )
     }
     given = [
         mean_speed(arms, "known"),
@@ -160,7 +165,7 @@ def test_an_interval_takes_twenty_distinct_worlds(worlds):
     enough = worlds >= MIN_GROUPS == 20
     for figure in given:
         assert (figure["low"] is not None, figure["high"] is not None) == (enough, enough)
-    for share in (share_of_gap(arms, "sct"), share_of_gap(arms, "time")):
+    for share in shares(arms):
         assert (share is not None) == enough
     assert (rate_interval([False] * len(names), names) is not None) == enough
 
@@ -204,66 +209,80 @@ def test_time_ratios_one_way_and_the_other_are_reciprocal(times):
     assert time_ratio(arms, "a", "a")["value"] == 1.0
 
 
-SIZES = np.linspace(0.8, 1.2, 24).tolist()
-SHARES = [(0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (-0.2, -0.2)]
-
-
-@pytest.mark.parametrize(("where", "share"), SHARES)
-def test_the_share_of_the_gap_is_where_predicted_stands_between_known_and_oracle(where, share):
-    sct = {"known": 0.3, "predicted": 0.3 + 0.4 * where, "oracle": 0.7}
-    time = {"known": 20.0, "predicted": 20.0 - 8.0 * where, "oracle": 12.0}
-    # Buildings of different lengths, in all of which the share is the same.
-    arms = {
-        name: scored([sct[name] * s for s in SIZES], [time[name] * s for s in SIZES])
-        for name in sct
+def paired_drives(**drives):
+    """Arms with a drive, (SCT, time), in each of some worlds of different lengths."""
+    sizes = np.linspace(0.8, 1.2, WORLDS)
+    return {
+        arm: scored((sct * sizes).tolist(), (time * sizes).tolist())
+        for arm, (sct, time) in drives.items()
     }
-    for found in (share_of_gap(arms, "sct"), share_of_gap(arms, "time")):
-        assert found["value"] == pytest.approx(share)
+
+
+def shares(arms, arm="predicted"):
+    return [share_of_gap(arms, arm, key) for key in ("sct", "time")]
+
+
+@pytest.mark.parametrize("where", [0.0, 0.5, 1.0, -0.2])
+def test_the_share_of_the_gap_is_where_an_arm_stands_between_the_best_baseline_and_oracle(where):
+    ends = {"known": (0.3, 20.0), "backup": (0.4, 16.0), "oracle": (0.6, 12.0)}
+    arms = paired_drives(**ends, predicted=(0.4 + 0.2 * where, 16.0 - 4.0 * where))
+    # Where `known` is the better baseline, it takes the place of `backup`.
+    swapped = arms | {"known": arms["backup"], "backup": arms["known"]}
+    for compared, baseline in ((arms, "backup"), (swapped, "known")):
+        for share in shares(compared):
+            assert share["baseline"] == baseline
+            assert share["value"] == pytest.approx(where)
 
 
 def test_the_share_of_the_gap_lies_in_its_interval():
     rng = np.random.default_rng(0)
     arms = {
         name: scored(rng.normal(sct, 0.05, 25).tolist(), rng.normal(time, 2.0, 25).tolist())
-        for name, sct, time in (("known", 0.3, 20), ("predicted", 0.4, 16), ("oracle", 0.7, 12))
+        for name, sct, time in (
+            ("known", 0.2, 24),
+            ("backup", 0.3, 20),
+            ("predicted", 0.4, 16),
+            ("oracle", 0.7, 12),
+        )
     }
-    for found, share in ((share_of_gap(arms, "sct"), 0.25), (share_of_gap(arms, "time"), 0.5)):
+    for found, share in zip(shares(arms), (0.25, 0.5), strict=True):
         assert found["low"] < share < found["high"]
         assert found["high"] - found["low"] < 0.5
 
 
+def test_a_share_against_known_alone_is_not_given():
+    arms = paired_drives(known=(0.3, 20.0), predicted=(0.5, 15.0), oracle=(0.6, 12.0))
+    assert shares(arms) == [None, None]
+
+
 def test_speed_bought_by_a_detour_closes_no_gap():
     # Twice the way at twice the speed: as late as `known`.
-    known, oracle = scored([0.4 * s for s in SIZES]), scored([0.8 * s for s in SIZES])
-    predicted = [replace(drive, path_length=2 * drive.path_length) for drive in known]
-    arms = {"known": known, "predicted": predicted, "oracle": oracle}
+    arms = paired_drives(known=(0.4, 10.0), backup=(0.4, 10.0), oracle=(0.8, 10.0))
+    arms["predicted"] = [replace(d, path_length=2 * d.path_length) for d in arms["known"]]
     assert mean_speed(arms, "predicted", "known")["value"] == pytest.approx(1.0)
-    assert share_of_gap(arms, "sct")["value"] == 0.0
+    assert share_of_gap(arms, "predicted", "sct")["value"] == 0.0
 
 
 def test_a_drive_that_did_not_arrive_counts_in_sct_and_not_in_time():
-    drives = {"known": (0.4, 20), "predicted": (0.5, 16), "oracle": (0.8, 10)}
-    arms = {
-        name: scored([sct * s for s in SIZES], [time * s for s in SIZES])
-        for name, (sct, time) in drives.items()
-    }
-    before = share_of_gap(arms, "sct"), share_of_gap(arms, "time")
+    ends = {"known": (0.4, 20), "backup": (0.4, 20), "oracle": (0.8, 10)}
+    arms = paired_drives(**ends, predicted=(0.5, 16))
+    before = shares(arms)
     arms["predicted"][0] = replace(arms["predicted"][0], sct=0.0, outcome="stuck", time=40.0)
-    assert share_of_gap(arms, "sct")["value"] < before[0]["value"]
-    assert share_of_gap(arms, "time")["value"] == pytest.approx(before[1]["value"])
+    after = shares(arms)
+    assert after[0]["value"] < before[0]["value"]
+    assert after[1]["value"] == pytest.approx(before[1]["value"])
 
 
 def test_no_share_is_given_where_the_oracle_is_not_better_with_certainty():
-    known = scored([0.50, 0.55, 0.45, 0.50, 0.60, 0.40] * 4, [20, 21, 19, 20, 22, 18] * 4)
-    oracle = scored([0.55, 0.45, 0.50, 0.65, 0.40, 0.45] * 4, [19, 21, 20, 17, 23, 21] * 4)
-    better = scored([0.9] * 24, [10] * 24)
-    for key in ("sct", "time"):
-        share = partial(share_of_gap, key=key)
-        assert share({"known": known, "predicted": known, "oracle": oracle}) is None
-        assert share({"known": better, "predicted": known, "oracle": known}) is None
-        assert share({"known": known, "oracle": better}) is None
-        assert share({"known": known, "predicted": known, "oracle": better}) is not None
-    assert share_of_gap({name: drives([20] * 24) for name in GAP}, "sct") is None
+    rng = np.random.default_rng(0)
+    scts, times = rng.uniform(0.4, 0.6, (2, WORLDS)), rng.uniform(18, 22, (2, WORLDS))
+    known, oracle = (scored(list(s), list(t)) for s, t in zip(scts, times, strict=True))
+    better = scored([0.9] * WORLDS, [10] * WORLDS)
+    same = {"known": known, "backup": known, "predicted": known}
+    assert shares(same | {"oracle": oracle}) == [None, None]
+    assert shares(same | {"backup": better, "oracle": known}) == [None, None]
+    assert None not in shares(same | {"oracle": better})
+    assert share_of_gap({name: drives([20] * WORLDS) for name in same}, "predicted", "sct") is None
 
 
 @given(st.lists(st.tuples(st.sampled_from(OUTCOMES), st.sampled_from(OUTCOMES)), max_size=30))

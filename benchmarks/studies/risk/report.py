@@ -1,4 +1,4 @@
-"""What the drives of the study say: collisions at each risk, speed, and share of the gap."""
+"""What the drives of the study say: collisions at each risk, and speed."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def exceeds_its_risk(row: dict[str, Any]) -> bool:
 
 
 def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
-    """Return SCT, times and share of the gap of each series, among the series with its tasks."""
+    """Return SCT and times of each series, among the series with its tasks."""
     rows = []
     for series in all_series:
         same_tasks = _baselines(series, all_series, drives)
@@ -94,7 +94,6 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
             statistics.time_ratio(arms, "predicted", arm) if arm in baselines else None
             for arm in ("known", "full")
         )
-        keys = ("sct", "time") if series.settings.route == "fixed" else ("sct",)
         rows.append(
             _about(series)
             | {
@@ -103,7 +102,6 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
                 "sct": statistics.success(arms, "predicted"),
                 "time_ratio": known,
                 "time_over_full": full,
-                "share_of_gap": {key: statistics.share_of_gap(arms, key) for key in keys},
                 "time_by_family": _times_by_family(series, arms),
             }
         )
@@ -141,7 +139,6 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
                     "collided": sum(collided),
                     "interval": statistics.rate_interval(collided, worlds),
                     "time_ratio": statistics.time_ratio(arms, "predicted", "known"),
-                    "share_of_gap": statistics.share_of_gap(arms, "time"),
                 }
             )
     return rows
@@ -188,7 +185,7 @@ def _by_family(series: Series, drives: Sequence[dict[str, Any]]) -> dict[str, li
 
 
 def _times_by_family(series: Series, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
-    """Return the time ratio to `known` and the share of the gap in time, in each family."""
+    """Return the time ratio to `known` in each family."""
     times = {}
     for family in _families(series):
         here = {
@@ -196,10 +193,7 @@ def _times_by_family(series: Series, arms: ResultsByArm) -> dict[str, dict[str, 
             for arm, results in arms.items()
         }
         if "known" in here and here["known"] and series.settings.route == "fixed":
-            times[family] = {
-                "time_ratio": statistics.time_ratio(here, "predicted", "known"),
-                "share_of_gap": statistics.share_of_gap(here, "time"),
-            }
+            times[family] = {"time_ratio": statistics.time_ratio(here, "predicted", "known")}
     return times
 
 

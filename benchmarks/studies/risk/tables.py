@@ -95,9 +95,6 @@ def _speed_table(rows: Sequence[dict[str, Any]]) -> str:
                 "SCT": _estimate(row["sct"], ".3f"),
                 "time ratio to `known`": _estimate(row["time_ratio"], ".2f"),
                 "time over that of `full`": _estimate(row["time_over_full"], ".2f"),
-                "share of the gap in time [%]": _estimate(
-                    row["share_of_gap"].get("time"), ".0f", 100.0
-                ),
             }
             for row in rows
         ]
@@ -154,10 +151,7 @@ def _collisions(row: dict[str, Any]) -> dict[str, str]:
 
 
 def _times(row: dict[str, Any]) -> dict[str, str]:
-    return {
-        "time ratio to `known`": _estimate(row["time_ratio"], ".2f"),
-        "share of the gap in time [%]": _estimate(row["share_of_gap"], ".0f", 100.0),
-    }
+    return {"time ratio to `known`": _estimate(row["time_ratio"], ".2f")}
 
 
 def _number(value: float | None, form: str) -> str:

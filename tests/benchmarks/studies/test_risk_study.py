@@ -290,7 +290,6 @@ def test_times_are_compared_in_each_family():
     assert set(times) == {"corridor", "narrow"}
     for of in times.values():
         assert of["time_ratio"]["value"] == pytest.approx(0.8)
-        assert of["share_of_gap"]["value"] == pytest.approx(0.4)
     assert _times_by_family(replace(series, settings=SETTINGS), arms) == {}
 
 
@@ -345,7 +344,6 @@ def test_further_calibrations_are_pooled_at_each_risk():
     assert (row["requested"], row["collided"], row["drives"]) == (0.02, 1, 30)
     assert row["levels"] == {"corridor": 0.1, "narrow": 0.1}
     assert row["time_ratio"]["value"] == pytest.approx(0.8)
-    assert row["share_of_gap"]["value"] == pytest.approx(0.4)
 
 
 def test_other_predictors_are_compared_at_the_level_of_the_smallest_risk():

@@ -1,0 +1,8 @@
+"""The revision of the driving, which tells whether a calibration still describes the drives."""
+
+FIRST = 1
+"""Revision of drives and calibrations that do not name theirs."""
+REVISION = 2
+"""Present revision. Raise it by 1 with each change of planner, simulator or tasks after which
+drives in the default settings differ. 2: what beams through corners of cells observe, and the free
+space that is assumed around the start."""
