@@ -13,7 +13,6 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import CALIBRATED_ARM, arm_kind, up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import figure, interval, markdown, span
-from foresee.statistics import MIN_GROUPS
 from sim.episode import Outcome
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
@@ -58,8 +57,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         faults.update(r.faults)
         paths.update(r.paths)
     counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
-    enough = len({r.world for r in results}) >= MIN_GROUPS
-    collided = statistics.wilson(counts["collided"], len(results)) if enough else None
+    collided = [r.outcome == "collided" for r in results]
     compared = arm != "known" and "known" in by_arm
     ratio = {"time_ratio": statistics.time_ratio(by_arm, arm, "known")} if compared else {}
     entry: dict[str, Any] = {
@@ -75,7 +73,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         **ratio,
         "episodes": len(results),
         **counts,
-        "collided_interval": collided,
+        "collided_interval": statistics.rate_interval(collided, [r.world for r in results]),
         **_with_ends("mean_speed", statistics.mean_speed(by_arm, arm)),
         "time_to_goal": _mean(r.time for r in together),
         "time_to_goal_episodes": len(together),
@@ -248,7 +246,7 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         "reached / timed out / stuck": lambda e: (
             f"{e['reached']} / {e['timed_out']} / {e['stuck']}"
         ),
-        "collided (95 %)": lambda e: (
+        f"collided {worlds}": lambda e: (
             f"{e['collided']} ({span(e['collided_interval'], '.1f', 100.0, ' %')})"
         ),
         "impact speed [m/s]": _plain("impact_speed", ".1f"),
