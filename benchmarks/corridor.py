@@ -70,18 +70,21 @@ class Place(Options):
 def _run(settings: Settings, place: Place) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
+    if place.optimum is not None and settings.tasks is not None:
+        raise UsageError("--optimum: its times are those of drawn tasks, not of --tasks")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import at_risk
     from benchmarks.figures.run_figures import draw_all
     from benchmarks.runs.drive import attempt, run_fingerprint
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import comparison
+    from benchmarks.runs.tasks import input_hashes, limit_speed, read_rules
     from benchmarks.runs.time_optimal import read_t_opt
     from foresee.infra.environment import several_states
-    from sim.buildings import map_hashes
 
     weights = run_fingerprint(settings)
-    maps = map_hashes(settings.world)
+    maps = input_hashes(settings)
+    settings = limit_speed(settings, read_rules(settings))
     settings = at_risk(settings, place.calibration)
     t_opt = None if place.optimum is None else read_t_opt(place.optimum, settings, maps)
     out = place.out

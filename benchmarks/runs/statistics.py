@@ -20,6 +20,9 @@ ResultsByArm = dict[str, list[DriveResult]]
 BASELINES = ("known", "backup")
 """Arms without a network, the better of which an arm with a network is compared with."""
 
+BARN_CUT = (4.0, 8.0)
+"""Multiples of T* to which the published score of the BARN challenge cuts times."""
+
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
     """Compute the 95 % Wilson interval of a share."""
@@ -59,6 +62,29 @@ def success(arms: ResultsByArm, arm: str) -> dict[str, Any] | None:
     """
     scored = _scored(arms)
     return _mean(scored, _values(scored, "sct", arm)[0]) if scored[arm] else None
+
+
+def barn_score(arms: ResultsByArm, arm: str, *, cut: bool) -> dict[str, Any] | None:
+    """Compute the score of the BARN challenge (Xiao et al. 2022) of an arm.
+
+    It is the mean over episodes of T* / time; 0 for episodes in which the goal was not reached.
+
+    Args:
+        arms: results of each arm.
+        arm: name of the arm.
+        cut: whether times are cut to 4 to 8 T*, as in the published scores.
+
+    Returns:
+        As `estimate`. None if no episode has a T* in all arms.
+    """
+    scored = _only(arms, lambda result: result.t_star is not None)
+    if not scored[arm]:
+        return None
+    t_star, times = _values(scored, "t_star", arm)[0], _values(scored, "time", arm)[0]
+    if cut:
+        times = np.clip(times, *np.multiply.outer(BARN_CUT, t_star))
+    reached = np.array([result.outcome == "reached" for result in scored[arm]])
+    return _mean(scored, reached * t_star / times)
 
 
 def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | None:

@@ -57,6 +57,8 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         "vehicle": results[0].vehicle,
         "earlier_calibration": any(r.earlier_calibration for r in results),
         **_with_ends("sct", statistics.success(by_arm, arm)),
+        **_with_ends("barn_score", statistics.barn_score(by_arm, arm, cut=True)),
+        **_with_ends("barn_score_uncut", statistics.barn_score(by_arm, arm, cut=False)),
         "over_optimum": _ratio(reached, "time", "t_opt"),
         "detour": _ratio(reached, "path_length", "shortest_length"),
         "t_bound": _mean(r.t_bound for r in results),
@@ -127,6 +129,8 @@ def title(settings: dict[str, Any]) -> str:
     """Return the settings of a comparison as one line."""
     settings, worlds = up_to_date(settings), settings["world"]
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
+    if settings["tasks"] is not None:
+        places += f", tasks {settings['tasks']}"
     return (
         f"{places}, route {settings['route']}, {settings['vehicle']} car; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
@@ -170,6 +174,7 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
     worlds, together = "(95 % over worlds)", entries[0]["time_to_goal_episodes"]
     rows: dict[str, Cell] = {
         f"**SCT** {worlds}": _ended("sct", ".3f"),
+        **_barn_rows(entries, worlds),
         "**time ratio** to `known`, both reached": lambda e: interval(e.get("time_ratio"), ".2f"),
         "time over T_opt, where reached": _plain("over_optimum", ".2f"),
         f"time to goal [s], {together} episodes all reached": _plain("time_to_goal", ".1f"),
@@ -193,6 +198,16 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
     if all(entry["over_optimum"] is None for entry in entries):
         del rows["time over T_opt, where reached"]
     return rows
+
+
+def _barn_rows(entries: list[dict[str, Any]], worlds: str) -> dict[str, Cell]:
+    """Return the rows of the BARN score; none if no task has a T*."""
+    if all(entry["barn_score"] is None for entry in entries):
+        return {}
+    return {
+        f"**BARN score**, at most 0.25 {worlds}": _ended("barn_score", ".3f"),
+        f"T\\*/time {worlds}": _ended("barn_score_uncut", ".3f"),
+    }
 
 
 def _plain(key: str, form: str) -> Cell:
