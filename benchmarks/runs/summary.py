@@ -26,7 +26,7 @@ MAIN_ROWS = (
     *("reached", "collided", "hard stops", "promises broken"),
 )
 """Beginnings of the titles of the rows that are shown first."""
-ROLES = {"backup": ", without a network,", "oracle": ", the upper bound,"}
+ROLES = {"backup": " (no network)", "oracle": " (upper bound)"}
 """Arm → what is said of it in words."""
 NOT_CERTIFIED = ", not certified"
 """Remark on drives at a risk for which there is no calibration."""
@@ -193,34 +193,28 @@ def in_words(summary: dict[str, Any]) -> str:
         return ""
     ratios = {arm: entry.get("time_ratio") for arm, entry in summary.items()}
     compared = {arm: ratio for arm, ratio in ratios.items() if ratio is not None}
-    drives = next(iter(summary.values()))["episodes"]
     said = []
     if compared:
         times = [
-            f"`{arm}`{ROLES.get(arm, '')} takes {_briefly(ratio)}"
-            for arm, ratio in compared.items()
+            f"`{arm}`{ROLES.get(arm, '')} {_briefly(ratio)}" for arm, ratio in compared.items()
         ]
-        said.append(f"Of the time of `known`, which plans within what it observed, {_and(times)}.")
+        said.append(
+            "Times, where that of `known`, which plans within what it observed, is 1: "
+            f"{', '.join(times)}."
+        )
     if any(ratio["low"] is None for ratio in compared.values()):
         said.append("These are too few buildings for intervals.")
     collided = [
-        f"`{arm}` in {entry['collided']}" for arm, entry in summary.items() if entry["collided"]
+        f"`{arm}` collided in {entry['collided']} of {entry['episodes']} drives."
+        for arm, entry in summary.items()
+        if entry["collided"]
     ]
-    said.append(
-        f"Of {drives} drives each, "
-        + (f"{_and(collided)} collided." if collided else "none collided.")
-    )
-    return " ".join(said)
+    return " ".join([*said, *(collided or ["No drive collided."])])
 
 
 def _briefly(ratio: dict[str, Any]) -> str:
     """Return an estimate with its interval, if it has one."""
     return f"{ratio['value']:.2f}" if ratio["low"] is None else interval(ratio, ".2f")
-
-
-def _and(words: list[str]) -> str:
-    """Return words as a list in a sentence."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
 def head(arm: str, entry: dict[str, Any]) -> str:
