@@ -1,4 +1,4 @@
-# make corridor: set up, and run the main job.   make test: set up, and check everything.
+# make corridor: set up, and make a first comparison.   make test: set up, and check everything.
 # make study: set up, and make the paper's study: frames, networks, tables and figures.
 # make beyond: the same, and what goes beyond the paper.
 PYTHON ?= python3
@@ -28,7 +28,8 @@ setup: .venv/.tools
 
 # Driving needs no more than this.
 corridor: .venv/.installed
-	$(BIN)/python -m benchmarks.corridor $(addprefix --optimum ,$(wildcard docs/results/optimum-corridor.json))
+	$(BIN)/python -m benchmarks.corridor --route fixed --arms known,backup,predicted,oracle --risk 0 0.02 \
+	    $(addprefix --optimum ,$(wildcard docs/results/optimum-corridor.json)) --out results/first
 
 TRAIN_ALL = $(BIN)/python -m predictor.study $(NET) $(STUDY) --out $(OUT)
 

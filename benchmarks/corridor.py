@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from benchmarks.runs.settings import Settings
-from foresee.infra.command_line import Command, UsageError
+from foresee.infra.command_line import Command, Section, UsageError
 from foresee.infra.errors import LineError
 from foresee.infra.options import Options, jobs_option, option
 from foresee.infra.workers import LostError, check_scheduler, finished
@@ -25,6 +25,37 @@ from foresee.infra.workers import LostError, check_scheduler, finished
 if TYPE_CHECKING:
     from benchmarks.runs.store import Store
     from benchmarks.runs.trace import Drive
+
+
+@dataclass(frozen=True)
+class Risks(Options):
+    """The risks at which arm predicted drives."""
+
+    risk: tuple[float, ...] = option(
+        (0.0,),
+        "accepted probability of a collision in a drive of arm predicted; several values are "
+        "several columns of the table, predicted, predicted 2 %% and so on. 0: collisions are "
+        "excluded by construction",
+        "δ",
+        low=0,
+        high=1,
+    )
+    calibration: Path | None = option(
+        None,
+        "calibration.json of benchmarks.calibrate, which gives the level λ for each --risk; for "
+        "the same predictor, planner, car and buildings (default: the one that ships with foresee "
+        "for these drives)",
+        "FILE",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(set(self.risk)) < len(self.risk):
+            raise UsageError("--risk names a number more than once")
+
+
+WITHOUT_RISK = tuple(field.name for field in fields(Settings) if field.name != "risk")
+"""Settings that are options of their own; `Risks` takes the place of the risk of one drive."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +76,6 @@ class Place(Options):
         "are copied from there",
         "DIR",
     )
-    calibration: Path | None = option(
-        None,
-        "calibration.json of benchmarks.calibrate, which gives the level λ for --risk; for the "
-        "same predictor, planner, car and buildings",
-        "FILE",
-    )
     optimum: Path | None = option(
         None,
         "results file of benchmarks.optimum for the same tasks and top speed: adds its least times "
@@ -67,17 +92,20 @@ class Place(Options):
             check_scheduler(self.dask)
 
 
-def _run(settings: Settings, place: Place) -> int:
+def _run(
+    settings: Annotated[Settings, Section(names=WITHOUT_RISK)], risks: Risks, place: Place
+) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
     if place.optimum is not None and settings.tasks is not None:
         raise UsageError("--optimum: its times are those of drawn tasks, not of --tasks")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.calibration.certificate import at_risk
+    from benchmarks.calibration.certificate import arms_at
     from benchmarks.figures.run_figures import draw_all
-    from benchmarks.runs.drive import attempt, run_fingerprint
+    from benchmarks.runs.drive import attempt_arm, run_fingerprint
+    from benchmarks.runs.saved_run import RESULTS
     from benchmarks.runs.store import Store
-    from benchmarks.runs.summary import comparison
+    from benchmarks.runs.summary import in_words, main_table, title
     from benchmarks.runs.tasks import input_hashes, limit_speed, read_rules
     from benchmarks.runs.time_optimal import read_t_opt
     from foresee.infra.environment import several_states
@@ -85,19 +113,21 @@ def _run(settings: Settings, place: Place) -> int:
     weights = run_fingerprint(settings)
     maps = input_hashes(settings)
     settings = limit_speed(settings, read_rules(settings))
-    settings = at_risk(settings, place.calibration)
+    arms = arms_at(settings, risks.risk, risks.calibration)
+    settings = replace(settings, arms=tuple(arms), uncertified=False)
+    levels = {name: chosen.level for name, chosen in arms.items() if chosen.risk > 0}
     t_opt = None if place.optimum is None else read_t_opt(place.optimum, settings, maps)
     out = place.out
-    with Store(out, settings, weights, place.baselines, maps) as store:
+    with Store(out, settings, weights, place.baselines, maps, levels) as store:
         for note in store.notes:
             print(f"warning: {note}", file=sys.stderr)
-        work = partial(attempt, settings, weights, maps=maps)
+        work = partial(attempt_arm, arms, weights, maps=maps)
         interrupted = _drive_all(store, settings, work, place)
         results = store.pack(t_opt)
     done = results["episodes"]
     if t_opt is not None and done and all(e["t_opt"] is None for e in done):
         print(f"warning: {place.optimum} has no T_opt of these tasks", file=sys.stderr)
-    print(f"\n{comparison(results)}")
+    print(f"\n{title(results['settings'])}\n\n{main_table(results['summary'])}\n")
     for index, why in store.skipped.items():
         print(f"episode {index} left out: {why}")
     mixed = several_states((e.get("commit") for e in results["episodes"]), "drives")
@@ -112,7 +142,8 @@ def _run(settings: Settings, place: Place) -> int:
     if results["summary"]:
         for path in draw_all(out):
             print(path)
-    print(out / "results.json")
+    print(f"{out / RESULTS}; `foresee tables {out / RESULTS}` prints all rows")
+    print(f"\n{in_words(results['summary'])}")
     return 1 if store.lost else 0
 
 

@@ -1,4 +1,10 @@
-"""The rule of distance: unobserved space is free, with a trust that falls with the distance."""
+"""The rule of distance: unobserved space is free, with a trust that falls with the distance.
+
+The fall decides how far the plan reaches beyond observed space at the default reliance, compared
+with the last resort. In 30 validation buildings (5 families, seeds from 1500, a last resort that
+reaches 0.5 m), the car needed 0.88 (0.85–0.90) times the time of `known` with a fall of 0.02 a
+metre, and 0.92 (0.90–0.96) with 0.1.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +13,7 @@ from scipy.ndimage import distance_transform_edt
 
 from foresee.prediction import Prediction, View
 
-FALL = 0.1
+FALL = 0.02
 """Fall of the trust over a metre [1/m]: at a level λ, the last resort may enter cells up to λ/FALL
 from observed free space."""
 

@@ -25,6 +25,9 @@ D = TypeVar("D", bound=Decision)
 """Type of the driver's decisions."""
 STANDSTILL = 0.02
 """Speed below which the car counts as standing when its stops are counted [m/s]."""
+HARD_BRAKING, HARD_TICKS = 0.9, 3
+"""Share of the car's hardest braking above which it brakes hard, and number of ticks for which it
+does so before the one in which it comes to rest, if the stop is hard."""
 
 
 class Outcome(StrEnum):
@@ -69,6 +72,7 @@ class Episode:
         max_speed: highest speed in either gear [m/s].
         min_clearance: least distance between the body and a solid cell [m].
         stops: number of times that the car came to rest after it had set off, in either gear.
+        hard_stops: number of these to which it braked hard, and after which it did not change gear.
         impact_speed: speed at the start of the tick with the collision [m/s]; None without one.
         faults: number of ticks in which a fault was handled, by the kind of fault.
         paths: number of paths followed, by source, and of recovery manoeuvres.
@@ -82,6 +86,7 @@ class Episode:
     max_speed: float
     min_clearance: float
     stops: int
+    hard_stops: int
     impact_speed: float | None
     faults: dict[str, int]
     paths: dict[str, int]
@@ -144,6 +149,7 @@ def run_episode(
         max_speed=float(speed.max()),
         min_clearance=_clearance(task.world, drive, car.limits.body),
         stops=int(((speed[1:] < STANDSTILL) & (speed[:-1] >= STANDSTILL)).sum()),
+        hard_stops=_hard_stops(drive[:, 3], HARD_BRAKING * car.limits.braking * dt),
         impact_speed=impact,
         faults=dict(recorder.faults),
         paths=dict(driver.path_counts),
@@ -161,6 +167,25 @@ def _is_stuck(states: list[NDArray[np.float64]], config: EpisodeConfig) -> bool:
 def _length(states: NDArray[np.float64]) -> float:
     """Return the length [m] of the polyline through the positions of some states (n, 4)."""
     return float(np.hypot(*np.diff(states[:, :2], axis=0).T).sum())
+
+
+def _hard_stops(speeds: NDArray[np.float64], loss: float) -> int:
+    """Count the hard stops of a drive.
+
+    Args:
+        speeds: speed at the start and at the end of each tick, negative in reverse, (n,) [m/s].
+        loss: loss of speed in a tick above which the car brakes hard [m/s].
+    """
+    hard = np.abs(speeds[:-1]) - np.abs(speeds[1:]) > loss
+    moves = np.abs(speeds) >= STANDSTILL
+    count = 0
+    for rest in np.flatnonzero(moves[:-1] & ~moves[1:]):
+        later = speeds[rest + 1 :][moves[rest + 1 :]]
+        changes_gear = len(later) > 0 and later[0] * speeds[rest] < 0
+        # The tick in which the car comes to rest brakes only as hard as is left to do.
+        braked = rest >= HARD_TICKS and hard[rest - HARD_TICKS : rest].all()
+        count += bool(braked and not changes_gear)
+    return count
 
 
 def _clearance(world: World, drive: NDArray[np.float64], body: Body) -> float:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.drive import navigator_config
-from benchmarks.runs.settings import ARMS, CONDITIONS, NO_CONDITIONS, OLDER, Settings
+from benchmarks.runs.settings import (
+    ARMS,
+    CALIBRATED_ARM,
+    CONDITIONS,
+    NO_CONDITIONS,
+    OLDER,
+    Settings,
+    arm_at,
+    arm_kind,
+)
 from foresee.infra.command_line import UsageError
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
@@ -21,8 +31,8 @@ from predictor.registry import load_predictor
 from sim.buildings import sources
 from sim.map_server import load_world
 
-ARM = "predicted"
-"""The arm that calibrations are of; no other may drive at a level that one certifies."""
+SHIPPED = tuple(sorted(Path(__file__).with_name("shipped").glob("*.json")))
+"""The calibrations that ship with the package."""
 ABSENT = {name: OLDER[name] for name in CONDITIONS}
 """Condition → its value where a calibration does not contain it, because it is older."""
 HASHED = {
@@ -47,7 +57,7 @@ REMOVED = {"oracle": False}
 
 def conditions_for(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
-    config = navigator_config(replace(settings, level=0.0), ARMS[ARM], RESOLUTION)
+    config = navigator_config(replace(settings, level=0.0), ARMS[CALIBRATED_ARM], RESOLUTION)
     weights = weights_fingerprint(load_predictor(settings.predictor))
     return {
         **_map_conditions(settings),
@@ -138,29 +148,125 @@ def load_calibration(path: Path) -> Calibration:
     return replace(certificate, conditions=absent_in(conditions) | conditions)
 
 
-def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
+def at_risk(
+    settings: Settings, calibration: Path | None = None, among: Sequence[Path] = SHIPPED
+) -> Settings:
     """Return the settings with the level that a calibration certifies for their risk.
 
     Args:
-        settings: settings of drives.
-        calibration: calibration.json of `benchmarks.calibrate`; needed for a risk above 0.
+        settings: settings of drives; if they are `uncertified`, a calibration for other drives will
+            do. In the result they are so only if it had to.
+        calibration: calibration.json of `benchmarks.calibrate`; None: the one that fits.
+        among: calibrations among which the one that fits is looked for.
 
     Raises:
-        UsageError: if both risk and level are given, or a risk without a calibration; if the arm
-            that calibrations are of does not drive, or another arm takes risks.
+        UsageError: if both risk and level are given, or no calibration is for these drives; if the
+            arm that calibrations are of does not drive, or another arm takes risks.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
+    for arm in settings.arms:
+        if arm not in ARMS:
+            raise UsageError(f"no arm is called {arm!r}: give the risk with --risk")
     if settings.risk == 0.0:
-        return settings
-    strange = [arm for arm in settings.arms if arm != ARM and ARMS[arm].takes_risk]
-    if strange:
-        raise UsageError(f"--risk: a calibration is of the arm {ARM}, not of {', '.join(strange)}")
-    if ARM not in settings.arms:
-        raise UsageError(f"--risk is of the arm {ARM}, which --arms does not name")
+        return replace(settings, uncertified=False)
     if settings.level > 0.0:
         raise UsageError("--level is in place of --risk: give one of them")
+    strange = [arm for arm in settings.arms if _strange(arm)]
+    if strange:
+        names = ", ".join(strange)
+        raise UsageError(f"--risk: a calibration is of the arm {CALIBRATED_ARM}, not of {names}")
+    if CALIBRATED_ARM not in map(arm_kind, settings.arms):
+        raise UsageError(f"--risk is of the arm {CALIBRATED_ARM}, which --arms does not name")
+    conditions = conditions_for(settings)
     if calibration is None:
-        raise UsageError("--risk needs --calibration, a file that benchmarks.calibrate has written")
-    certificate = load_calibration(calibration)
-    level = certificate.level_for(settings.risk, conditions_for(settings))
-    return replace(settings, level=level, calibrated=certificate.revision)
+        chosen = _fitting(settings, conditions, among)
+    else:
+        chosen = load_calibration(calibration)
+        if not settings.uncertified:
+            chosen.refuse_other(conditions)
+    return replace(
+        settings,
+        level=chosen.level_at(settings.risk),
+        calibrated=chosen.revision,
+        uncertified=bool(chosen.differing(conditions)),
+    )
+
+
+def arms_at(
+    settings: Settings, risks: Sequence[float], calibration: Path | None = None
+) -> dict[str, Settings]:
+    """Return the settings of the drives of each arm; `CALIBRATED_ARM` drives at each of the risks.
+
+    The keys are the names of the arms, see `benchmarks.runs.settings.arm_at`. All settings name all
+    of these arms.
+
+    Args:
+        settings: settings of the drives, without a risk.
+        risks: accepted probabilities δ of a collision in a drive.
+        calibration: as in `at_risk`.
+
+    Raises:
+        UsageError: as `at_risk`.
+        CalibrationError: as `at_risk`.
+    """
+    plain = replace(settings, risk=0.0, uncertified=False)
+    arms = dict.fromkeys(settings.arms, plain)
+    at_risks = {arm_at(r): at_risk(replace(settings, risk=r), calibration) for r in risks}
+    if CALIBRATED_ARM in arms:
+        place = settings.arms.index(CALIBRATED_ARM)
+        before, after = settings.arms[:place], settings.arms[place + 1 :]
+        names = (*before, *at_risks, *after)
+        arms = {name: at_risks.get(name, plain) for name in names}
+    return {name: replace(chosen, arms=tuple(arms)) for name, chosen in arms.items()}
+
+
+def _strange(arm: str) -> bool:
+    """Return whether an arm takes the chosen risk, but is not the one that calibrations are of."""
+    return ARMS[arm_kind(arm)].takes_risk and arm_kind(arm) != CALIBRATED_ARM
+
+
+def _fitting(
+    settings: Settings, conditions: Mapping[str, Any], among: Sequence[Path]
+) -> Calibration:
+    """Return the calibration, out of some, for drives at a risk.
+
+    For uncertified drives that none is for, it is that of the mixture of families for the same
+    predictor and route.
+
+    Raises:
+        UsageError: if there is none; the message says how to make one.
+    """
+    certificates = [c for c in map(load_calibration, among) if c.levels]
+    certificates = [c for c in certificates if min(c.levels) <= settings.risk]
+    fitting = [c for c in certificates if not c.differing(conditions)]
+    if not fitting and settings.uncertified:
+        fitting = [
+            c
+            for c in certificates
+            if len(c.conditions["world"]) > 1
+            and all(c.conditions[name] == conditions[name] for name in ("predictor", "route"))
+        ]
+    if not fitting:
+        instead = (
+            "and none of the mixture for the same predictor and route"
+            if settings.uncertified
+            else "or drive without a certificate, with --uncertified"
+        )
+        raise UsageError(
+            f"no calibration that ships with foresee is for these drives at a risk of "
+            f"{settings.risk:g}: make one with `{_command(settings)}` and name it with "
+            f"--calibration, {instead}"
+        )
+    return fitting[0]
+
+
+def _command(settings: Settings) -> str:
+    """Return the command that makes a calibration for drives with some settings at their risk."""
+    words = ["foresee", "calibrate", "--risks", f"{settings.risk:g}"]
+    for name in ("world", "predictor", *CONDITIONS):
+        value = getattr(settings, name)
+        if value != getattr(Settings, name):
+            words.append(f"--{name.replace('_', '-')}")
+            if not isinstance(value, bool):
+                words += map(str, value if isinstance(value, tuple) else (value,))
+    return shlex.join(words)

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.calibration.certificate import ARM, absent_in, conditions_for
+from benchmarks.calibration.certificate import absent_in, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
-from benchmarks.runs.settings import OLDER, Settings
+from benchmarks.runs.settings import CALIBRATED_ARM, OLDER, Settings
 from benchmarks.runs.statistics import wilson
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import machine
@@ -140,7 +140,9 @@ def _test(
 ) -> Tested:
     """Drive at a level until the test of each risk is decided."""
     wanted = needed(asked.confidence)
-    settings = replace(settings, seed=asked.seed, level=level, arms=(ARM,), episodes=asked.drives)
+    settings = replace(
+        settings, seed=asked.seed, level=level, arms=(CALIBRATED_ARM,), episodes=asked.drives
+    )
     weights = run_fingerprint(settings)
     identity = {k: v for k, v in asdict(settings).items() if k != "arms"} | {"weights": weights}
     absent = {name: value for name, value in OLDER.items() if name in identity}
@@ -184,7 +186,7 @@ def _driven(settings: Settings, weights: str | None, index: int) -> dict[str, An
     place = places[int(np.random.default_rng([seed, 3]).integers(len(places)))]
     entry = {"index": index, "place": Path(place).stem}
     single = replace(settings, world=(place,), seed=seed, episodes=1)
-    driven = attempt(single, weights, (0, ARM))
+    driven = attempt(single, weights, (0, CALIBRATED_ARM))
     if isinstance(driven, str):
         return entry | {"outcome": NO_TASK, "note": driven}
     return entry | {name: getattr(driven.result, name) for name in KEPT}

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_hex, to_rgb
 from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, Polygon
 from matplotlib.text import Annotation
@@ -86,8 +86,14 @@ LEGEND: dict[str, Any] = {"fontsize": 8, "handlelength": 1.2, "columnspacing": 1
 
 
 def arm_colour(arm: str) -> str:
-    """Return the colour of an arm, the same in every figure."""
-    return ARM_COLOURS.get(arm, OTHER_ARM)
+    """Return the colour of an arm, the same in every figure; at a higher risk it is darker."""
+    kind, _, risk = arm.partition(" ")
+    colour = ARM_COLOURS.get(kind, OTHER_ARM)
+    if not risk:
+        return colour
+    share = float(risk.removesuffix(" %")) / 100
+    red, green, blue = (part * (0.75 - 0.5 * share / (share + 0.05)) for part in to_rgb(colour))
+    return to_hex((red, green, blue))
 
 
 def limit_colour(limit: str) -> str:

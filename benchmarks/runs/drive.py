@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
-from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings
+from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings, arm_kind
 from benchmarks.runs.tasks import (
     limit_speed,
     make_task,
@@ -106,7 +106,7 @@ def run_fingerprint(settings: Settings) -> str | None:
         PredictorError: if a predictor cannot be loaded.
     """
     fingerprints = [weights_fingerprint(load_predictor(settings.predictor))]
-    if any(ARMS[arm].frontiers for arm in settings.arms):
+    if any(ARMS[arm_kind(arm)].frontiers for arm in settings.arms):
         fingerprints.append(weights_fingerprint(load_frontiers(settings.frontiers)))
     return " and ".join(filter(None, fingerprints)) or None
 
@@ -138,6 +138,23 @@ def attempt(
         return drive(settings, *item)
     except NoTaskError as error:
         return str(error)
+
+
+def attempt_arm(
+    arms: Mapping[str, Settings],
+    weights: str | None,
+    item: tuple[int, str],
+    maps: Mapping[str, str] | None = None,
+) -> Drive | str:
+    """Return what `attempt` returns, with the settings of the arm.
+
+    Args:
+        arms: settings of each arm's drives, see `benchmarks.calibration.certificate.arms_at`.
+        weights: as in `attempt`.
+        item: as in `attempt`.
+        maps: as in `attempt`.
+    """
+    return attempt(arms[item[1]], weights, item, maps)
 
 
 def limits_for(settings: Settings) -> CarLimits:
@@ -231,10 +248,11 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     task = task or make_task(settings, index)
     rules = task.rules
     settings = limit_speed(settings, [rules])
-    arm = ARMS[arm_name]
+    arm = ARMS[arm_kind(arm_name)]
     car = limits_for(settings)
     predictor = predictor_for(settings, arm, task)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
+    at_risk = arm.takes_risk and settings.risk > 0
     # A long deadline, so that the result does not depend on the load of the machine.
     navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
@@ -261,6 +279,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         outcome=str(episode.outcome),
         **measured,
         stops=int(episode.stops),
+        hard_stops=int(episode.hard_stops),
         impact_speed=episode.impact_speed,
         promises=int((trace.kept >= 0).sum()),
         promises_broken=int((trace.kept == 0).sum()),
@@ -270,7 +289,9 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
         revision=REVISION,
-        calibrated=settings.calibrated if arm.takes_risk and settings.risk > 0 else None,
+        level=settings.level if arm.takes_risk else None,
+        calibrated=settings.calibrated if at_risk else None,
+        uncertified=settings.uncertified and at_risk,
         cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
     )
     return Drive(result, trace)

@@ -23,7 +23,8 @@ class DriveResult:
     Attributes:
         vehicle: car, a key of `benchmarks.runs.settings.VEHICLES`.
         t_opt: time of the fastest drive that `benchmarks.optimum` found for the task [s].
-        arm: arm, a key of `benchmarks.runs.settings.ARMS`.
+        arm: arm, a key of `benchmarks.runs.settings.ARMS`, with its risk if that is above 0, as in
+            "predicted 2 %".
         index: number of the episode.
         world: name of the building.
         seed: seed of the task.
@@ -48,6 +49,7 @@ class DriveResult:
         max_speed: highest speed [m/s].
         min_clearance: smallest distance of the body from an obstacle [m].
         stops: number of stops before the end.
+        hard_stops: number of these that were hard, see `sim.episode.Episode`.
         impact_speed: speed at the collision [m/s]; None if there was none.
         promises: number of ticks in which the plan relied on unobserved cells.
         promises_broken: number of these ticks in which such a cell was in fact not free.
@@ -56,6 +58,8 @@ class DriveResult:
         paths: source of the path → number of paths followed.
         commit: commit of the code that drove.
         revision: revision of the driving, see `planner.revision`.
+        level: level λ of the last resort at the start, of an arm that takes the chosen risk.
+        uncertified: whether the level is not certified for these drives.
         calibrated: revision that the calibration was measured with which gave the level of the last
             resort; None: none did.
         cycle_ms: median and 99th percentile of the time of a control cycle [ms].
@@ -87,6 +91,7 @@ class DriveResult:
     max_speed: float
     min_clearance: float
     stops: int
+    hard_stops: int | None = None
     impact_speed: float | None
     promises: int
     promises_broken: int
@@ -95,6 +100,8 @@ class DriveResult:
     paths: dict[str, int]
     commit: str | None
     revision: int = FIRST
+    level: float | None = None
+    uncertified: bool = False
     calibrated: int | None = None
     cycle_ms: list[float]
 

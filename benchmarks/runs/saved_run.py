@@ -11,7 +11,7 @@ from typing import Any, Self
 from numpy.typing import NDArray
 
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import ARMS, Settings, checked, up_to_date
+from benchmarks.runs.settings import ARMS, Settings, arm_kind, checked, up_to_date
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import read_object
@@ -152,8 +152,9 @@ class Run:
     @cached_property
     def arms(self) -> list[str]:
         """Arms that drove, in the order in which they are shown."""
-        driven = {episode.arm for episode in self.episodes}
-        return [arm for arm in ARMS if arm in driven] + sorted(driven - set(ARMS))
+        driven = dict.fromkeys(episode.arm for episode in self.episodes)
+        order = {arm: place for place, arm in enumerate(ARMS)}
+        return sorted(driven, key=lambda arm: order.get(arm_kind(arm), len(order)))
 
     @cached_property
     def indices(self) -> list[int]:
@@ -202,11 +203,16 @@ class Run:
         """
         arms = self.arms if index is None else self.driven_arms(index)
         if arm is None:
-            predicted = [n for n in arms if n in ARMS and ARMS[n].predictor != "none"]
+            predicted = [n for n in arms if self._predicts(n)]
             return next((name for name in SHOWN_FIRST if name in arms), (predicted or arms)[0])
         if arm not in arms:
             raise RunError(f"{self.directory} has no arm {arm!r} here: it has {', '.join(arms)}")
         return arm
+
+    @staticmethod
+    def _predicts(arm: str) -> bool:
+        kind = arm_kind(arm)
+        return kind in ARMS and ARMS[kind].predictor != "none"
 
     @cached_property
     def showcase(self) -> int:

@@ -66,6 +66,7 @@ class Arm:
             "frontiers",
             "risk",
             "level",
+            "uncertified",
             "calibrated",
             "fixed_level",
         }
@@ -103,8 +104,20 @@ ARMS = {
     # All free cells; the whole map is known from the start.
     "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),
 }
+CALIBRATED_ARM = "predicted"
+"""The arm that calibrations are of; no other may drive at a level that one certifies."""
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 """Car → top speed in reverse [m/s]; 0: no reverse gear."""
+
+
+def arm_at(risk: float) -> str:
+    """Return the name of `CALIBRATED_ARM` at a risk, such as "predicted 2 %"; at 0 its own."""
+    return f"{CALIBRATED_ARM} {100 * risk:g} %" if risk > 0 else CALIBRATED_ARM
+
+
+def arm_kind(name: str) -> str:
+    """Return the key in `ARMS` of an arm that may be named with its risk, see `arm_at`."""
+    return name.partition(" ")[0]
 
 
 def _arms(text: str) -> tuple[str, ...]:
@@ -160,10 +173,16 @@ class Settings(Options):
     risk: float = option(
         0.0,
         "accepted probability of a collision in a drive of arm predicted; 0: collisions are "
-        "excluded by construction. Above 0, --calibration gives the level λ of its last resort",
+        "excluded by construction. Above 0, a calibration gives the level λ of its last resort",
         "δ",
         low=0,
         high=1,
+    )
+    uncertified: bool = option(
+        False,
+        "drive at a --risk without a calibration for these drives, such as in real buildings: the "
+        "level λ is that of --calibration, or of the shipped one for the same predictor and route "
+        "in the mixture of families. More drives than accepted may collide",
     )
     level: float = option(
         0.0,
@@ -224,9 +243,9 @@ class Settings(Options):
                 f"m, at most {LONGEST_STOP:g} m are planned"
             )
         for arm in self.arms:
-            if arm not in ARMS:
+            if arm_kind(arm) not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
-        if self.route == "fixed" and any(ARMS[arm].frontiers for arm in self.arms):
+        if self.route == "fixed" and any(ARMS[arm_kind(arm)].frontiers for arm in self.arms):
             raise UsageError("arms that end with +frontiers choose a route: they need --route free")
         if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
             raise UsageError("--level and --risk need a --reliance below 1")
@@ -236,7 +255,7 @@ class Settings(Options):
 
 NO_CONDITIONS = (
     *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
-    "calibrated",
+    *("uncertified", "calibrated"),
 )
 """Settings that a calibration need not share with the drives that use it; the predictor and the
 buildings are compared in `benchmarks.calibration.certificate`."""

@@ -102,12 +102,13 @@ def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | 
     return ratio | {"episodes": len(both[arm])}
 
 
-def share_of_gap(arms: ResultsByArm, arm: str, key: str) -> dict[str, Any] | None:
+def share_of_gap(
+    arms: ResultsByArm, arm: str, key: str, baselines: Sequence[str] = BASELINES
+) -> dict[str, Any] | None:
     """Compute the share of the gap between the best baseline and `oracle` that an arm closes.
 
-    The share is (arm - baseline) / (oracle - baseline). The baseline is the better one of
-    `BASELINES` over the same episodes, in which no arm has a network: neither takes a risk, so that
-    each may stand beside a network at any.
+    The share is (arm - baseline) / (oracle - baseline). The baseline is the best one over the same
+    episodes.
 
     Args:
         arms: results of each arm.
@@ -115,19 +116,20 @@ def share_of_gap(arms: ResultsByArm, arm: str, key: str) -> dict[str, Any] | Non
         key: "sct"; or "time", over the episodes that all of these arms reached. Time is for
             prescribed routes only, since on a free route a shorter route would count as faster
             driving.
+        baselines: arms without a network, which take no more risk than the arm.
 
     Returns:
-        As `estimate`, and `baseline`, the name of the better one. None if the interval of the
+        As `estimate`, and `baseline`, the name of the best one. None if the interval of the
         denominator includes 0, there are fewer than `foresee.statistics.MIN_GROUPS` buildings, or
         arms or values are missing.
     """
-    names = (*BASELINES, arm, "oracle")
+    names = (*baselines, arm, "oracle")
     if not arms.keys() >= set(names):
         return None
     kept = _scored(arms) if key == "sct" else reached(arms, names)
     if not kept[arm]:
         return None
-    totals = dict(zip(BASELINES, _values(kept, key, *BASELINES).sum(axis=1), strict=True))
+    totals = dict(zip(baselines, _values(kept, key, *baselines).sum(axis=1), strict=True))
     baseline = (max if key == "sct" else min)(totals, key=totals.__getitem__)
     values = _values(kept, key, baseline, arm, "oracle")
     lead = values[2] - values[0] if key == "sct" else values[0] - values[2]

@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import RESULTS, TRACES, Archive, Run
-from benchmarks.runs.settings import ARMS, OLDER, Settings
+from benchmarks.runs.settings import ARMS, OLDER, Settings, arm_kind
 from benchmarks.runs.summary import gap, summarise
 from benchmarks.runs.time_optimal import Key, task_key
 from benchmarks.runs.trace import Drive, RunError, Trace
@@ -45,6 +45,7 @@ class Store(ResumableFolder):
         maps: hash of each map file and of the file of given tasks, see
             `benchmarks.runs.tasks.input_hashes`. Runs that do not name their maps are not compared
             in it; a note says so.
+        levels: level λ of each arm at a risk.
 
     Attributes:
         episodes: results of the finished drives.
@@ -52,9 +53,9 @@ class Store(ResumableFolder):
         lost: episodes and arms whose worker processes died.
 
     Raises:
-        UsageError: if the folder holds a run with other settings or weights, cannot be written, or
-            is in use by another run; if the folder of the baselines holds no run, or no drive that
-            would be the same.
+        UsageError: if the folder holds a run with other settings, weights or levels, cannot be
+            written, or is in use by another run; if the folder of the baselines holds no run, or no
+            drive that would be the same.
         RunError: if the folder holds damaged results, and no settings to compare.
     """
 
@@ -65,6 +66,7 @@ class Store(ResumableFolder):
         weights: str | None,
         baselines: Path | None = None,
         maps: Mapping[str, str] | None = None,
+        levels: Mapping[str, float] | None = None,
     ) -> None:
         self.settings = settings
         self.skipped: dict[int, str] = {}
@@ -85,6 +87,12 @@ class Store(ResumableFolder):
         self.commit = commit()
         listed, packed = self._packed()
         self.episodes = packed + self._loose({(e.index, e.arm) for e in packed})
+        for e in self.episodes:
+            if e.level is not None and e.level != (levels or {}).get(e.arm, e.level):
+                raise UsageError(
+                    f"--out: {out} holds drives of {e.arm} at level {e.level:g}, not "
+                    f"{(levels or {})[e.arm]:g}"
+                )
         lost = {(e.index, e.arm) for e in listed} - self.done()
         if lost:
             self.notes.append(
@@ -156,13 +164,13 @@ class Store(ResumableFolder):
         other = {k for k, v in present.items() if k not in GROWS and v != earlier.get(k)}
         if MAPS not in earlier:
             other.discard(MAPS)
-        arms = [arm for arm in self.settings.arms if not ARMS[arm].has_predictor]
+        arms = [arm for arm in self.settings.arms if not ARMS[arm_kind(arm)].has_predictor]
         if not arms:
             raise UsageError(
                 "--baselines: only drives without the chosen predictor and predicted frontiers are "
                 "copied, and no arm makes such drives"
             )
-        alike = [arm for arm in arms if ARMS[arm].drives_alike(other)]
+        alike = [arm for arm in arms if ARMS[arm_kind(arm)].drives_alike(other)]
         if not alike:
             what = ", ".join(difference(k, present, earlier) for k in present if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import ARMS, up_to_date
+from benchmarks.runs.settings import CALIBRATED_ARM, arm_kind, up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import figure, interval, markdown, span
 from foresee.statistics import MIN_GROUPS
@@ -21,6 +21,15 @@ SOURCES = ("route", "hybrid", "ompl", "dijkstra")
 OUTCOMES = tuple(map(str, Outcome))
 EARLIER = ", calibrated with an earlier planner"
 """Remark on drives at a risk whose calibration was measured with an earlier revision."""
+MAIN_ROWS = (
+    *("**time ratio**", "**SCT**", "**BARN score**", r"T\*/time", "speed", "detour"),
+    *("reached", "collided", "hard stops", "promises broken"),
+)
+"""Beginnings of the titles of the rows that are shown first."""
+ROLES = {"backup": " (no network)", "oracle": " (upper bound)"}
+"""Arm → what is said of it in words."""
+NOT_CERTIFIED = ", not certified"
+"""Remark on drives at a risk for which there is no calibration."""
 
 
 def paired(episodes: list[DriveResult], arms: tuple[str, ...]) -> ResultsByArm:
@@ -56,6 +65,8 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "vehicle": results[0].vehicle,
         "earlier_calibration": any(r.earlier_calibration for r in results),
+        "uncertified": any(r.uncertified for r in results),
+        "level": results[0].level,
         **_with_ends("sct", statistics.success(by_arm, arm)),
         **_with_ends("barn_score", statistics.barn_score(by_arm, arm, cut=True)),
         **_with_ends("barn_score_uncut", statistics.barn_score(by_arm, arm, cut=False)),
@@ -73,6 +84,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         "max_speed": max(r.max_speed for r in results),
         "min_clearance": min(r.min_clearance for r in results),
         "stops": sum(r.stops for r in results),
+        "hard_stops": _sum(r.hard_stops for r in results),
         "impact_speed": _mean(r.impact_speed for r in results),
         "cycle_ms_p50": float(np.median([r.cycle_ms[0] for r in results])),
         "cycle_ms_p99": float(np.median([r.cycle_ms[1] for r in results])),
@@ -101,6 +113,12 @@ def _ratio(results: list[DriveResult], top: str, bottom: str) -> float | None:
     return sums[0] / sums[1] if known else None
 
 
+def _sum(values: Iterable[int | None]) -> int | None:
+    """Return the sum of the values; None if one is not known."""
+    known = list(values)
+    return None if None in known else sum(filter(None, known))
+
+
 def _mean(values: Iterable[float | None]) -> float | None:
     """Return the mean of the values that are not None; None if all are."""
     known = [value for value in values if value is not None]
@@ -121,13 +139,15 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
             "time": statistics.share_of_gap(by_arm, arm, "time") if route == "fixed" else None,
         }
         for arm in arms
-        if arm in ARMS and ARMS[arm].takes_risk
+        if arm_kind(arm) == CALIBRATED_ARM
     }
 
 
 def title(settings: dict[str, Any]) -> str:
     """Return the settings of a comparison as one line."""
     settings, worlds = up_to_date(settings), settings["world"]
+    risk = f", risk δ = {settings['risk']:g}" if settings["risk"] else ""
+    level = f", level λ = {settings['level']:g}" if settings["level"] else ""
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     if settings["tasks"] is not None:
         places += f", tasks {settings['tasks']}"
@@ -135,14 +155,18 @@ def title(settings: dict[str, Any]) -> str:
         f"{places}, route {settings['route']}, {settings['vehicle']} car; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
-        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}, "
-        f"risk δ = {settings['risk']:g}, level λ = {settings['level']:g}"
+        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"
     )
 
 
 def comparison(results: dict[str, Any]) -> str:
     """Return the title and the table of a comparison's results.json as Markdown."""
     return f"{title(results['settings'])}\n\n{table(results['summary'], results['gap'])}"
+
+
+def main_table(summary: dict[str, Any]) -> str:
+    """Return the main rows of the summary as a Markdown table; `table` has all."""
+    return _table(summary, lambda title: title.startswith(MAIN_ROWS))
 
 
 def table(summary: dict[str, Any], shares: dict[str, Any]) -> str:
@@ -152,16 +176,55 @@ def table(summary: dict[str, Any], shares: dict[str, Any]) -> str:
         summary: result of `summarise`.
         shares: result of `gap`.
     """
+    rows = _table(summary, lambda _: True)
+    return "\n".join([rows, "", *_remarks(summary, shares)]).rstrip()
+
+
+def _table(summary: dict[str, Any], shown: Callable[[str], bool]) -> str:
+    """Return the rows of the summary that are shown as a Markdown table."""
     if not summary:
         return "no episode has been finished by all arms yet"
     entries = list(summary.values())
     rows = [[f"{entries[0]['episodes']} paired episodes", *map(head, summary, entries)]]
-    rows += [[title, *map(cell, entries)] for title, cell in _rows(entries).items()]
-    return "\n".join([markdown(rows), "", *_remarks(summary, shares)]).rstrip()
+    cells = _rows(entries).items()
+    rows += [[title, *map(cell, entries)] for title, cell in cells if shown(title)]
+    return markdown(rows)
+
+
+def in_words(summary: dict[str, Any]) -> str:
+    """Return what the summary says in words; "" without episodes."""
+    if not summary:
+        return ""
+    ratios = {arm: entry.get("time_ratio") for arm, entry in summary.items()}
+    compared = {arm: ratio for arm, ratio in ratios.items() if ratio is not None}
+    said = []
+    if compared:
+        times = [
+            f"`{arm}`{ROLES.get(arm, '')} {_briefly(ratio)}" for arm, ratio in compared.items()
+        ]
+        said.append(
+            "Times, where that of `known`, which plans within what it observed, is 1: "
+            f"{', '.join(times)}."
+        )
+    if any(ratio["low"] is None for ratio in compared.values()):
+        said.append("These are too few buildings for intervals.")
+    collided = [
+        f"`{arm}` collided in {entry['collided']} of {entry['episodes']} drives."
+        for arm, entry in summary.items()
+        if entry["collided"]
+    ]
+    return " ".join([*said, *(collided or ["No drive collided."])])
+
+
+def _briefly(ratio: dict[str, Any]) -> str:
+    """Return an estimate with its interval, if it has one."""
+    return f"{ratio['value']:.2f}" if ratio["low"] is None else interval(ratio, ".2f")
 
 
 def head(arm: str, entry: dict[str, Any]) -> str:
     """Return the head of an arm's column."""
+    if entry["uncertified"]:
+        return f"`{arm}`{NOT_CERTIFIED}"
     return f"`{arm}`" + (EARLIER if entry["earlier_calibration"] else "")
 
 
@@ -181,12 +244,17 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         "detour factor, where reached": _plain("detour", ".2f"),
         f"speed [m/s] {worlds}": _ended("mean_speed", ".2f"),
         "faster than `known` [m/s]": lambda e: interval(e.get("faster_than_known"), "+.2f"),
-        " / ".join(OUTCOMES).replace("_", " "): lambda e: " / ".join(str(e[o]) for o in OUTCOMES),
-        "collisions, 95 % interval": lambda e: span(e["collided_interval"], ".1f", 100.0, " %"),
+        "reached / timed out / stuck": lambda e: (
+            f"{e['reached']} / {e['timed_out']} / {e['stuck']}"
+        ),
+        "collided (95 %)": lambda e: (
+            f"{e['collided']} ({span(e['collided_interval'], '.1f', 100.0, ' %')})"
+        ),
         "impact speed [m/s]": _plain("impact_speed", ".1f"),
         "top speed [m/s]": _plain("max_speed", ".2f"),
         "least clearance [m]": _plain("min_clearance", ".2f"),
         "stops": _plain("stops", "d"),
+        "hard stops": _plain("hard_stops", "d"),
         f"promises broken {worlds}": broken,
         "control cycle p50 / p99 [ms]": lambda e: (
             f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}"
@@ -226,11 +294,14 @@ def broken(entry: dict[str, Any]) -> str:
 
 
 def _remarks(summary: dict[str, Any], shares: dict[str, Any]) -> Iterator[str]:
-    """Yield the lines below the table: kinds of faults, and the share of the gap."""
+    """Yield the lines below the table: kinds of faults, levels, and shares of the gap."""
     for arm, entry in summary.items():
         if entry["faults"]:
             kinds = ", ".join(f"{kind} {n}" for kind, n in sorted(entry["faults"].items()))
             yield f"Handled faults of `{arm}`: {kinds}."
+    for arm, entry in summary.items():
+        if arm != arm_kind(arm):
+            yield f"`{arm}` drives at level λ = {entry['level']:g}."
     for arm, closed in shares.items():
         for key, what in (("sct", "in SCT"), ("time", "in time, where all reached")):
             if closed[key] is not None:

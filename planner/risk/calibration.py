@@ -96,6 +96,17 @@ class Calibration:
             CalibrationError: if the certificate is for other conditions, or only for larger risks.
         """
         self.refuse_other(conditions)
+        return self.level_at(risk)
+
+    def level_at(self, risk: float) -> float:
+        """Return the largest level λ that is certified for a risk, whatever the conditions.
+
+        Args:
+            risk: accepted probability δ of a collision in a drive, above 0.
+
+        Raises:
+            CalibrationError: if the certificate is only for larger risks.
+        """
         allowed = [certified for certified in self.levels if certified <= risk]
         if not allowed:
             raise CalibrationError(
@@ -113,17 +124,27 @@ class Calibration:
         Raises:
             CalibrationError: if a condition differs; the message names it.
         """
+        for name in self.differing(conditions)[:1]:
+            certified, asked = self.conditions.get(name), conditions.get(name)
+            raise CalibrationError(
+                f"{self.path} is for {name} {_listed(certified)}, not {_listed(asked)}: "
+                "calibrate anew with benchmarks.calibrate"
+            )
+
+    def differing(self, conditions: Mapping[str, Any]) -> list[str]:
+        """Return the names of the conditions in which drives differ from those of the certificate.
+
+        Args:
+            conditions: settings of the drives to come, by name; `world` may be in any order.
+        """
+
+        def plain(given: Mapping[str, Any], name: str) -> Any:
+            return sorted(given.get(name) or ()) if name == "world" else given.get(name)
+
         names = self.conditions.keys() | conditions.keys()
         # The hash of the planner's settings last, since a message about it is the least helpful.
-        for name in sorted(names, key=lambda name: (name == "planner", name)):
-            certified, asked = self.conditions.get(name), conditions.get(name)
-            if name == "world":
-                certified, asked = sorted(certified or ()), sorted(asked or ())
-            if asked != certified:
-                raise CalibrationError(
-                    f"{self.path} is for {name} {_listed(certified)}, not {_listed(asked)}: "
-                    "calibrate anew with benchmarks.calibrate"
-                )
+        ordered = sorted(names, key=lambda name: (name == "planner", name))
+        return [name for name in ordered if plain(self.conditions, name) != plain(conditions, name)]
 
 
 @dataclass(frozen=True)

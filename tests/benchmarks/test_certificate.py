@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, make_dataclass, replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +11,8 @@ from benchmarks.calibration import certificate
 from benchmarks.calibration.certificate import (
     HASHED,
     RENAMED,
+    SHIPPED,
+    arms_at,
     at_risk,
     conditions_for,
     load_calibration,
@@ -29,9 +30,9 @@ from sim import empty_straight, save_world
 from sim.map_server import load_world
 from sim.world import World
 
-RESULTS = Path(__file__).parents[2] / "docs/results"
-SHIPPED = [RESULTS / "calibration.json", *sorted((RESULTS / "calibration-fixed").glob("*.json"))]
-OFFICE = RESULTS / "calibration-fixed/office.json"
+OFFICE, MIXTURE = (
+    next(path for path in SHIPPED if path.stem == f"fixed-{name}") for name in ("office", "mixture")
+)
 AT_RISK = Settings(world=("office",), route="fixed", risk=0.05)
 
 
@@ -74,6 +75,49 @@ def test_a_calibration_is_of_the_arm_predicted_alone(monkeypatch):
     monkeypatch.setitem(ARMS, "bold", replace(ARMS["predicted"], steer=False))
     with pytest.raises(UsageError, match="not of bold"):
         at_risk(replace(AT_RISK, arms=("predicted", "bold")), OFFICE)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_drives_find_the_one_shipped_calibration_that_is_for_them(path):
+    certificate = load_calibration(path)
+    chosen = {name: certificate.conditions[name] for name in CONDITIONS}
+    settings = Settings(world=tuple(certificate.conditions["world"]), risk=0.05, **chosen)
+    found = at_risk(settings)
+    assert (found.level, found.uncertified) == (certificate.level_at(0.05), False)
+    # A certificate that holds is taken, whether or not one would do without.
+    assert at_risk(replace(settings, uncertified=True)) == found
+
+
+def test_without_a_calibration_the_command_that_makes_one_is_told():
+    for settings, words in (
+        (replace(AT_RISK, world=("trap",), v_max=6.0), "--world trap --route fixed --v-max 6.0"),
+        (replace(AT_RISK, risk=0.01), "--risks 0.01 --world office --route fixed"),
+    ):
+        with pytest.raises(UsageError, match=f"`foresee calibrate .*{words}`.*--uncertified"):
+            at_risk(settings)
+
+
+def test_drives_that_no_calibration_is_for_are_uncertified_at_the_level_of_the_mixture():
+    here = replace(AT_RISK, world=("trap",), uncertified=True)
+    found = at_risk(here)
+    assert found.uncertified
+    assert found.level == load_calibration(MIXTURE).level_at(0.05)
+    assert at_risk(here, OFFICE).level == load_calibration(OFFICE).level_at(0.05)
+    with pytest.raises(UsageError, match="none of the mixture for the same predictor and route"):
+        at_risk(replace(here, predictor="extend"))
+    with pytest.raises(CalibrationError, match="is for world office, not trap"):
+        at_risk(replace(here, uncertified=False), OFFICE)
+
+
+def test_several_risks_are_several_arms_with_levels_of_their_own():
+    settings = replace(AT_RISK, risk=0.0, arms=("known", "predicted", "oracle"))
+    arms = arms_at(settings, (0.0, 0.02, 0.05))
+    assert list(arms) == ["known", "predicted", "predicted 2 %", "predicted 5 %", "oracle"]
+    levels = load_calibration(OFFICE).levels
+    assert [of.level for of in arms.values()] == [0.0, 0.0, levels[0.02], levels[0.05], 0.0]
+    assert {of.arms for of in arms.values()} == {tuple(arms)}
+    with pytest.raises(UsageError, match="no arm is called 'predicted 2 %': give the risk"):
+        arms_at(replace(settings, arms=("predicted 2 %",)), (0.0,))
 
 
 @pytest.mark.parametrize("path", [p for p, _ in all_settings(NavigatorConfig())], ids=".".join)

@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calibrations import written
 from comparison import python, results, run
 
 from benchmarks.runs.drive import drive, score
 from benchmarks.runs.settings import Settings
+from benchmarks.tables import file_tables
+from foresee.infra.results_file import read_results
 from foresee.mapping.car_limits import CarLimits
 from planner.revision import FIRST, REVISION
 
@@ -107,7 +110,7 @@ def test_a_drive_that_does_not_arrive_scores_nothing():
     assert set(score("reached", 20.0, 60.0, None, car).values()) == {None}
 
 
-def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path, capsys):
+def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path):
     assert (
         run(
             "--world",
@@ -123,7 +126,7 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
         )
         == 0
     )
-    said = capsys.readouterr().out
+    said = file_tables(read_results(tmp_path / "run/results.json"))
     assert "of the gap" not in said
     rows = {line.split("|")[1].strip(): line for line in said.splitlines() if line[:1] == "|"}
     assert list(rows)[2:4] == [
@@ -146,6 +149,38 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
         assert entry[name]["value"] is not None
         assert (entry[name]["low"], entry[name]["high"]) == (None, None)
     assert r["gap"] == {"predicted": {"sct": None, "time": None}}
+
+
+def test_each_risk_is_a_column_that_says_whether_it_is_certified(short_map, tmp_path, capsys):
+    levels = {"0.02": 0.01, "0.05": 0.03}
+    calibration = written(tmp_path / "c.json", certified=levels)
+    out = tmp_path / "run"
+    command = ["--world", short_map, "--episodes", 1, "--jobs", 1, "--predictor", "none"]
+    command += ["--arms", "known,predicted", "--calibration", calibration, "--out", out]
+    assert run(*command, "--risk", 0, 0.02) == 2
+    assert "is for maps" in capsys.readouterr().err
+    assert run(*command, "--risk", 0, 0.02, "--uncertified") == 0
+    said = capsys.readouterr().out
+    assert "| `known` " in said
+    assert "| `predicted` " in said
+    assert "| `predicted 2 %`, not certified " in said
+    rows = [line for line in said.splitlines() if line.startswith("|")]
+    assert len(rows) <= 2 + 8
+    assert any("hard stops" in row for row in rows)
+    assert said.splitlines()[-1].endswith("for intervals. No drive collided.")
+    assert {e["arm"]: e["level"] for e in results(out)["episodes"]} == {
+        "known": None,
+        "predicted": 0.0,
+        "predicted 2 %": 0.01,
+    }
+    # A further risk is a further column of the same run; the other drives stay.
+    before = results(out)["episodes"]
+    assert run(*command, "--risk", 0, 0.02, 0.05, "--uncertified") == 0
+    assert "| `predicted 5 %`, not certified " in capsys.readouterr().out
+    assert results(out)["episodes"][:3] == before
+    written(calibration, certified={"0.02": 0.02})
+    assert run(*command, "--risk", 0, 0.02, "--uncertified") == 2
+    assert "drives of predicted 2 % at level 0.01, not 0.02" in capsys.readouterr().err
 
 
 def test_the_figures_and_traces_are_there(narrow):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from comparison import results, run
 
-from benchmarks.runs.drive import attempt
+from benchmarks.runs.drive import attempt_arm
+from benchmarks.tables import file_tables
+from foresee.infra.results_file import read_results
 
 
 def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
@@ -28,7 +30,7 @@ def optima_of(episodes, path, v_max=4.0, t_opt=10.0):
     return path
 
 
-def test_times_are_compared_with_the_optimum_of_their_task(short_map, tmp_path, capsys):
+def test_times_are_compared_with_the_optimum_of_their_task(short_map, tmp_path):
     command = (
         "--world",
         short_map,
@@ -41,13 +43,15 @@ def test_times_are_compared_with_the_optimum_of_their_task(short_map, tmp_path, 
         "--out",
         tmp_path / "run",
     )
+    file = tmp_path / "run/results.json"
     assert run(*command) == 0
-    assert "T_opt" not in capsys.readouterr().out
+    assert "T_opt" not in file_tables(read_results(file))
     episodes = results(tmp_path / "run")["episodes"]
     optimum = optima_of(episodes[:1], tmp_path / "optimum.json")
     assert run(*command, "--optimum", optimum) == 0
     expected = episodes[0]["time"] / 10.0
-    row = next(line for line in capsys.readouterr().out.splitlines() if "T_opt" in line)
+    lines = file_tables(read_results(file)).splitlines()
+    row = next(line for line in lines if "T_opt" in line)
     assert f" {expected:.2f} " in row
     for words in (("--optimum", optimum), ()):  # What is known is kept.
         assert run(*command, *words) == 0
@@ -75,13 +79,13 @@ def test_baselines_are_not_driven_again_for_another_predictor(short_map, tmp_pat
     first, second = tmp_path / "first", tmp_path / "second"
     arms = "known,predicted,oracle"
     assert run(*command, "--arms", arms, "--predictor", "none", "--out", first) == 0
-    plain, driven = attempt, []
+    plain, driven = attempt_arm, []
 
     def counted(settings, weights, item, **_):
         driven.append(item)
         return plain(settings, weights, item)
 
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", counted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", counted)
     assert (
         run(
             *command, "--arms", arms, "--predictor", "extend", "--baselines", first, "--out", second

@@ -8,7 +8,7 @@ import pytest
 from comparison import assert_same_drives, results, run
 from drive_results import a_result
 
-from benchmarks.runs.drive import attempt
+from benchmarks.runs.drive import attempt_arm
 from benchmarks.runs.store import Store
 from benchmarks.runs.trace import Drive, Trace
 from foresee.infra import resumable
@@ -59,7 +59,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
     def refuse(*_, **__):
         pytest.fail("it drove again")
 
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", refuse)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", refuse)
     assert run(*command) == 0
     assert results(out)["episodes"] == before
 
@@ -67,7 +67,7 @@ def test_the_same_command_again_drives_nothing_more(narrow, monkeypatch):
 def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monkeypatch, capsys):
     common = ("--world", short_map, "--arms", "known", "--episodes", 2, "--jobs", 1)
     command = (*common, "--out", tmp_path / "run")
-    plain, driven = attempt, []
+    plain, driven = attempt_arm, []
 
     def interrupted(settings, weights, item, **_):
         if item[0] == 1:
@@ -78,11 +78,11 @@ def test_an_interrupted_run_goes_on_from_where_it_was(short_map, tmp_path, monke
         driven.append(item[0])
         return plain(settings, weights, item)
 
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", interrupted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", interrupted)
     assert run(*command) != 0
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0]
     assert "interrupted" in capsys.readouterr().out
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", counted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", counted)
     assert run(*command) == 0
     assert driven == [1]
     assert [e["index"] for e in results(tmp_path / "run")["episodes"]] == [0, 1]
@@ -141,7 +141,7 @@ def test_what_a_worker_cannot_load_is_a_line_and_loses_nothing(
             raise error("it has gone")
         return Drive(a_result(), Trace(tmp_path, 0, "known", {}))
 
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", failing)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", failing)
     assert run(*command) == 2
     said = capsys.readouterr().err
     assert said.splitlines()[-1] == "benchmarks.corridor: it has gone; what was finished is kept"
@@ -153,7 +153,7 @@ def test_a_second_interrupt_while_packing_is_a_line(short_map, tmp_path, monkeyp
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("benchmarks.runs.drive.attempt", interrupted)
+    monkeypatch.setattr("benchmarks.runs.drive.attempt_arm", interrupted)
     monkeypatch.setattr("benchmarks.runs.store.Store.pack", interrupted)
     assert run("--world", short_map, "--jobs", 1, "--out", tmp_path / "run") == 130
     assert capsys.readouterr().err.splitlines()[-1].startswith("benchmarks.corridor: interrupted")

@@ -79,6 +79,22 @@ def test_speeds_and_stops_count_in_either_gear():
     assert back.mean_speed > 0
 
 
+@pytest.mark.parametrize(
+    ("controls", "hard"),
+    [
+        ([FORWARDS] * 12 + [BRAKING] * 12, 1),
+        ([FORWARDS] * 12 + [Control(-1.0, 0.2)] * 16, 0),
+        # Hard at first, and gently to rest.
+        ([FORWARDS] * 12 + [BRAKING] * 4 + [Control(-0.5, 0.2)] * 16, 0),
+        # To change gear.
+        (shunting()[: -TICKS[3]], 0),
+        ([FORWARDS] * 12, 0),
+    ],
+)
+def test_a_stop_is_hard_if_the_car_brakes_near_its_limit_to_rest_and_goes_on(controls, hard):
+    assert drive(controls, len(controls) * 0.1).hard_stops == hard
+
+
 def test_backing_into_a_wall_is_a_collision_at_the_speed_it_had():
     episode = drive([Control(1.0, 0.0, -1)], 20.0)
     assert episode.outcome == Outcome.COLLIDED
