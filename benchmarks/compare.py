@@ -47,6 +47,8 @@ def drive(
     """
     name = world if isinstance(world, str) else world.name
     chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    if chosen.tasks is not None:
+        raise UsageError("tasks: a file of tasks is driven by the command foresee corridor")
     if isinstance(world, str):
         chosen = at_risk(chosen, calibration)
     elif chosen.risk > 0:

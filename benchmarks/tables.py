@@ -32,7 +32,9 @@ TABLES = {
     "calibration": "benchmarks.calibration.learn_then_test:table",
     "risk": "benchmarks.studies.risk.tables:tables",
     "calibration drives": "benchmarks.calibration.learn_then_test:table_of_drives",
-    "risk drives": "benchmarks.studies.risk.tables:table_of_drives",
+    "risk drives": "benchmarks.runs.drive_file:table_of_outcomes",
+    "worth": "benchmarks.studies.worth.tables:tables",
+    "worth drives": "benchmarks.runs.drive_file:table_of_outcomes",
 }
 """Kind of results → function that makes its tables; imported when it is needed."""
 

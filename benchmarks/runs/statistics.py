@@ -21,6 +21,9 @@ ResultsByArm = dict[str, list[DriveResult]]
 BASELINES = ("known", "backup")
 """Arms without a network, the better of which an arm with a network is compared with."""
 
+BARN_CUT = (4.0, 8.0)
+"""Multiples of T* to which the published score of the BARN challenge cuts times."""
+
 
 def wilson(successes: float, trials: float) -> tuple[float, float]:
     """Compute the 95 % Wilson interval of a share; the numbers need not be whole."""
@@ -94,6 +97,29 @@ def success(arms: ResultsByArm, arm: str) -> dict[str, Any] | None:
     return _mean(scored, _values(scored, "sct", arm)[0], (0.0, 1.0)) if scored[arm] else None
 
 
+def barn_score(arms: ResultsByArm, arm: str, *, cut: bool) -> dict[str, Any] | None:
+    """Compute the score of the BARN challenge (Xiao et al. 2022) of an arm.
+
+    It is the mean over episodes of T* / time; 0 for episodes in which the goal was not reached.
+
+    Args:
+        arms: results of each arm.
+        arm: name of the arm.
+        cut: whether times are cut to 4 to 8 T*, as in the published scores.
+
+    Returns:
+        As `estimate`. None if no episode has a T* in all arms.
+    """
+    scored = _only(arms, lambda result: result.t_star is not None)
+    if not scored[arm]:
+        return None
+    t_star, times = _values(scored, "t_star", arm)[0], _values(scored, "time", arm)[0]
+    if cut:
+        times = np.clip(times, *np.multiply.outer(BARN_CUT, t_star))
+    reached = np.array([result.outcome == "reached" for result in scored[arm]])
+    return _mean(scored, reached * t_star / times)
+
+
 def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | None:
     """Compute the total time of an arm divided by that of a baseline, where both reached the goal.
 
@@ -111,12 +137,13 @@ def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | 
     return ratio | {"groups": logs["groups"], "episodes": len(both[arm])}
 
 
-def share_of_gap(arms: ResultsByArm, arm: str, key: str) -> dict[str, Any] | None:
+def share_of_gap(
+    arms: ResultsByArm, arm: str, key: str, baselines: Sequence[str] = BASELINES
+) -> dict[str, Any] | None:
     """Compute the share of the gap between the best baseline and `oracle` that an arm closes.
 
-    The share is (arm - baseline) / (oracle - baseline). The baseline is the better one of
-    `BASELINES` over the same episodes, in which no arm has a network: neither takes a risk, so that
-    each may stand beside a network at any.
+    The share is (arm - baseline) / (oracle - baseline). The baseline is the best one over the same
+    episodes.
 
     Args:
         arms: results of each arm.
@@ -124,19 +151,20 @@ def share_of_gap(arms: ResultsByArm, arm: str, key: str) -> dict[str, Any] | Non
         key: "sct"; or "time", over the episodes that all of these arms reached. Time is for
             prescribed routes only, since on a free route a shorter route would count as faster
             driving.
+        baselines: arms without a network, which take no more risk than the arm.
 
     Returns:
-        As `estimate`, and `baseline`, the name of the better one. None if the interval of the
+        As `estimate`, and `baseline`, the name of the best one. None if the interval of the
         denominator includes 0, there are fewer than `foresee.statistics.MIN_GROUPS` buildings, or
         arms or values are missing.
     """
-    names = (*BASELINES, arm, "oracle")
+    names = (*baselines, arm, "oracle")
     if not arms.keys() >= set(names):
         return None
     kept = _scored(arms) if key == "sct" else reached(arms, names)
     if not kept[arm]:
         return None
-    totals = dict(zip(BASELINES, _values(kept, key, *BASELINES).sum(axis=1), strict=True))
+    totals = dict(zip(baselines, _values(kept, key, *baselines).sum(axis=1), strict=True))
     baseline = (max if key == "sct" else min)(totals, key=totals.__getitem__)
     values = _values(kept, key, baseline, arm, "oracle")
     lead = values[2] - values[0] if key == "sct" else values[0] - values[2]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -160,9 +159,3 @@ def _number(value: float | None, form: str) -> str:
 
 def _estimate(value: dict[str, Any] | None, form: str, scale: float = 1.0) -> str:
     return DASH if value is None else interval(value, form, scale)
-
-
-def table_of_drives(results: dict[str, Any]) -> str:
-    """Return the outcomes of the drives of one series as Markdown."""
-    outcomes = Counter(drive["outcome"] for drive in results["drives"])
-    return records([{"outcome": name, "drives": count} for name, count in sorted(outcomes.items())])
