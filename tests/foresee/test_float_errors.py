@@ -19,4 +19,4 @@ def test_maps_buildings_and_predictors_do_not_raise_them_either(short_map):
     with np.errstate(all="raise"):
         assert load_world(short_map).grid.free.any()
         assert generate("office", 3).grid.free.any()
-        assert check_predictor(load_predictor("extend")) == ()
+        check_predictor(load_predictor("extend"))
