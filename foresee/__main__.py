@@ -26,6 +26,7 @@ COMMANDS = {
 STUDIES = {
     "prediction": ("katyal2018.__main__", "score predictors on the frames of the paper"),
     "risk": ("risk.__main__", "compare requested with realised risk, and with speed"),
+    "worth": ("worth.__main__", "measure what prediction is worth against fair baselines"),
     "stages": ("performance.__main__", "time the stages of the control cycle"),
     "attack": ("robustness.attack", "drive with hostile predictors"),
     "interrupt": ("robustness.interrupt", "interrupt long commands, and compare the results"),

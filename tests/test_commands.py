@@ -17,6 +17,7 @@ COMMANDS = {
     "benchmarks.studies.katyal2018.__main__": "predictor",
     "benchmarks.studies.risk.__main__": "benchmarks",
     "benchmarks.studies.performance.__main__": "benchmarks",
+    "benchmarks.studies.worth.__main__": "benchmarks",
     "benchmarks.studies.driver.stuck": "benchmarks",
     "benchmarks.tables": "benchmarks",
     "benchmarks.studies.driver.weave": "benchmarks",

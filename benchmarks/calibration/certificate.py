@@ -148,17 +148,20 @@ def load_calibration(path: Path) -> Calibration:
     return replace(certificate, conditions=absent_in(conditions) | conditions)
 
 
-def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
+def at_risk(
+    settings: Settings, calibration: Path | None = None, among: Sequence[Path] = SHIPPED
+) -> Settings:
     """Return the settings with the level that a calibration certifies for their risk.
 
     Args:
         settings: settings of drives; if they are `uncertified`, a calibration for other drives will
             do. In the result they are so only if it had to.
-        calibration: calibration.json of `benchmarks.calibrate`; None: the shipped one that fits.
+        calibration: calibration.json of `benchmarks.calibrate`; None: the one that fits.
+        among: calibrations among which the one that fits is looked for.
 
     Raises:
-        UsageError: if both risk and level are given, or no shipped calibration is for these drives;
-            if the arm that calibrations are of does not drive, or another arm takes risks.
+        UsageError: if both risk and level are given, or no calibration is for these drives; if the
+            arm that calibrations are of does not drive, or another arm takes risks.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     for arm in settings.arms:
@@ -176,7 +179,7 @@ def at_risk(settings: Settings, calibration: Path | None = None) -> Settings:
         raise UsageError(f"--risk is of the arm {CALIBRATED_ARM}, which --arms does not name")
     conditions = conditions_for(settings)
     if calibration is None:
-        chosen = _shipped(settings, conditions)
+        chosen = _fitting(settings, conditions, among)
     else:
         chosen = load_calibration(calibration)
         if not settings.uncertified:
@@ -222,8 +225,10 @@ def _strange(arm: str) -> bool:
     return ARMS[arm_kind(arm)].takes_risk and arm_kind(arm) != CALIBRATED_ARM
 
 
-def _shipped(settings: Settings, conditions: Mapping[str, Any]) -> Calibration:
-    """Return the shipped calibration for drives at a risk.
+def _fitting(
+    settings: Settings, conditions: Mapping[str, Any], among: Sequence[Path]
+) -> Calibration:
+    """Return the calibration, out of some, for drives at a risk.
 
     For uncertified drives that none is for, it is that of the mixture of families for the same
     predictor and route.
@@ -231,7 +236,8 @@ def _shipped(settings: Settings, conditions: Mapping[str, Any]) -> Calibration:
     Raises:
         UsageError: if there is none; the message says how to make one.
     """
-    certificates = [c for c in map(load_calibration, SHIPPED) if min(c.levels) <= settings.risk]
+    certificates = [c for c in map(load_calibration, among) if c.levels]
+    certificates = [c for c in certificates if min(c.levels) <= settings.risk]
     fitting = [c for c in certificates if not c.differing(conditions)]
     if not fitting and settings.uncertified:
         fitting = [

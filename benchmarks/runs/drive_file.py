@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import MISSING
 from itertools import takewhile
@@ -13,6 +14,7 @@ from tqdm import tqdm
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.command_line import UsageError
+from foresee.infra.markdown import records
 from foresee.infra.plain_json import fits
 from foresee.infra.results_file import COMMANDS, read_results
 from foresee.infra.resumable import refuse_other_settings
@@ -170,6 +172,12 @@ class DriveFile:
             write_whole(self.path, text.encode())
         except OSError as error:
             raise UsageError(f"--out: {self.path} cannot be written: {error.strerror}") from None
+
+
+def table_of_outcomes(content: Mapping[str, Any]) -> str:
+    """Return the outcomes of the drives in a file as a Markdown table."""
+    outcomes = Counter(drive["outcome"] for drive in content["drives"])
+    return records([{"outcome": name, "drives": count} for name, count in sorted(outcomes.items())])
 
 
 def _json(value: Any) -> str:

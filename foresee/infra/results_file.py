@@ -27,6 +27,8 @@ COMMANDS = {
     "risk": "benchmarks.studies.risk",
     "calibration drives": "benchmarks.calibrate",
     "risk drives": "benchmarks.studies.risk",
+    "worth": "benchmarks.studies.worth",
+    "worth drives": "benchmarks.studies.worth",
 }
 """Kind of results → command that writes it."""
 MOST_BYTES = 4 * 10**8

@@ -10,6 +10,8 @@ from comparison import python, results, run
 
 from benchmarks.runs.drive import drive, score
 from benchmarks.runs.settings import Settings
+from benchmarks.tables import file_tables
+from foresee.infra.results_file import read_results
 from foresee.mapping.car_limits import CarLimits
 from planner.revision import FIRST, REVISION
 
@@ -108,7 +110,7 @@ def test_a_drive_that_does_not_arrive_scores_nothing():
     assert set(score("reached", 20.0, 60.0, None, car).values()) == {None}
 
 
-def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path, capsys):
+def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map, tmp_path):
     assert (
         run(
             "--world",
@@ -124,7 +126,7 @@ def test_one_map_driven_twice_gives_no_interval_and_no_word_of_the_gap(short_map
         )
         == 0
     )
-    said = capsys.readouterr().out
+    said = file_tables(read_results(tmp_path / "run/results.json"))
     assert "of the gap" not in said
     rows = {line.split("|")[1].strip(): line for line in said.splitlines() if line[:1] == "|"}
     assert list(rows)[2:4] == [
@@ -162,6 +164,10 @@ def test_each_risk_is_a_column_that_says_whether_it_is_certified(short_map, tmp_
     assert "| `known` " in said
     assert "| `predicted` " in said
     assert "| `predicted 2 %`, not certified " in said
+    rows = [line for line in said.splitlines() if line.startswith("|")]
+    assert len(rows) <= 2 + 8
+    assert any("hard stops" in row for row in rows)
+    assert said.splitlines()[-1].endswith("for intervals. No drive collided.")
     assert {e["arm"]: e["level"] for e in results(out)["episodes"]} == {
         "known": None,
         "predicted": 0.0,

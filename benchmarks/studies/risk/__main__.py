@@ -86,7 +86,8 @@ def _run(settings: RiskSettings) -> int:
 
 
 def _study(settings: RiskSettings, calibration: Calibration, all_series: list[Series]) -> int:
-    from benchmarks.studies.risk.drives import drive_all, saved_drives
+    from benchmarks.runs.drive_series import drive_all
+    from benchmarks.studies.risk.drives import KIND, driven, saved_drives
     from benchmarks.studies.risk.figures import draw
     from benchmarks.studies.risk.recalibration import recalibrations
     from benchmarks.studies.risk.report import (
@@ -100,7 +101,9 @@ def _study(settings: RiskSettings, calibration: Calibration, all_series: list[Se
     from foresee.infra.results_file import write_results
 
     saved_series, saved = saved_drives(settings.runs)
-    drives, missing = drive_all(all_series, settings.out / "drives", settings.hours, settings.jobs)
+    drives, missing = drive_all(
+        all_series, settings.out / "drives", KIND, driven, settings.hours, settings.jobs
+    )
     rows = collision_rows([*all_series, *saved_series], drives | saved, calibration.levels)
     results = {
         "calibration": {

@@ -1,0 +1,91 @@
+"""Series of drives of a study: all of them grow in turn until the time is over."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from benchmarks.runs.drive import run_fingerprint
+from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.settings import OLDER, Settings
+
+
+class DriveSeries(Protocol):
+    """A series of drives of one arm with the same settings."""
+
+    @property
+    def name(self) -> str:
+        """Name of its file."""
+
+    @property
+    def settings(self) -> Settings:
+        """Settings of the drives; `episodes` is their number, `arms` holds one arm."""
+
+    @property
+    def turns(self) -> int:
+        """Number of turns in which it is driven; with fewer turns it is complete sooner."""
+
+
+def drive_all(
+    all_series: Sequence[DriveSeries],
+    out: Path,
+    kind: str,
+    driven: Callable[[Settings, str | None, int], dict[str, Any]],
+    hours: float,
+    jobs: int,
+) -> tuple[dict[str, list[dict[str, Any]]], int]:
+    """Drive until each series has its number of drives, or the time is over.
+
+    Args:
+        all_series: series, the most important first.
+        out: folder of the files of drives; drives that they contain are not repeated.
+        kind: kind, in the sense of `results_file`, of these files.
+        driven: function that drives: from the settings of a series, the fingerprint of its weights
+            and the number of the drive to the drive's entry in the file.
+        hours: time after which no further drives are started [h].
+        jobs: number of worker processes.
+
+    Returns:
+        Name of each series → its drives, including those in buildings without a task; and the
+        number of drives that are still missing. Series with the same settings share their drives.
+
+    Raises:
+        UsageError: if the folder holds drives with other settings, or cannot be written.
+    """
+    leads: dict[Settings, DriveSeries] = {}
+    for series in all_series:
+        leads.setdefault(series.settings, series)
+    shared = {settings: _file(series, out, kind) for settings, series in leads.items()}
+    files = {series.name: shared[series.settings] for series in all_series}
+    end = time.monotonic() + 3600.0 * hours
+    for turn in range(1, max(series.turns for series in all_series) + 1):
+        for series in all_series:
+            due = math.ceil(series.settings.episodes * min(1.0, turn / series.turns))
+            if time.monotonic() > end or len(files[series.name].first(due)) == due:
+                continue
+            print(f"{series.name}, {due} of {series.settings.episodes}")
+            work = partial(driven, series.settings, run_fingerprint(series.settings))
+            files[series.name].fill(
+                work,
+                range(due),
+                jobs,
+                lambda drive: str(drive["outcome"]),
+                lambda: time.monotonic() > end,
+            )
+    drives = {
+        series.name: files[series.name].unbroken(series.settings.episodes) for series in all_series
+    }
+    missing = sum(
+        settings.episodes - len(drives[series.name]) for settings, series in leads.items()
+    )
+    return drives, missing
+
+
+def _file(series: DriveSeries, out: Path, kind: str) -> DriveFile:
+    conditions = asdict(series.settings) | {"weights": run_fingerprint(series.settings)}
+    return DriveFile(out / f"{series.name}.json", kind, conditions, "episodes", OLDER)

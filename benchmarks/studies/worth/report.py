@@ -1,0 +1,98 @@
+"""What the drives of the study say: the time of each driver against the best baseline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmarks.runs import statistics
+from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.statistics import BASELINES, ResultsByArm
+from benchmarks.studies.worth.series import RULE, Series
+from foresee.mapping.car_limits import CarLimits
+
+Drives = Mapping[str, Sequence[dict[str, Any]]]
+"""Name of each series → its drives."""
+
+
+def rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+    """Return the measures of each driver on the tasks that all drivers of its group have driven."""
+    groups: dict[tuple[Any, ...], list[Series]] = {}
+    for series in all_series:
+        groups.setdefault(series.group, []).append(series)
+    return [row for group in groups.values() for row in _group_rows(group, drives)]
+
+
+def _group_rows(group: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
+    by_driver = _paired({series.driver: drives[series.name] for series in group})
+    if not next(iter(by_driver.values())):
+        return []
+    return [_row(series, group, by_driver) for series in group]
+
+
+def _row(series: Series, group: Sequence[Series], by_driver: ResultsByArm) -> dict[str, Any]:
+    """Return the measures of a driver.
+
+    Its time is compared with that of `known`, and with that of the best baseline: the driver
+    without a network, at a risk of at most its own, that needs the least time.
+    """
+    settings, results = series.settings, by_driver[series.driver]
+    baselines = _baselines(series, group)
+    ratios = {name: statistics.time_ratio(by_driver, name, "known") for name in baselines}
+    known = {name: ratio["value"] for name, ratio in ratios.items() if ratio is not None}
+    best = min(known, key=known.__getitem__, default=None)
+    compared = best is not None and series.driver not in baselines
+    car = CarLimits(v_max=settings.v_max, braking=settings.braking)
+    closed = None
+    if compared and settings.route == "fixed" and series.driver != "oracle":
+        closed = statistics.share_of_gap(by_driver, series.driver, "time", baselines)
+    return {
+        "part": series.part,
+        "tasks": series.tasks,
+        "driver": series.driver,
+        "arm": series.arm,
+        "predictor": settings.predictor,
+        "window": settings.window,
+        "v_max": settings.v_max,
+        "stop_over_sight": car.stopping_distance / (0.5 * settings.window),
+        "risk": settings.risk,
+        "level": settings.level,
+        "certified": settings.risk > 0 and not settings.uncertified,
+        "earlier_calibration": any(r.earlier_calibration for r in results),
+        "episodes": len(results),
+        "reached": sum(r.outcome == "reached" for r in results),
+        "collided": sum(r.outcome == "collided" for r in results),
+        "learned": sum(r.learned for r in results),
+        "hard_stops": sum(r.hard_stops or 0 for r in results),
+        "promises_broken": statistics.promises_broken(results),
+        "sct": statistics.success({series.driver: results}, series.driver),
+        "time_ratio": statistics.time_ratio(by_driver, series.driver, "known"),
+        "baseline": best if compared else None,
+        "time_over_baseline": (
+            statistics.time_ratio(by_driver, series.driver, str(best)) if compared else None
+        ),
+        "gap_closed": closed,
+        "commits": sorted({str(r.commit) for r in results}),
+    }
+
+
+def _baselines(series: Series, group: Sequence[Series]) -> list[str]:
+    """Return the drivers of a group without a network, at a risk of at most that of a series."""
+    rules = [
+        other.driver
+        for other in group
+        if other.settings.predictor == RULE and other.settings.risk <= series.settings.risk
+    ]
+    driven = {other.driver for other in group}
+    return [name for name in (*BASELINES, *rules) if name in driven]
+
+
+def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
+    """Return the results of drivers on the episodes that all of them have driven."""
+    results = {
+        driver: {d["index"]: DriveResult.from_json(d) for d in of if d["outcome"] != NO_TASK}
+        for driver, of in drives.items()
+    }
+    common = sorted(set.intersection(*map(set, results.values())))
+    return {driver: [of[index] for index in common] for driver, of in results.items()}

@@ -1,0 +1,140 @@
+"""The series of drives of the study: what is driven, by which drivers, and how often."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from benchmarks.calibration.certificate import SHIPPED, at_risk
+from benchmarks.runs.settings import ARMS, CALIBRATED_ARM, Settings
+from foresee.infra.command_line import UsageError
+
+MIXTURE = ("corridor", "narrow", "office", "paper", "floor_plan")
+"""Families of the mixture: those of the shipped calibrations, in which one certificate holds."""
+PRESCRIBED, WINDOWS, FREE = "prescribed", "windows", "free"
+"""Parts of the study."""
+RULE = "distance"
+"""Predictor without a network, a baseline at a risk above 0."""
+RISKS = (0.0, 0.02, 0.05)
+"""Risks of the drivers on a prescribed route."""
+SIGHTS = tuple((window, v_max) for v_max in (4.0, 8.0) for window in (5.0, 10.0, 20.0))
+"""Window [m] and top speed [m/s] of each group of the second part."""
+FREE_ARMS = (
+    *("known", "known+route", "backup", "predicted"),
+    *(arm for arm in ARMS if arm.startswith("known+truth")),
+    *("oracle", "full"),
+)
+"""Arms on a free route; those with the true map for the route alone are a diagnostic."""
+SEED = 8_200_000
+"""Seed of the first building of each part; no training and no calibration uses such seeds."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """The drives of one driver in one kind of buildings.
+
+    Attributes:
+        part: part of the study.
+        tasks: name of the buildings.
+        driver: name of the driver, such as "compact 2 %".
+        settings: settings of the drives; `episodes` is their number.
+        turns: number of turns in which it is driven.
+    """
+
+    part: str
+    tasks: str
+    driver: str
+    settings: Settings
+    turns: int = 4
+
+    @property
+    def group(self) -> tuple[str, str, float, float]:
+        """What the series that are compared with this one share, with its tasks and car."""
+        return self.part, self.tasks, self.settings.window, self.settings.v_max
+
+    @property
+    def arm(self) -> str:
+        """The arm that drives."""
+        return self.settings.arms[0]
+
+    @property
+    def name(self) -> str:
+        """Name of its file."""
+        words = "-".join([*self.group[:2], *(f"{side:g}" for side in self.group[2:]), self.driver])
+        return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
+
+
+def list_series(
+    parts: Sequence[str],
+    tasks: Sequence[str],
+    maps: Sequence[str],
+    predictors: Sequence[str],
+    calibrations: Sequence[Path],
+    buildings: int,
+) -> tuple[list[Series], list[str]]:
+    """Return the series of the study, and a line for each driver that no calibration is for.
+
+    Args:
+        parts: parts of the study to drive.
+        tasks: "mixture" and families in which the first part is driven.
+        maps: map files or folders of real buildings; there may be none.
+        predictors: predictors to compare.
+        calibrations: calibrations besides those that ship, such as those of other predictors.
+        buildings: number of buildings of each kind; on free routes half as many again.
+    """
+    kinds = {name: MIXTURE if name == "mixture" else (name,) for name in tasks}
+    real = {"real": tuple(maps)} if maps else {}
+    all_series: list[Series] = []
+    missing: list[str] = []
+    among = (*SHIPPED, *calibrations)
+
+    def add(part: str, name: str, same: Settings, risks: Sequence[float]) -> None:
+        for predictor in predictors:
+            label = Path(predictor).name.removesuffix(".safetensors")
+            for risk in risks:
+                asked = replace(same, predictor=predictor, arms=(CALIBRATED_ARM,), risk=risk)
+                # One certificate does not hold in other buildings, windows or speeds.
+                asked = replace(asked, uncertified=True)
+                driver = f"{label} {100 * risk:g} %" if risk else label
+                try:
+                    all_series.append(Series(part, name, driver, at_risk(asked, among=among)))
+                except UsageError as error:
+                    missing.append(f"{part}, {name}: {driver} does not drive: {error}")
+
+    if PRESCRIBED in parts:
+        for name, world in (kinds | real).items():
+            same = Settings(world=world, route="fixed", seed=SEED, episodes=buildings)
+            all_series += _arms(PRESCRIBED, name, same, ("known", "backup", "perfect", "oracle"))
+            add(PRESCRIBED, name, same, RISKS)
+    if WINDOWS in parts:
+        for window, v_max in SIGHTS:
+            same = Settings(
+                world=MIXTURE,
+                route="fixed",
+                seed=SEED + 100_000,
+                episodes=buildings,
+                window=window,
+                v_max=v_max,
+            )
+            all_series += _arms(WINDOWS, "mixture", same, ("known", "backup", "perfect", "oracle"))
+            add(WINDOWS, "mixture", same, RISKS[:2])
+    if FREE in parts:
+        for name, world in ({"mixture": MIXTURE} | real).items():
+            for window in (5.0, 20.0):
+                same = Settings(
+                    world=world,
+                    vehicle="reeds-shepp",
+                    seed=SEED + 200_000,
+                    episodes=buildings + buildings // 2,
+                    window=window,
+                )
+                all_series += _arms(FREE, name, same, FREE_ARMS)
+    return all_series, missing
+
+
+def _arms(part: str, name: str, same: Settings, arms: Sequence[str]) -> Iterator[Series]:
+    """Yield the series of arms at a risk of 0; one without a predictor is driven without any."""
+    for arm in arms:
+        predictor = same.predictor if ARMS[arm].has_predictor else "none"
+        yield Series(part, name, arm, replace(same, arms=(arm,), predictor=predictor))

@@ -1,0 +1,156 @@
+"""The study of what prediction is worth: its series, its baselines, and what it says."""
+
+from dataclasses import asdict, replace
+
+import pytest
+from calibrations import written
+from drive_results import a_result
+
+from benchmarks.calibration.certificate import SHIPPED, conditions_for, load_calibration
+from benchmarks.runs.settings import Settings
+from benchmarks.studies.worth.figures import draw
+from benchmarks.studies.worth.report import rows
+from benchmarks.studies.worth.series import (
+    FREE,
+    MIXTURE,
+    PRESCRIBED,
+    WINDOWS,
+    Series,
+    list_series,
+)
+from benchmarks.studies.worth.tables import tables
+from predictor.recording.settings import LEARNED
+
+SETTINGS = Settings(world=("corridor",), route="fixed", predictor="none", episodes=9)
+TIMES = {
+    "known": 20.0,
+    "backup": 17.0,
+    "distance": 18.0,
+    "compact": 16.0,
+    "distance 2 %": 15.0,
+    "compact 2 %": 12.0,
+    "oracle": 10.0,
+}
+
+
+def settings_of(driver):
+    name, _, risk = driver.partition(" ")
+    of = SETTINGS if name in ("known", "backup", "oracle") else replace(SETTINGS, predictor=name)
+    arm = name if of is SETTINGS else "predicted"
+    return replace(of, arms=(arm,), risk=0.02 if risk else 0.0, level=0.1 if risk else 0.0)
+
+
+def driven(part=PRESCRIBED, window=5.0, outcomes=None):
+    """Series of one group, and their drives, at the times of `TIMES` in each building."""
+    group = [
+        Series(part, "mixture", driver, replace(settings_of(driver), window=window))
+        for driver in TIMES
+    ]
+    drives = {
+        series.name: [
+            asdict(
+                a_result(
+                    index=i,
+                    arm=series.arm,
+                    world=f"w{i}",
+                    time=TIMES[series.driver] + i,
+                    sct=0.5,
+                    hard_stops=1,
+                    outcome=(outcomes or {}).get(series.driver, "reached"),
+                )
+            )
+            for i in range(9)
+        ]
+        for series in group
+    }
+    return group, drives
+
+
+def by_driver(group, drives):
+    return {row["driver"]: row for row in rows(group, drives)}
+
+
+def test_a_driver_is_compared_with_the_best_one_without_a_network_at_no_more_risk():
+    found = by_driver(*driven())
+    assert {name: row["baseline"] for name, row in found.items()} == {
+        "known": None,
+        "backup": None,
+        "distance": None,
+        "compact": "backup",
+        "distance 2 %": None,
+        "compact 2 %": "distance 2 %",
+        "oracle": "backup",
+    }
+    sums = {driver: sum(time + i for i in range(9)) for driver, time in TIMES.items()}
+    assert found["compact 2 %"]["time_over_baseline"]["value"] == pytest.approx(
+        sums["compact 2 %"] / sums["distance 2 %"]
+    )
+    assert found["compact"]["hard_stops"] == 9
+
+
+def test_collisions_count_though_their_times_do_not():
+    found = by_driver(*driven(outcomes={"compact 2 %": "collided"}))
+    assert found["compact 2 %"]["collided"] == 9
+    assert found["compact 2 %"]["time_ratio"] is None
+    assert found["compact"]["time_ratio"] is not None
+
+
+def test_tables_and_figure_show_every_driver(tmp_path):
+    groups = [driven(WINDOWS, window) for window in (5.0, 10.0)]
+    found = [row for group, drives in groups for row in rows(group, drives)]
+    results = {"rows": found, "without_calibration": ["extend 2 % does not drive"], "missing": 3}
+    said = tables(results)
+    for driver in TIMES:
+        assert said.count(f"| `{driver}`") == 2
+    assert "of `distance 2 %`" in said
+    assert "extend 2 % does not drive" in said
+    assert "3 drives are still to be made" in said
+    (figure,) = draw(results, tmp_path)
+    assert figure.stat().st_size > 5000
+    assert draw({"rows": []}, tmp_path) == []
+
+
+def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_a_group(short_map):
+    parts = (PRESCRIBED, WINDOWS, FREE)
+    found, without = list_series(
+        parts, ("mixture", "trap"), (str(short_map),), ("distance", "compact"), (), 33
+    )
+    assert len({series.name for series in found}) == len(found)
+    free = {series.settings.episodes for series in found if series.part == FREE}
+    assert free == {49}
+    groups = {}
+    for series in found:
+        same = replace(
+            series.settings,
+            arms=("known",),
+            predictor="none",
+            risk=0.0,
+            level=0.0,
+            calibrated=1,
+            uncertified=False,
+        )
+        groups.setdefault(series.group, set()).add(same)
+    assert {len(same) for same in groups.values()} == {1}
+    # There is no calibration of the rule; the network is certified in the mixture alone.
+    assert all("distance" in line for line in without)
+    certified = {
+        series.tasks: not series.settings.uncertified
+        for series in found
+        if series.part == PRESCRIBED and series.driver == "compact 2 %"
+    }
+    assert certified == {"mixture": True, "trap": False, "real": False}
+    for path in SHIPPED:
+        used = load_calibration(path)
+        assert not any(used.has_used(s.settings.seed, s.settings.episodes) for s in found)
+
+
+def test_a_calibration_of_ones_own_lets_a_predictor_drive_at_its_risk(tmp_path):
+    settings = Settings(world=MIXTURE, route="fixed", predictor="distance")
+    path = written(tmp_path / "c.json", conditions=conditions_for(settings))
+    found, _ = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4)
+    levels = {s.driver: s.settings.level for s in found if s.settings.risk}
+    assert levels == {"distance 2 %": 0.003, "distance 5 %": 0.01}
+
+
+def test_the_mixture_is_that_of_the_learned_families():
+    assert set(MIXTURE) == set(LEARNED)

@@ -1,0 +1,61 @@
+"""The summary of a comparison in a few rows and in words."""
+
+import pytest
+from drive_results import a_result
+
+from benchmarks.runs.summary import in_words, main_table, summarise, table
+
+
+def summary_of(worlds, **changes):
+    """The summary of drives in which `backup` takes .8 and an arm at a risk .6 of the time."""
+    times = {"known": 10.0, "backup": 8.0, "predicted 2 %": 6.0}
+    episodes = [
+        a_result(index=i, world=f"w{i}", arm=arm, time=time, level=0.1, **changes.get(arm, {}))
+        for arm, time in times.items()
+        for i in range(worlds)
+    ]
+    return summarise(episodes, tuple(times))
+
+
+def test_words_say_what_each_driver_takes_and_who_collided():
+    assert in_words(summary_of(4)) == (
+        "Times, where that of `known`, which plans within what it observed, is 1: "
+        "`backup` (no network) 0.80, `predicted 2 %` 0.60. These are too few buildings for "
+        "intervals. No drive collided."
+    )
+    assert "`backup` (no network) 0.80 (0.80–0.80)," in in_words(summary_of(30))
+    crashed = summary_of(4, **{"predicted 2 %": {"outcome": "collided"}})
+    assert in_words(crashed).endswith("`predicted 2 %` collided in 4 of 4 drives.")
+    assert in_words({}) == ""
+
+
+def test_the_main_rows_are_few_and_those_of_the_whole_table():
+    summary = summary_of(4)
+    few, whole = (
+        [[cell.strip() for cell in line.split("|")] for line in text.splitlines()[2:] if line]
+        for text in (main_table(summary), table(summary, {}))
+    )
+    assert len(few) == 8
+    assert all(row in whole for row in few)
+    assert {"hard stops", "collided (95 %)"} <= {row[1] for row in few}
+
+
+@pytest.mark.parametrize(("counts", "shown"), [((1, 2), "3"), ((1, None), "")])
+def test_hard_stops_are_counted_only_if_all_drives_know_theirs(counts, shown):
+    episodes = [
+        a_result(index=i, world=f"w{i}", hard_stops=count) for i, count in enumerate(counts)
+    ]
+    lines = main_table(summarise(episodes, ("known",))).splitlines()
+    row = next(line for line in lines if "hard stops" in line)
+    assert row.split("|")[2].strip() == shown
+
+
+def test_the_head_of_a_column_says_whether_its_risk_is_certified():
+    for changes, head in (
+        ({"uncertified": True, "calibrated": 1, "revision": 2}, "`predicted 2 %`, not certified"),
+        ({"calibrated": 1, "revision": 2}, "`predicted 2 %`, calibrated with an earlier planner"),
+        ({"calibrated": 2, "revision": 2}, "`predicted 2 %` "),
+    ):
+        text = table(summary_of(2, **{"predicted 2 %": changes}), {})
+        assert f"| {head}" in text
+        assert "`predicted 2 %` drives at level λ = 0.1." in text
