@@ -173,10 +173,10 @@ class Navigator:
         ):
             raise ValueError(f"waypoints are of shape {waypoints.shape}, not (n, 2) with n > 0")
         self.config, self.goal, self.known = config, goal, known
-        self._choosers = {1: PlanChooser(config.car, config.mpc, goal)}
+        self._choosers = {1: PlanChooser(config.car, config.mpc, goal, config.window)}
         if config.car.reverse > 0.0:
             backwards = replace(config.car, v_max=config.car.reverse)
-            self._choosers[-1] = PlanChooser(backwards, config.mpc, goal)
+            self._choosers[-1] = PlanChooser(backwards, config.mpc, goal, config.window)
         self.chooser = self._choosers[1]
         self.guide = Guide(goal, waypoints, config.car, config.guide, seed, frontiers)
         self.faults: Counter[Fault] = Counter()

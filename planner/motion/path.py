@@ -22,7 +22,7 @@ class Path:
         points: points of the path, (n, 2) [m], `POINT_SPACING` apart.
         source: method that found the path. "route": a smooth line along Dijkstra's route; "hybrid":
             hybrid A*; "ompl": OMPL; "dijkstra": the route itself, which the car may not be able to
-            drive.
+            drive; "given": a prescribed route; "plan": the way of a plan.
         drivable: number of points, from the first on, that lie on curves that the car can drive.
     """
 

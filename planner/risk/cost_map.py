@@ -19,7 +19,7 @@ from planner.risk.distance_transform import distance_field
 UNKNOWN_COST = 1.4
 """Cost of a metre of unobserved space, in metres of free space."""
 AVOIDED_COST = 20.0
-"""Cost of a metre of unobserved space that the car should not enter unless nothing else is left: around
+"""Cost of a metre of unobserved space that the car should enter only if nothing else is left: around
 a place where it got stuck, and beside a prescribed route."""
 WAY_BACK, WALL, LANES = 30.0, 0.3, 6
 """Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], how
@@ -31,6 +31,8 @@ where an opening was observed."""
 STUCK_REACH = 1.2
 """Distance from a place where the car got stuck up to which unobserved cells cost as much as
 walls [m]."""
+SURE = 0.65
+"""Trust of a cell from which on it costs no more than free space."""
 LIKELY = 0.5
 """Probability above which an unobserved cell counts as predicted free, or as predicted blocked."""
 
@@ -93,9 +95,10 @@ class CostMap:
             room = distance_field(occupied | (blocked > LIKELY)) * np.float32(frame.resolution)
             if prescribed is None:
                 unsure = unseen & ~(predicted & (free > LIKELY))
-                # Free space costs 1. The prior of continued walls fades with it, too.
-                doubt = (np.float32(UNKNOWN_COST - 1.0) + prior) * (1.0 - free)
-                density[predicted] = 1.0 + doubt[predicted]
+                # The prior of continued walls fades where free space is predicted.
+                doubt = 1.0 - np.clip(free / SURE, 0.0, 1.0)
+                unsure_cost = 1.0 + (np.float32(UNKNOWN_COST - 1.0) + prior) * doubt
+                density[predicted] = unsure_cost[predicted]
                 # The body's width makes predicted obstacles wider, as it does observed ones.
                 width = 1 + 2 * int(half_width / frame.resolution)
                 density += blocked_cost(maximum_filter(blocked, size=width))
@@ -233,7 +236,8 @@ def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) ->
     if len(rows) and len(cols):
         here = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
         p_free, confidence = (
-            values[inside_rows, inside_cols] for values in (prediction.p_free, prediction.confidence)
+            values[inside_rows, inside_cols]
+            for values in (prediction.p_free, prediction.confidence)
         )
         counts = _joined(np.ones(p_free.shape, np.float32), rows, cols, np.add)
         free[here] = _joined(confidence * p_free, rows, cols, np.add) / counts

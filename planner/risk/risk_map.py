@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -99,6 +99,12 @@ class RiskMap:
         certain = safe if plan_suffices else enterable(level)
         clearance = _clearance(safe, known.frame.resolution)
         return cls(known.frame, known, trust, safe, certain, plan_suffices, barred, clearance)
+
+    @cached_property
+    def cautious(self) -> RiskMap:
+        """The risk map of plans that may enter certain cells alone."""
+        clearance = _clearance(self.certain, self.frame.resolution)
+        return replace(self, safe=self.certain, plan_suffices=True, clearance=clearance)
 
     @cached_property
     def obstacle_distance(self) -> NDArray[np.float32]:

@@ -14,14 +14,21 @@ from foresee.mapping.body import Body, Scene, covered
 from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
 from foresee.mapping.grid import GridFrame
 from foresee.mapping.kernels import njit
+from planner.motion.path import POINT_SPACING, Path
 from planner.motion.plan import Plan
+from planner.mpc.initial_guess import LOOK
 from planner.risk.risk_map import RiskMap
 from planner.safety.contact import CONTACT_SPACING, Arcs, leads_on, plan_contact
+from planner.safety.course import Course
 
 ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
 """Margin around the body on these arcs, and distance between the poses tested on them [m]."""
+COURSE_MARGIN, COURSE_SPACING = 0.02, 0.08
+"""The same on a course [m]; the margin is that of paths, so that a path itself can be followed."""
+COURSE_LENGTH, COURSE_NEAR = 4.0, 0.3
+"""Length of a course that is tested, and distance from it at the end of this length [m]."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +82,29 @@ class CollisionChecker:
         car = self.car
         scene = Scene(risk.barred, *risk.frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves)
         return Arcs(ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, scene)
+
+    def course_on(self, path: Path, segment: int, risk: RiskMap) -> Course:
+        """Return a path as the course of the car, and the barred cells, which it must avoid.
+
+        Args:
+            path: path to follow.
+            segment: index of the path's segment near which the car is.
+            risk: risk map around the car.
+        """
+        car = self.car
+        scene = Scene(risk.barred, *risk.frame.lattice, *car.body.inflated(COURSE_MARGIN).halves)
+        reach = round((car.stopping_distance + 2.0) / POINT_SPACING)
+        return Course(
+            path.points,
+            segment,
+            reach,
+            LOOK,
+            car.max_curvature,
+            COURSE_LENGTH,
+            COURSE_NEAR,
+            COURSE_SPACING,
+            scene,
+        )
 
     def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
         """Return whether the body meets no barred cell on some arc from a pose (x, y, yaw, …)."""

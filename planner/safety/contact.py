@@ -11,9 +11,13 @@ from numpy.typing import NDArray
 from foresee.mapping.body import Scene, meets
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along, rollout
+from planner.safety.course import rejoins
 
 CONTACT_SPACING = 0.02
 """Largest distance between the poses at which a plan is tested [m]."""
+ANYWHERE, ONWARD, ON_COURSE = 0, 1, 2
+"""Where a manoeuvre must end: anywhere; where the car can go on along some arc; where it can follow
+its course."""
 
 
 class Arcs(NamedTuple):
@@ -91,7 +95,7 @@ def leads_on(pose, arcs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def first_free(  # type: ignore[no-untyped-def]
-    state, manoeuvres, dt, limits, spacing, scene, onward, arcs
+    state, manoeuvres, dt, limits, spacing, scene, end, arcs, course
 ):
     """Return the index of the first manoeuvre that stops the car without a contact, or -1.
 
@@ -102,8 +106,9 @@ def first_free(  # type: ignore[no-untyped-def]
         limits: the car's `DrivingLimits`.
         spacing: largest distance between tested poses [m].
         scene: obstacles and body.
-        onward: whether the car must be able to go on from the end of the manoeuvre.
-        arcs: `Arcs` on which it may go on.
+        end: where the manoeuvre must end: `ANYWHERE`, `ONWARD` or `ON_COURSE`.
+        arcs: `Arcs` on which the car may go on.
+        course: `Course` that it may follow.
     """
     for i in range(manoeuvres.shape[0]):
         states, controls = rollout(state, manoeuvres[i], dt, limits)
@@ -114,8 +119,11 @@ def first_free(  # type: ignore[no-untyped-def]
             continue
         if plan_contact(states, controls, dt, spacing, scene)[0] >= 0.0:
             continue
-        if not onward or leads_on(states[-1], arcs):
-            return i
+        if end == ONWARD and not leads_on(states[-1], arcs):
+            continue
+        if end == ON_COURSE and not rejoins(states[-1], course):
+            continue
+        return i
     return -1
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -97,12 +97,15 @@ class PlanChooser:
         car: the car's limits in that gear, and its body.
         config: settings of the MPC.
         goal: x, y of the goal [m].
+        window: side of the square around the car in which a scan changes the map [m].
     """
 
-    def __init__(self, car: CarLimits, config: MPCConfig, goal: tuple[float, float]) -> None:
+    def __init__(
+        self, car: CarLimits, config: MPCConfig, goal: tuple[float, float], window: float
+    ) -> None:
         self.goal = goal
         self.mpc, self.checker = MPC(car, config), CollisionChecker(car, config.dt)
-        self.resort = LastResort(self.mpc, self.checker)
+        self.resort = LastResort(self.mpc, self.checker, window)
         self._intended: Plan | None = None
         self._curvature = 0.0
 
@@ -120,7 +123,10 @@ class PlanChooser:
         intended, faults = self._decide(now, afresh)
         intended = plan = self._without_waiting(now, intended)
         if Fault.EMERGENCY not in faults:
-            plan, survivable = self.resort.filter(now.state, intended, now.risk)
+            course = self.checker.course_on(self._path(now, intended), now.segment, now.risk)
+            plan, survivable = self.resort.secure(
+                now.state, intended, now.risk, course, lambda: self._cautious(now)
+            )
             if not survivable:
                 faults = (*faults, Fault.NO_LAST_RESORT)
         self._intended, self._curvature = intended, float(plan.controls[0, 1])
@@ -135,6 +141,28 @@ class PlanChooser:
         if math.hypot(x - self.goal[0], y - self.goal[1]) < ONWARD_GOAL_RADIUS:
             return True
         return self.checker.leads_on(plan.states[-1], risk)
+
+    def _path(self, now: Situation, intended: Plan) -> Path:
+        """Return the path to follow; without one, the way of the intended plan."""
+        return now.path or Path.through(intended.states[:, :2], "plan")
+
+    def _cautious(self, now: Situation) -> Plan | None:
+        """Return the best plan in the cells that the last resort may enter, None if there is none.
+
+        It is the plan of a car that knows only these cells.
+        """
+        if now.path is None or now.on_leg:
+            return None
+        there, path = replace(now, risk=now.risk.cautious), now.path
+        guesses = [self._pursuit(there, path)]
+        if self.resort.controls is not None:
+            guesses.append(self.resort.controls)
+        plans, _ = self._solutions(there, path, guesses)
+
+        def cost(plan: Plan) -> float:
+            return self.mpc.evaluate(plan, path, there.risk, now.segment, self._curvature)
+
+        return min(plans, key=cost, default=None)
 
     def _decide(self, now: Situation, afresh: bool) -> _Intention:
         """Choose the plan to drive if all predictions are certain: the best safe one.

@@ -130,10 +130,13 @@ def test_a_belief_is_remembered_where_nothing_new_is_predicted():
     left = GridFrame(0.05, (0.0, 0.0), (200, 120))
     right = GridFrame(0.05, (6.0, 0.0), (200, 120))
     belief = remember(None, FRAME, prediction(0.0, 1.0, frame=left))
-    assert np.isnan(belief.free[:, 60:]).all() and np.isnan(belief.blocked[:, 60:]).all()
+    assert np.isnan(belief.free[:, 60:]).all()
+    assert np.isnan(belief.blocked[:, 60:]).all()
     belief = remember(belief, FRAME, prediction(1.0, 0.0, frame=right))
-    assert (belief.blocked[:, :60] == 1.0).all() and (belief.free[:, :60] == 0.0).all()
-    assert (belief.blocked[:, 60:] == 0.0).all() and (belief.free[:, 60:] == 1.0).all()
+    assert (belief.blocked[:, :60] == 1.0).all()
+    assert (belief.free[:, :60] == 0.0).all()
+    assert (belief.blocked[:, 60:] == 0.0).all()
+    assert (belief.free[:, 60:] == 1.0).all()
 
 
 def test_a_prediction_may_reach_beyond_the_map_and_begin_within_a_coarse_cell():
@@ -153,13 +156,15 @@ def test_a_prediction_may_reach_beyond_the_map_and_begin_within_a_coarse_cell():
                 assert belief.free[i, j] == pytest.approx(part.mean(), abs=1e-6)
                 assert belief.blocked[i, j] == pytest.approx(1.0 - part.min(), abs=1e-6)
             else:
-                assert np.isnan(belief.free[i, j]) and np.isnan(belief.blocked[i, j])
+                assert np.isnan(belief.free[i, j])
+                assert np.isnan(belief.blocked[i, j])
 
 
 def test_the_newest_word_on_a_cell_counts():
     belief = remember(None, FRAME, prediction(0.0, 1.0))
     belief = remember(belief, FRAME, prediction(1.0, 0.0))
-    assert (belief.free == 1.0).all() and (belief.blocked == 0.0).all()
+    assert (belief.free == 1.0).all()
+    assert (belief.blocked == 0.0).all()
 
 
 def test_a_belief_outlives_the_growth_of_the_map():

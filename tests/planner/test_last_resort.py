@@ -10,16 +10,24 @@ from foresee.prediction import Prediction
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
+from planner.motion.path import Path
 from planner.safety.last_resort import LastResort
 
 CAR, DT = CarLimits(), 0.1
 CHECKER = CollisionChecker(CAR, DT)
 FRAME = GridFrame(0.05, (-2.0, -3.0), (120, 160))
+WINDOW = 5.0
+STRAIGHT = Path.through(np.array([[0.0, 0.0], [8.0, 0.0]]), "route")
 
 
 @pytest.fixture(scope="module")
 def mpc() -> MPC:
     return MPC(CAR)
+
+
+def secure(resort, state, plan, risk, path=STRAIGHT, cautious=lambda: None):
+    course = resort.checker.course_on(path, 0, risk)
+    return resort.secure(state, plan, risk, course, cautious)
 
 
 def risk_of(cells) -> RiskMap:
@@ -44,8 +52,8 @@ def test_what_is_kept_meets_no_single_cell_that_is_uncertain(mpc, seed):
     cells[50:70, :50] = FREE
     risk = risk_of(cells)
     state, plan = onward(mpc, 2.0)
-    resort = LastResort(mpc, CHECKER)
-    driven, survivable = resort.filter(state, plan, risk)
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    driven, survivable = secure(resort, state, plan, risk)
     assert CHECKER.is_safe(driven, risk)
     if survivable:
         kept = mpc.roll(driven.states[1], resort.controls)
@@ -62,8 +70,8 @@ def test_a_small_car_does_not_step_over_uncertain_cells(seed):
     cells[58:62, :45] = FREE
     risk = risk_of(cells)
     state, plan = onward(mpc, 2.5)
-    resort = LastResort(mpc, checker)
-    driven, survivable = resort.filter(state, plan, risk)
+    resort = LastResort(mpc, checker, WINDOW)
+    driven, survivable = secure(resort, state, plan, risk)
     if survivable:
         kept = mpc.roll(driven.states[1], resort.controls)
         assert checker.contact(kept, ~risk.certain, FRAME) is None
@@ -76,7 +84,7 @@ def test_a_car_is_told_whether_a_last_resort_remains(mpc, room, survivable):
     risk = risk_of(cells)
     state, plan = onward(mpc, 3.0)
     assert CHECKER.contact(plan, ~risk.certain, FRAME) is not None
-    driven, remains = LastResort(mpc, CHECKER).filter(state, plan, risk)
+    driven, remains = secure(LastResort(mpc, CHECKER, WINDOW), state, plan, risk)
     assert remains is survivable
     if not remains:
         assert driven.controls[0, 0] == pytest.approx(-CAR.braking)
@@ -84,7 +92,7 @@ def test_a_car_is_told_whether_a_last_resort_remains(mpc, room, survivable):
 
 def test_the_rest_of_the_last_manoeuvre_is_tried_again(mpc):
     _, plan = onward(mpc, 2.0)
-    resort = LastResort(mpc, CHECKER)
+    resort = LastResort(mpc, CHECKER, WINDOW)
     resort.controls = np.column_stack(
         [np.full(mpc.stages, -1.2), np.linspace(-0.7, 0.4, mpc.stages)]
     )
@@ -97,7 +105,7 @@ def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):
     cells = np.full(FRAME.shape, UNKNOWN, np.int8)
     # It stops within 3 m; half of the braking in the first step costs 15 cm.
     cells[np.ix_(abs(y) < CAR.body.half_width + 0.1, x < CAR.body.half_length + 3.07)] = FREE
-    driven, remains = LastResort(mpc, CHECKER).filter(state, plan, risk_of(cells))
+    driven, remains = secure(LastResort(mpc, CHECKER, WINDOW), state, plan, risk_of(cells))
     assert remains
     assert driven.controls[0, 0] < -0.8 * CAR.braking
 
@@ -112,7 +120,7 @@ def test_in_an_emergency_the_car_rather_leaves_what_is_safe_than_hits_a_wall(mpc
     risk = RiskMap.from_prediction(Grid(FRAME, cells), None, 0.1)
     straight = mpc.roll(state, plan.controls)
     assert CHECKER.contact(straight, risk.known.occupied, FRAME) is not None
-    resort = LastResort(mpc, CHECKER)
+    resort = LastResort(mpc, CHECKER, WINDOW)
     stop = resort.brake(state, plan, risk)
     assert CHECKER.contact(stop, risk.known.occupied, FRAME) is None
     # Its rest is kept.
