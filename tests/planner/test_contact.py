@@ -8,12 +8,15 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.motion.dynamics import rollout, swept
+from planner.motion.path import Path
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.contact import (
     CONTACT_SPACING,
     Arcs,
+    ANYWHERE,
+    ONWARD,
     first_free,
     leads_on,
     plan_contact,
@@ -34,6 +37,14 @@ def scene(blocked):
 
 NOWHERE = Arcs(np.zeros(1), 1.0, 0.05, scene(np.ones((120, 160), dtype=bool)))
 """Arcs all of which are barred."""
+NO_COURSE = CollisionChecker(CAR, 0.1).course_on(
+    Path.through(np.array([[0.0, 0.0], [1.0, 0.0]]), "route"),
+    0,
+    RiskMap.from_prediction(
+        Grid(GridFrame(0.05, (0.0, 0.0), (2, 2)), np.zeros((2, 2), np.int8)), None, 0.0
+    ),
+)
+"""A course that is not asked for."""
 
 
 def scattered(seed, share=0.004):
@@ -95,7 +106,9 @@ def test_the_first_free_manoeuvre_is_free_and_those_before_it_are_not(seed):
     for controls in manoeuvres:
         poses = swept(*rollout(state, controls, *DRIVING), 0.1, 0.02)
         met.append(first_contact(cells, poses) >= 0)
-    index = first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, cells, False, NOWHERE)
+    index = first_free(
+        state, manoeuvres, *DRIVING, CONTACT_SPACING, cells, ANYWHERE, NOWHERE, NO_COURSE
+    )
     if index >= 0:
         assert not met[index]
     # A coarser look at other poses of the same manoeuvre may find a corner that these poses miss.
@@ -112,11 +125,19 @@ def test_the_car_may_have_to_go_on_from_the_end_of_a_manoeuvre():
     ends = [rollout(state, controls, *DRIVING)[0][-1] for controls in manoeuvres]
     curvatures = np.array([0.0, CAR.max_curvature, -CAR.max_curvature])
     arcs = Arcs(curvatures, 2 * CAR.turning_radius, 0.05, scene(barred))
-    assert first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, False, NOWHERE) == 0
-    index = first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, True, arcs)
+    assert (
+        first_free(
+            state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, ANYWHERE, NOWHERE, NO_COURSE
+        )
+        == 0
+    )
+    index = first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, ONWARD, arcs, NO_COURSE)
     assert index > 0
     assert [leads_on(end, arcs) for end in ends].index(True) == index
-    assert first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, True, NOWHERE) == -1
+    assert (
+        first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, ONWARD, NOWHERE, NO_COURSE)
+        == -1
+    )
 
 
 def test_swerves_brake_all_along_and_come_to_rest():
@@ -132,7 +153,7 @@ def test_swerves_brake_all_along_and_come_to_rest():
 
 
 @pytest.mark.parametrize("seed", [14, 16, 33, 38, 41, 43, 49, 51])
-def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves_one(seed):
+def test_a_last_resort_leads_on_if_one_does_after_the_step_that_is_driven(seed):
     mpc, checker = MPC(CAR), CollisionChecker(CAR, 0.1)
     rng = np.random.default_rng(seed)
     frame = GridFrame(0.05, (-5.0, -5.0), (200, 200))
@@ -150,18 +171,16 @@ def test_a_last_resort_leads_on_where_the_plans_beginning_or_hard_braking_leaves
     curvature = rng.uniform(-0.3, 0.3)
     controls = np.column_stack([np.full(mpc.stages, 1.0), np.full(mpc.stages, curvature)])
     controls[18:, 0] = -CAR.braking
-    resort, plan = LastResort(mpc, checker), mpc.roll(state, controls)
+    resort, plan = LastResort(mpc, checker, 5.0), mpc.roll(state, controls)
     assert checker.contact(plan, ~risk.certain, risk.frame) is not None
-    cells, arcs = checker.body_in(~risk.certain, risk.frame), checker.arcs_in(risk)
-    can_lead_on = []
-    for acceleration in (1.0, -CAR.braking):
-        manoeuvres = resort.manoeuvres(plan)
-        manoeuvres[:, 0] = acceleration, curvature
-        index = first_free(state, manoeuvres, 0.1, CAR.driving, CONTACT_SPACING, cells, True, arcs)
-        can_lead_on.append(index >= 0)
-    driven, survivable = resort.filter(state, plan, risk)
+    course = checker.course_on(Path.through(plan.states[:, :2], "plan"), 0, risk)
+    driven, survivable = resort.secure(state, plan, risk, course, lambda: None)
     assert survivable
     last = mpc.roll(driven.states[1], resort.controls)
     assert checker.contact(last, ~risk.certain, risk.frame) is None
-    assert any(can_lead_on)
-    assert leads_on(last.states[-1], arcs)
+    manoeuvres = LastResort(mpc, checker, 5.0).manoeuvres(plan)
+    manoeuvres[:, 0] = driven.controls[0]
+    scene, arcs = checker.body_in(~risk.certain, risk.frame), checker.arcs_in(risk)
+    spacing = checker.spacing
+    index = first_free(state, manoeuvres, 0.1, CAR.driving, spacing, scene, ONWARD, arcs, course)
+    assert index < 0 or leads_on(last.states[-1], arcs)

@@ -11,6 +11,7 @@ from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.motion.path import Path
+from planner.safety import last_resort
 from planner.safety.last_resort import LastResort
 
 CAR, DT = CarLimits(), 0.1
@@ -108,6 +109,93 @@ def test_where_only_hard_braking_leaves_a_manoeuvre_the_car_brakes_hard(mpc):
     driven, remains = secure(LastResort(mpc, CHECKER, WINDOW), state, plan, risk_of(cells))
     assert remains
     assert driven.controls[0, 0] < -0.8 * CAR.braking
+
+
+def side_corridor():
+    """A corridor along x that is observed, and one that turns off to the right at x = 5 m, in which
+    nothing was: the cells, and the path that turns into it."""
+    x, y = WIDE.centres()
+    cells = np.full(WIDE.shape, OCCUPIED, np.int8)
+    cells[np.ix_(abs(y) < 1.0, x < 7.0)] = FREE
+    cells[np.ix_((y < -1.0) & (y > -6.0), abs(x - 5.0) < 1.0)] = UNKNOWN
+    return cells, Path.through(
+        np.array([[0.0, 0.0], [4.0, 0.0], [5.0, -1.0], [5.0, -5.0]]), "route"
+    )
+
+
+WIDE = GridFrame(0.05, (-2.0, -7.0), (200, 220))
+
+
+def around_the_corner(mpc):
+    """A car in `side_corridor`, a plan around its corner, their risk map, and the rest of the path."""
+    cells, path = side_corridor()
+    ones = np.ones(WIDE.shape, np.float32)
+    walls = (cells == OCCUPIED).astype(np.float32)
+    belief = Prediction(WIDE, ones - walls, walls, ones)
+    risk = RiskMap.from_prediction(Grid(WIDE, cells), belief, 0.1)
+    state, path = np.array([2.0, 0.0, 0.0, 2.4]), Path(path.points[20:], "route")
+    plan = mpc.solve(state, path, risk, mpc.pursue(state, path, 0), 0, 0.0).plan
+    assert CHECKER.is_safe(plan, risk)
+    return state, plan, risk, path
+
+
+def test_a_cautious_plan_is_driven_where_the_plan_could_not_be_followed_on(mpc, monkeypatch):
+    state, plan, risk, path = around_the_corner(mpc)
+    assert CHECKER.contact(plan, ~risk.certain, risk.frame) is not None
+    stop = mpc.roll(state, np.tile([-CAR.braking, 0.0], (mpc.stages, 1)))
+    calls = []
+
+    def cautious():
+        calls.append(1)
+        return stop
+
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    driven, survivable = secure(resort, state, plan, risk, path, cautious)
+    assert survivable
+    # The plan can be followed on, since the corner will be seen in time.
+    assert driven is plan
+    monkeypatch.setattr(last_resort, "reveal", lambda *args: None)
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    blind, survivable = secure(resort, state, plan, risk, path, cautious)
+    assert survivable
+    assert calls
+    assert blind is stop
+    assert resort.controls[:-1] == pytest.approx(stop.controls[1:])
+
+
+def test_a_cautious_plan_that_is_slower_than_what_the_plan_allows_is_not_driven(mpc):
+    state, plan, risk, path = around_the_corner(mpc)
+    controls = np.tile([-CAR.braking, 0.0], (mpc.stages, 1))
+    calls = []
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    driven, _ = secure(
+        resort, state, plan, risk, path, lambda: calls.append(1) or mpc.roll(state, controls)
+    )
+    assert driven.controls[0, 0] > -CAR.braking
+
+
+def test_the_last_manoeuvre_is_followed_with_its_own_first_step(mpc):
+    x, y = FRAME.centres()
+    cells = np.full(FRAME.shape, UNKNOWN, np.int8)
+    # A winding way is all that was observed.
+    winding = np.full((mpc.stages, 2), -CAR.braking)
+    winding[:, 1] = 0.6 * np.cos(np.arange(mpc.stages) / 3.0)
+    bend = mpc.roll(np.array([0.0, 0.0, 0.0, 2.2]), winding)
+    seen = np.zeros(FRAME.shape, dtype=bool)
+    for px, py, *_ in bend.states:
+        seen |= np.hypot(x - px, y[:, None] - py) < 0.36
+    cells[seen] = FREE
+    risk = risk_of(cells)
+    # The plan turns the other way, and no manoeuvre remains after its first step.
+    state, plan = onward(mpc, 2.2)
+    plan = mpc.roll(state, np.column_stack([plan.controls[:, 0], np.full(mpc.stages, -0.6)]))
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    resort.controls = bend.controls
+    resort.manoeuvres = lambda plan: resort.controls[None].copy()
+    driven, survivable = secure(resort, state, plan, risk)
+    assert survivable
+    assert driven.controls == pytest.approx(bend.controls)
+    assert resort.controls[:-1] == pytest.approx(bend.controls[1:])
 
 
 def test_in_an_emergency_the_car_rather_leaves_what_is_safe_than_hits_a_wall(mpc):
