@@ -20,6 +20,9 @@ from benchmarks.runs.settings import CONDITIONS, Settings
 from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, jobs_option, option
 
+DRIVES = ("world", "predictor", *(name for name in CONDITIONS if name != "tasks"))
+"""Settings of a comparison that are also options of this command: its tasks are drawn."""
+
 
 @dataclass(frozen=True)
 class Place(Options):
@@ -33,7 +36,7 @@ class Place(Options):
 
 def _run(
     calibration: CalibrateSettings,
-    settings: Annotated[Settings, Section(names=("world", "predictor", *CONDITIONS))],
+    settings: Annotated[Settings, Section(names=DRIVES)],
     place: Place,
 ) -> int:
     # Imported here, so that --help does not wait for slow imports.

@@ -14,6 +14,7 @@ from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from foresee.infra.command_line import UsageError
 from foresee.infra.drawing import own_style
+from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.conventions import TICK
 from sim.buildings import task_in, task_in_world
 from sim.world import World
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@usual_float_errors()
 def drive(
     world: World | str, seed: int = 0, calibration: Path | None = None, **settings: Any
 ) -> Run:
@@ -47,6 +49,8 @@ def drive(
     """
     name = world if isinstance(world, str) else world.name
     chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    if chosen.tasks is not None:
+        raise UsageError("tasks: a file of tasks is driven by the command foresee corridor")
     if isinstance(world, str):
         chosen = at_risk(chosen, calibration)
     elif chosen.risk > 0:

@@ -97,6 +97,8 @@ def _run(
 ) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
+    if place.optimum is not None and settings.tasks is not None:
+        raise UsageError("--optimum: its times are those of drawn tasks, not of --tasks")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import arms_at
     from benchmarks.figures.run_figures import draw_all
@@ -104,12 +106,13 @@ def _run(
     from benchmarks.runs.saved_run import RESULTS
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import in_words, main_table, title
+    from benchmarks.runs.tasks import input_hashes, limit_speed, read_rules
     from benchmarks.runs.time_optimal import read_t_opt
     from foresee.infra.environment import several_states
-    from sim.buildings import map_hashes
 
     weights = run_fingerprint(settings)
-    maps = map_hashes(settings.world)
+    maps = input_hashes(settings)
+    settings = limit_speed(settings, read_rules(settings))
     arms = arms_at(settings, risks.risk, risks.calibration)
     settings = replace(settings, arms=tuple(arms), uncertified=False)
     levels = {name: chosen.level for name, chosen in arms.items() if chosen.risk > 0}

@@ -27,7 +27,7 @@ TABLES = {
     "weave": "benchmarks.studies.driver.weave:table",
     "sweeps": "benchmarks.studies.driver.sweeps:table",
     "stages": "benchmarks.studies.performance.tables:tables",
-    "prediction": "benchmarks.studies.katyal2018.tables:file_tables",
+    "prediction": "benchmarks.studies.katyal2018.tables:study_tables",
     "evaluation": "predictor.evaluation.drive_scores:table",
     "calibration": "benchmarks.calibration.learn_then_test:table",
     "risk": "benchmarks.studies.risk.tables:tables",
@@ -54,6 +54,7 @@ def file_tables(results: dict[str, Any]) -> str:
 
 def _run(settings: TableSettings) -> None:
     # Imported here, so that --help does not wait for slow imports.
+    from benchmarks.calibration.together import together
     from benchmarks.runs.overview import overview, reliances, scores
 
     files = [(path.stem, _read(path)) for path in settings.files]
@@ -71,6 +72,9 @@ def _run(settings: TableSettings) -> None:
         return
     parts = [f"## {name}\n\n{of['tables']}\n" for name, of in files]
     with _broken_refused("one of these files"):
+        calibrations = together({name: of for name, of in files if of["kind"] == "calibration"})
+        if calibrations:
+            parts.insert(0, f"## Calibrations together\n\n{calibrations}\n")
         if scored:
             parts.insert(0, f"## Scores\n\n{scores(scored)}\n")
         if len(relied) > 1:

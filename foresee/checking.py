@@ -7,6 +7,7 @@ from copy import deepcopy
 
 import numpy as np
 
+from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.conventions import RESOLUTION, TICK
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, View
@@ -16,6 +17,7 @@ CERTAIN = 1.0 - 1e-6
 FIELDS = ("p_free", "p_occupied", "confidence")
 
 
+@usual_float_errors()
 def check_predictor(predictor: Predictor, *, side: float = 10.0, seed: int = 0) -> tuple[str, ...]:
     """Check that a predictor keeps to the contract with the planner.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
+from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.car_limits import CarLimits, check_finite
 from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
@@ -154,6 +155,7 @@ class Navigator:
         ValueError: if there are waypoints of another shape, or none at all.
     """
 
+    @usual_float_errors()
     def __init__(
         self,
         config: NavigatorConfig,
@@ -198,6 +200,7 @@ class Navigator:
         """Number of paths followed so far, by source, and of recovery manoeuvres."""
         return self.guide.counts
 
+    @usual_float_errors()
     def step(self, state: NDArray[np.float64], scan: Scan) -> Decision:
         """Decide what to do in the next tick.
 

@@ -49,6 +49,7 @@ class EpisodeConfig:
         timeout: time limit, as a multiple of the time for the task's path at top speed.
         stuck_distance: distance driven in `stuck_time` below which the car is stuck [m].
         stuck_time: period over which `stuck_distance` is measured [s].
+        time_limit: time limit in place of that of `timeout` [s]; None: that of `timeout`.
     """
 
     dt: float = TICK
@@ -56,6 +57,7 @@ class EpisodeConfig:
     timeout: float = 8.0
     stuck_distance: float = 0.2
     stuck_time: float = 10.0
+    time_limit: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,9 @@ def run_episode(
     states = [np.array([*task.start, 0.0])]
     recorder = Recorder(world)
     outcome, impact = Outcome.TIMED_OUT, None
-    limit_time = config.timeout * task.path_length / car.limits.v_max
+    limit_time = config.time_limit
+    if limit_time is None:
+        limit_time = config.timeout * task.path_length / car.limits.v_max
     for _ in range(math.ceil(limit_time / dt)):
         started = time.perf_counter()
         scan = lidar.scan(world, states[-1], rng)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.family_names import FAMILIES
 from sim.canvas import Canvas
 from sim.corridor_network import draw_corridor
@@ -17,6 +18,7 @@ from sim.trap import draw_trap
 from sim.world import World
 
 
+@usual_float_errors()
 def generate(family: str, seed: int) -> World:
     """Generate a building of a family.
 

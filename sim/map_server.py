@@ -23,6 +23,7 @@ from PIL import Image
 from foresee.infra import plain_yaml
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import LineError, one_line
+from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from sim.world import World
 
@@ -76,6 +77,7 @@ class MapFile:
     mode: str = "trinary"
 
 
+@usual_float_errors()
 def load_world(path: str | Path) -> World:
     """Read a map_server map; the world is named after the YAML file.
 

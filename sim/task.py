@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from foresee.infra.errors import LineError
 from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import GOAL_RADIUS
 from foresee.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
 from foresee.mapping.polyline import arc_length
 from sim.arc_search import HEADINGS, search_arcs
@@ -21,8 +22,9 @@ from sim.world import World
 
 START_CLEARANCE = 0.3
 """Free space around the body at the start and around the goal [m]."""
-START_MARGINS = (0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
-"""Margins around the body at the start that a driver may be told are free [m], see `Task`."""
+START_MARGINS = (0.5, 0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.0)
+"""Margins around the body at the start that a driver may be told are free [m], see `Task`. With
+none of them, the cells beside the body count as unobserved, and the driver cannot even stand."""
 WAY_CLEARANCE = 0.05
 """Free space around the body along the way [m]."""
 COMFORT = 0.4
@@ -43,6 +45,27 @@ NEW = 5.0
 """Distance of a goal from the way so far above which it counts as a new place [m]."""
 
 
+@dataclass(frozen=True)
+class Rules:
+    """When a drive ends, how fast the car may be, and what its time is compared with.
+
+    Attributes:
+        goal_radius: distance from the goal within which it is reached [m].
+        time_limit: time after which the drive ends [s]; None: that of `sim.episode.EpisodeConfig`.
+        top_speed: highest speed allowed [m/s]; None: that of the car.
+        score_speed: speed at which the shortest path takes T*, the time that the BARN score
+            compares with [m/s]; None: the drive has no such score.
+        published_length: length of the shortest path, as published with the task [m]; None: it is
+            computed.
+    """
+
+    goal_radius: float = GOAL_RADIUS
+    time_limit: float | None = None
+    top_speed: float | None = None
+    score_speed: float | None = None
+    published_length: float | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """A drive through a world.
@@ -54,7 +77,8 @@ class Task:
         waypoints: points about 2 m apart along a way on the true map, the goal the last, (n, 2)
             [m].
         path_length: length of this way [m].
-        seed: seed with which the task was drawn.
+        seed: seed with which the task was drawn, and from which the drive draws its noise.
+        rules: when the drive ends, and how fast the car may be.
     """
 
     world: World
@@ -63,6 +87,7 @@ class Task:
     waypoints: NDArray[np.float64]
     path_length: float
     seed: int
+    rules: Rules = Rules()
 
     def start_margin(self, body: Body) -> float:
         """Return the margin around a body at the start that is free, of `START_MARGINS` [m].
@@ -151,11 +176,41 @@ def sample_task(
                 chosen = int(rng.choice(np.flatnonzero(goals)))
             way = _trace(poses, parents, chosen)
             goal = (float(way[-1, 0]), float(way[-1, 1]))
-            return Task(world, start, goal, _thinned(way), float(lengths[chosen]), seed)
+            return Task(world, start, goal, waypoints_along(way), float(lengths[chosen]), seed)
     raise NoTaskError(
         f"{world.name}: no way of {min_length:g} to {max_length:g} m for this car was found; "
         f"the longest of {STARTS} starts led {farthest:.1f} m"
     )
+
+
+def find_way(
+    world: World,
+    start: tuple[float, float, float],
+    goal: tuple[float, float],
+    goal_radius: float,
+    car: CarLimits | None = None,
+) -> NDArray[np.float64] | None:
+    """Return points of a short way to a goal that the car can drive forwards, (n, 2) [m].
+
+    The last point is the goal; the one before is within the goal's radius.
+
+    Args:
+        world: building in which to drive.
+        start: x, y, yaw at the start [m, m, rad].
+        goal: x, y of the goal [m].
+        goal_radius: distance from the goal within which it is reached [m].
+        car: the car's body and turning radius; None: the defaults.
+
+    Returns:
+        None if no such way was found.
+    """
+    car = car or CarLimits()
+    poses, parents, lengths, _ = _ways(world, start, car, _roomy(world, car), math.inf)
+    off = np.hypot(*(poses[:, :2] - goal).T)
+    best = int(np.where(off <= goal_radius, lengths + off, math.inf).argmin())
+    if off[best] > goal_radius:
+        return None
+    return np.vstack([_trace(poses, parents, best)[:, :2], goal])
 
 
 def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
@@ -190,7 +245,7 @@ def prolonged(task: Task, length: float, car: CarLimits | None = None) -> Task:
         gaps, _ = cKDTree(points).query(poses[far, :2])
         new = far[np.asarray(gaps) > NEW]
         chosen = int(rng.choice(new if len(new) else far))
-        points = np.vstack([points, _thinned(_trace(poses, parents, chosen))])
+        points = np.vstack([points, waypoints_along(_trace(poses, parents, chosen))])
         driven += float(lengths[chosen])
     goal = (float(points[-1, 0]), float(points[-1, 1]))
     return Task(task.world, task.start, goal, points[1:], driven, task.seed)
@@ -264,8 +319,12 @@ def _trace(
     return poses[order[::-1]]
 
 
-def _thinned(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return evenly spaced points (n, 2) [m] along a way, without its start and with its end."""
+def waypoints_along(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return evenly spaced points (n, 2) [m] along a way, without its start and with its end.
+
+    Args:
+        way: x and y of its points in the first two columns, (m, 2 or more) [m].
+    """
     along = arc_length(way)
     count = max(1, round(along[-1] / SPACING))
     at = along[-1] * np.arange(1, count + 1) / count

@@ -3,5 +3,6 @@
 - `settings`: settings and options of a calibration.
 - `learn_then_test`: drives at each level, from safe to bold, and tests it.
 - `betting`: the test, by betting on the collisions.
+- `together`: pools of calibrations, and joint certificates.
 - `certificate`: the conditions that a calibration holds for, and the level that it certifies.
 """

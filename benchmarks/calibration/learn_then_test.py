@@ -17,7 +17,7 @@ from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
 from benchmarks.runs.settings import CALIBRATED_ARM, OLDER, Settings
-from benchmarks.runs.statistics import wilson
+from benchmarks.runs.statistics import rate_interval
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import machine
 from foresee.infra.markdown import DASH, records, span
@@ -167,8 +167,8 @@ def _test(
     return Tested(level, drives, {risk: capital(losses, risk) for risk in risks})
 
 
-def _losses(drives: list[dict[str, Any]]) -> list[float]:
-    return [float(drive["outcome"] == "collided") for drive in drives]
+def _losses(drives: list[dict[str, Any]]) -> list[bool]:
+    return [drive["outcome"] == "collided" for drive in drives]
 
 
 def _in_order(file: DriveFile, most: int) -> list[dict[str, Any]]:
@@ -203,7 +203,7 @@ def _summary(tested: Tested) -> dict[str, Any]:
         "level": tested.level,
         "drives": len(drives),
         "collided": outcomes["collided"],
-        "nominal_interval": list(wilson(outcomes["collided"], len(drives))),
+        "nominal_interval": rate_interval(_losses(drives), [str(d["world"]) for d in drives]),
         "km": metres / 1e3,
         "outcomes": dict(outcomes),
         "by_world": {place: [bad[place], places[place]] for place in sorted(places)},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,19 @@ from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings, arm_kind
-from benchmarks.runs.tasks import make_task, refuse_edited_map, shortest_length, task_facts
+from benchmarks.runs.tasks import (
+    limit_speed,
+    make_task,
+    refuse_edited_inputs,
+    shortest_length,
+    task_facts,
+)
 from benchmarks.runs.trace import Drive, Trace
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
 from foresee.infra.workers import WorkersError
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import GOAL_RADIUS
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
 from planner.navigator import Navigator, NavigatorConfig
@@ -56,7 +63,12 @@ class Oracle:
 
 
 def score(
-    outcome: str, time: float, path_length: float, shortest: float | None, car: CarLimits
+    outcome: str,
+    time: float,
+    path_length: float,
+    shortest: float | None,
+    car: CarLimits,
+    goal_radius: float = GOAL_RADIUS,
 ) -> dict[str, float | None]:
     """Compare a drive with the shortest path of its task, and with the least time for that path.
 
@@ -66,6 +78,7 @@ def score(
         path_length: distance driven [m].
         shortest: length of the shortest path [m]; None: unknown.
         car: limits of the car.
+        goal_radius: distance from the goal within which it is reached [m].
 
     Returns:
         `shortest_length` [m]; `t_bound`, the least time T_bound [s]; `sct`, T_bound / time or 0;
@@ -74,7 +87,7 @@ def score(
     """
     if shortest is None:
         return dict.fromkeys(("shortest_length", "t_bound", "sct", "detour"))
-    bound = time_bound(shortest, car, EpisodeConfig().goal_radius)
+    bound = time_bound(shortest, car, goal_radius)
     return {
         "shortest_length": shortest,
         "t_bound": bound,
@@ -111,16 +124,17 @@ def attempt(
         weights: what `run_fingerprint` returns where the run was started; another machine may have
             other files.
         item: number of the episode, and name of the arm.
-        maps: hash of each map file where the run was started; None: not checked.
+        maps: hash of each map file, and of the file of given tasks, where the run was started;
+            None: not checked.
 
     Raises:
-        WorkersError: if this machine has other weights, or another map.
+        WorkersError: if this machine has other weights, another map or other given tasks.
     """
     present = run_fingerprint(settings)
     if present != weights:
         raise WorkersError(f"a worker has the weights {present}, this run is of {weights}")
     try:
-        refuse_edited_map(settings, item[0], maps or {})
+        refuse_edited_inputs(settings, item[0], maps or {})
         return drive(settings, *item)
     except NoTaskError as error:
         return str(error)
@@ -197,6 +211,7 @@ def navigator_for(
     predictor: Predictor | None,
     deadline: float,
     frontiers: FrontierPredictor | None = None,
+    car: CarLimits | None = None,
 ) -> Navigator:
     """Return the navigator of an arm at the start of a task.
 
@@ -207,9 +222,11 @@ def navigator_for(
         predictor: predictor of the arm; None: it has none.
         deadline: time that a prediction may take [s].
         frontiers: predictor of frontiers of the arm; None: it has none.
+        car: limits of the car; None: those of the settings.
     """
     truth, window = task.world.grid, settings.window
     config = navigator_config(settings, arm, truth.frame.resolution)
+    config = replace(config, car=car or config.car)
     # The driver is told no more free space around the start than there is.
     start_margin = min(config.start_margin, task.start_margin(config.car.body))
     config = replace(config, deadline=deadline, start_margin=start_margin)
@@ -232,6 +249,8 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         NoTaskError: if the building has no route of at least 10 m.
     """
     task = task or make_task(settings, index)
+    rules = task.rules
+    settings = limit_speed(settings, [rules])
     arm = ARMS[arm_kind(arm_name)]
     car = limits_for(settings)
     predictor = predictor_for(settings, arm, task)
@@ -243,20 +262,21 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
     moment = Moment()
-    episode = run_episode(
-        task, navigator, DubinsCar(car), lidar, EpisodeConfig(), rng, moment.observe
-    )
+    config = EpisodeConfig(goal_radius=rules.goal_radius, time_limit=rules.time_limit)
+    episode = run_episode(task, navigator, DubinsCar(car), lidar, config, rng, moment.observe)
     _give_back()
     trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}
+    shortest = shortest_length(task)
     measured |= score(
-        episode.outcome, episode.time, episode.path_length, shortest_length(task), car
+        episode.outcome, episode.time, episode.path_length, shortest, car, rules.goal_radius
     )
     result = DriveResult(
         arm=arm_name,
         vehicle=settings.vehicle,
         index=index,
         **task_facts(task),
+        **asdict(rules),
         learned=any(has_learned(part, task.world.grid.cells) for part in (predictor, frontiers)),
         shortest=float(task.path_length),
         outcome=str(episode.outcome),

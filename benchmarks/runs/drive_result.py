@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, Self, get_type_hints
 
 from foresee.infra.plain_json import fits
+from foresee.mapping.conventions import GOAL_RADIUS
 from planner.revision import FIRST
 
 SIZES = {"start": 3, "goal": 2, "cycle_ms": 2}
@@ -29,6 +30,11 @@ class DriveResult:
         seed: seed of the task.
         start: x [m], y [m], yaw [rad] of the start.
         goal: x, y of the goal [m].
+        goal_radius: distance from the goal within which it is reached [m].
+        time_limit: time limit that the task gives [s]; None: it gives none.
+        top_speed: top speed that the task allows [m/s]; None: that of the car.
+        score_speed: speed at which the shortest path takes T* [m/s]; None: there is no T*.
+        published_length: length of the shortest path that the task gives [m].
         learned: whether a predictor of the arm was trained or validated in this building.
         shortest: length of the task's prescribed route [m].
         outcome: outcome, one of `sim.episode.Outcome`.
@@ -67,6 +73,11 @@ class DriveResult:
     seed: int
     start: list[float]
     goal: list[float]
+    goal_radius: float = GOAL_RADIUS
+    time_limit: float | None = None
+    top_speed: float | None = None
+    score_speed: float | None = None
+    published_length: float | None = None
     learned: bool
     shortest: float
     outcome: str
@@ -120,6 +131,12 @@ class DriveResult:
     def earlier_calibration(self) -> bool:
         """Whether the calibration was measured with an earlier revision of the driving."""
         return self.calibrated is not None and self.calibrated < self.revision
+
+    @property
+    def t_star(self) -> float | None:
+        """Time T* of the shortest path, which the BARN score compares with [s]; None: unknown."""
+        length = self.published_length or self.shortest_length
+        return None if length is None or self.score_speed is None else length / self.score_speed
 
     @property
     def verdict(self) -> str:

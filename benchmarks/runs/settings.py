@@ -134,6 +134,13 @@ class Settings(Options):
         ".yaml files, or folders of them; several are mixed",
         "W",
     )
+    tasks: str | None = option(
+        None,
+        "JSON file with start, goal and rules of tasks in the maps of --world (default: tasks are "
+        "drawn). The episodes are its tasks in order; after the last, the first follows again. "
+        "Their top speed limits --v-max",
+        "FILE",
+    )
     route: str = option(
         "free",
         "free: each arm finds its own way; fixed: all arms follow the same prescribed route",

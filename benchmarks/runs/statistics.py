@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import compress
@@ -9,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
+from scipy.stats import binomtest, norm
 
 from benchmarks.runs.drive_result import DriveResult
-from foresee.statistics import estimate
+from foresee.statistics import CONFIDENCE, MIN_GROUPS, estimate
 
 ResultsByArm = dict[str, list[DriveResult]]
 """Arm → its results on the paired episodes, in the same order for all arms."""
@@ -20,13 +21,48 @@ ResultsByArm = dict[str, list[DriveResult]]
 BASELINES = ("known", "backup")
 """Arms without a network, the better of which an arm with a network is compared with."""
 
+BARN_CUT = (4.0, 8.0)
+"""Multiples of T* to which the published score of the BARN challenge cuts times."""
 
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Compute the 95 % Wilson interval of a share."""
-    if trials == 0:
-        return 0.0, 1.0
-    interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
-    return float(interval.low), float(interval.high)
+
+def wilson(successes: float, trials: float) -> tuple[float, float]:
+    """Compute the 95 % Wilson interval of a share; the numbers need not be whole."""
+    z2 = float(norm.ppf(0.5 + CONFIDENCE / 2)) ** 2 / trials
+    share = successes / trials
+    middle = (share + z2 / 2) / (1.0 + z2)
+    half = math.sqrt(z2 * (share * (1.0 - share) + z2 / 4)) / (1.0 + z2)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def rate_interval(happened: Sequence[bool], worlds: Sequence[str]) -> tuple[float, float] | None:
+    """Compute the 95 % interval of the probability of an event in a drive, such as a collision.
+
+    It is Wilson's interval for the number of independent drives, see `independent`. With one drive
+    in each world, this is Wilson's interval of the drives. Unlike a bootstrap it holds if nothing
+    happened.
+
+    Args:
+        happened: for each drive, whether the event happened.
+        worlds: world of each drive.
+
+    Returns:
+        Both ends; None with fewer than `foresee.statistics.MIN_GROUPS` worlds.
+    """
+    if len(set(worlds)) < MIN_GROUPS:
+        return None
+    trials = independent(worlds)
+    return wilson(trials * sum(happened) / len(happened), trials)
+
+
+def independent(worlds: Sequence[str]) -> float:
+    """Return the least number of independent drives that drives in these worlds count as.
+
+    Drives in one map may all go alike. Then n drives in maps with m_1, m_2, … of them have a rate
+    with the same variance as n² / (m_1² + m_2² + …) independent drives (Kish 1965): the number of
+    maps, if each has as many drives. Whatever the drives in a map have in common, the variance is
+    not larger.
+    """
+    return len(worlds) ** 2 / sum(count**2 for count in Counter(worlds).values())
 
 
 def mean_speed(arms: ResultsByArm, arm: str, baseline: str | None = None) -> dict[str, Any]:
@@ -58,7 +94,30 @@ def success(arms: ResultsByArm, arm: str) -> dict[str, Any] | None:
         As `estimate`. None if no episode has an SCT in all arms, as in older results.
     """
     scored = _scored(arms)
-    return _mean(scored, _values(scored, "sct", arm)[0]) if scored[arm] else None
+    return _mean(scored, _values(scored, "sct", arm)[0], (0.0, 1.0)) if scored[arm] else None
+
+
+def barn_score(arms: ResultsByArm, arm: str, *, cut: bool) -> dict[str, Any] | None:
+    """Compute the score of the BARN challenge (Xiao et al. 2022) of an arm.
+
+    It is the mean over episodes of T* / time; 0 for episodes in which the goal was not reached.
+
+    Args:
+        arms: results of each arm.
+        arm: name of the arm.
+        cut: whether times are cut to 4 to 8 T*, as in the published scores.
+
+    Returns:
+        As `estimate`. None if no episode has a T* in all arms.
+    """
+    scored = _only(arms, lambda result: result.t_star is not None)
+    if not scored[arm]:
+        return None
+    t_star, times = _values(scored, "t_star", arm)[0], _values(scored, "time", arm)[0]
+    if cut:
+        times = np.clip(times, *np.multiply.outer(BARN_CUT, t_star))
+    reached = np.array([result.outcome == "reached" for result in scored[arm]])
+    return _mean(scored, reached * t_star / times)
 
 
 def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | None:
@@ -72,8 +131,10 @@ def time_ratio(arms: ResultsByArm, arm: str, baseline: str) -> dict[str, Any] | 
     if not both[arm]:
         return None
     times = _values(both, "time", arm, baseline)
-    ratio = estimate(_worlds(both), times, lambda sums: sums[0] / np.maximum(sums[1], 1e-9))
-    return ratio | {"episodes": len(both[arm])}
+    # Of the logarithm, so that the interval of the inverse ratio is the inverse.
+    logs = estimate(_worlds(both), np.maximum(times, 1e-9), lambda sums: np.log(sums[0] / sums[1]))
+    ratio = {k: None if logs[k] is None else math.exp(logs[k]) for k in ("value", "low", "high")}
+    return ratio | {"groups": logs["groups"], "episodes": len(both[arm])}
 
 
 def share_of_gap(
@@ -123,10 +184,14 @@ def _values(arms: ResultsByArm, key: str, *names: str) -> NDArray[np.float64]:
     return np.array([[getattr(r, key) for r in arms[name]] for name in names], dtype=np.float64)
 
 
-def _mean(arms: ResultsByArm, values: NDArray[np.float64]) -> dict[str, Any]:
+def _mean(
+    arms: ResultsByArm,
+    values: NDArray[np.float64],
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+) -> dict[str, Any]:
     """Compute the mean of values over the episodes of some arms, (episodes,)."""
     entries = np.stack([values, np.ones(len(values))])
-    return estimate(_worlds(arms), entries, lambda sums: sums[0] / sums[1])
+    return estimate(_worlds(arms), entries, lambda sums: sums[0] / sums[1], bounds)
 
 
 def _scored(arms: ResultsByArm) -> ResultsByArm:
@@ -152,14 +217,17 @@ def _worlds(arms: ResultsByArm) -> list[str]:
 def mcnemar(first: list[DriveResult], second: list[DriveResult], outcome: str) -> float:
     """Compute the two-sided p value of the exact McNemar test on an outcome of two arms.
 
+    Several drives in one world count as one, in favour of the arm with fewer such outcomes.
+
     Args:
         first: results of one arm.
         second: results of the other arm on the same episodes.
         outcome: outcome whose frequency is compared, such as "collided".
     """
-    pairs = list(zip(first, second, strict=True))
-    a = sum(x.outcome == outcome != y.outcome for x, y in pairs)
-    b = sum(y.outcome == outcome != x.outcome for x, y in pairs)
+    more = Counter[str]()
+    for x, y in zip(first, second, strict=True):
+        more[x.world] += (x.outcome == outcome) - (y.outcome == outcome)
+    a, b = (sum(sign * count > 0 for count in more.values()) for sign in (1, -1))
     return float(binomtest(a, a + b).pvalue) if a + b else 1.0
 
 
@@ -173,4 +241,5 @@ def promises_broken(results: Sequence[DriveResult]) -> dict[str, Any] | None:
     if not made:
         return None
     shares = np.array([[broken[world] / made[world] for world in made]])
-    return estimate(list(made), shares, lambda sums: sums[0] / len(made))
+    entries = np.concatenate([shares, np.ones_like(shares)])
+    return estimate(list(made), entries, lambda sums: sums[0] / sums[1], (0.0, 1.0))

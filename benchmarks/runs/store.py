@@ -42,8 +42,9 @@ class Store(ResumableFolder):
         weights: fingerprint of the predictor's weights; None: it has none.
         baselines: folder of an earlier run. Its drives of arms that do not use the chosen predictor
             are copied, if they would be the same with these settings.
-        maps: hash of each map file, see `sim.buildings.map_hashes`. Runs that do not name their
-            maps are not compared in it; a note says so.
+        maps: hash of each map file and of the file of given tasks, see
+            `benchmarks.runs.tasks.input_hashes`. Runs that do not name their maps are not compared
+            in it; a note says so.
         levels: level λ of each arm at a risk.
 
     Attributes:

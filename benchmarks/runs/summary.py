@@ -13,7 +13,6 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import CALIBRATED_ARM, arm_kind, up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import figure, interval, markdown, span
-from foresee.statistics import MIN_GROUPS
 from sim.episode import Outcome
 
 SOURCES = ("route", "hybrid", "ompl", "dijkstra")
@@ -22,7 +21,7 @@ OUTCOMES = tuple(map(str, Outcome))
 EARLIER = ", calibrated with an earlier planner"
 """Remark on drives at a risk whose calibration was measured with an earlier revision."""
 MAIN_ROWS = (
-    *("**time ratio**", "**SCT**", "speed", "detour"),
+    *("**time ratio**", "**SCT**", "**BARN score**", r"T\*/time", "speed", "detour"),
     *("reached", "collided", "hard stops", "promises broken"),
 )
 """Beginnings of the titles of the rows that are shown first."""
@@ -58,8 +57,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         faults.update(r.faults)
         paths.update(r.paths)
     counts = {name: sum(r.outcome == name for r in results) for name in OUTCOMES}
-    enough = len({r.world for r in results}) >= MIN_GROUPS
-    collided = statistics.wilson(counts["collided"], len(results)) if enough else None
+    collided = [r.outcome == "collided" for r in results]
     compared = arm != "known" and "known" in by_arm
     ratio = {"time_ratio": statistics.time_ratio(by_arm, arm, "known")} if compared else {}
     entry: dict[str, Any] = {
@@ -68,6 +66,8 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         "uncertified": any(r.uncertified for r in results),
         "level": results[0].level,
         **_with_ends("sct", statistics.success(by_arm, arm)),
+        **_with_ends("barn_score", statistics.barn_score(by_arm, arm, cut=True)),
+        **_with_ends("barn_score_uncut", statistics.barn_score(by_arm, arm, cut=False)),
         "over_optimum": _ratio(reached, "time", "t_opt"),
         "detour": _ratio(reached, "path_length", "shortest_length"),
         "t_bound": _mean(r.t_bound for r in results),
@@ -75,7 +75,7 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         **ratio,
         "episodes": len(results),
         **counts,
-        "collided_interval": collided,
+        "collided_interval": statistics.rate_interval(collided, [r.world for r in results]),
         **_with_ends("mean_speed", statistics.mean_speed(by_arm, arm)),
         "time_to_goal": _mean(r.time for r in together),
         "time_to_goal_episodes": len(together),
@@ -147,6 +147,8 @@ def title(settings: dict[str, Any]) -> str:
     risk = f", risk δ = {settings['risk']:g}" if settings["risk"] else ""
     level = f", level λ = {settings['level']:g}" if settings["level"] else ""
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
+    if settings["tasks"] is not None:
+        places += f", tasks {settings['tasks']}"
     return (
         f"{places}, route {settings['route']}, {settings['vehicle']} car; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
@@ -233,6 +235,7 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
     worlds, together = "(95 % over worlds)", entries[0]["time_to_goal_episodes"]
     rows: dict[str, Cell] = {
         f"**SCT** {worlds}": _ended("sct", ".3f"),
+        **_barn_rows(entries, worlds),
         "**time ratio** to `known`, both reached": lambda e: interval(e.get("time_ratio"), ".2f"),
         "time over T_opt, where reached": _plain("over_optimum", ".2f"),
         f"time to goal [s], {together} episodes all reached": _plain("time_to_goal", ".1f"),
@@ -242,7 +245,7 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         "reached / timed out / stuck": lambda e: (
             f"{e['reached']} / {e['timed_out']} / {e['stuck']}"
         ),
-        "collided (95 %)": lambda e: (
+        f"collided {worlds}": lambda e: (
             f"{e['collided']} ({span(e['collided_interval'], '.1f', 100.0, ' %')})"
         ),
         "impact speed [m/s]": _plain("impact_speed", ".1f"),
@@ -261,6 +264,16 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
     if all(entry["over_optimum"] is None for entry in entries):
         del rows["time over T_opt, where reached"]
     return rows
+
+
+def _barn_rows(entries: list[dict[str, Any]], worlds: str) -> dict[str, Cell]:
+    """Return the rows of the BARN score; none if no task has a T*."""
+    if all(entry["barn_score"] is None for entry in entries):
+        return {}
+    return {
+        f"**BARN score**, at most 0.25 {worlds}": _ended("barn_score", ".3f"),
+        f"T\\*/time {worlds}": _ended("barn_score_uncut", ".3f"),
+    }
 
 
 def _plain(key: str, form: str) -> Cell:

@@ -4,5 +4,6 @@
 - `risk`: requested and realised risk of collisions.
 - `performance`: times, memory and throughput.
 - `robustness`: hostile predictors, interrupted commands.
+- `contact_test`: whether a drive touched anything, for the studies of risk and robustness.
 - `driver`: why drives got stuck, how much the car weaves, how far it relied on predictions.
 """

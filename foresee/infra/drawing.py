@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import shown
+from foresee.infra.float_errors import usual_float_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,8 +65,8 @@ LONGEST = 60
 
 @contextmanager
 def own_style() -> Iterator[None]:
-    """Draw in the style of this project, whatever the user's matplotlibrc says."""
-    with style.context(["default", STYLE]), warnings.catch_warnings():
+    """Draw in the style of this project, whatever the user's settings of matplotlib and NumPy."""
+    with style.context(["default", STYLE]), warnings.catch_warnings(), usual_float_errors():
         # A character that no font has is drawn as a box.
         warnings.filterwarnings("ignore", "Glyph .* missing from")
         yield

@@ -30,16 +30,30 @@ def read_json(path: Path, most: int = MOST_BYTES) -> Any:
     return loads(read_input(path, most))
 
 
-def loads(text: str | bytes) -> Any:
+def loads(text: str | bytes, *, unique: bool = False) -> Any:
     """Parse a JSON text.
+
+    Args:
+        text: the text.
+        unique: whether to refuse an object that has a name twice; else the last value counts.
 
     Raises:
         ValueError: if it is not valid JSON, or nested too deeply for Python's parser.
     """
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=_unique if unique else None)
     except RecursionError:
         raise ValueError("it is nested too deep") from None
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object, whose names must differ."""
+    entries = dict[str, Any]()
+    for name, value in pairs:
+        if name in entries:
+            raise ValueError(f"it names {name} twice")
+        entries[name] = value
+    return entries
 
 
 def read_object(path: Path, most: int = MOST_BYTES) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def serve(memory: int, connection: int, lifeline: int) -> None:
             factory, arguments = pickle.load(file)
         caller = Caller(factory(*arguments))
         reply: tuple[str, Any] = "ready", caller.context_side
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         reply = "failed", one_line(error)
     planner.send(json.dumps(reply).encode())
     shared = SharedMemory(memory)
@@ -106,6 +106,9 @@ def serve(memory: int, connection: int, lifeline: int) -> None:
             answer, reply = None, ("raised", str(error))
         except BadPredictionError as error:
             answer, reply = None, ("bad", str(error))
+        except BaseException as error:
+            # As in a thread: what a plug-in raises does not end the process.
+            answer, reply = None, ("raised", f"the predictor raised {type(error).__name__}")
         if os.getpid() != here:
             # The predictor has forked: one of the two answers.
             os._exit(0)

@@ -19,6 +19,7 @@ from foresee.infra.plain_json import without_nan
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
+from foresee.statistics import MIN_GROUPS
 from predictor.evaluation import scored_drive
 from predictor.evaluation.figures import draw_evaluation
 from predictor.evaluation.scored_drive import AS_ROOM, BLANK, VERSION, score_rows
@@ -214,7 +215,9 @@ def table(results: dict[str, Any]) -> str:
         if any(row.get("ece_free_95") for row in entry["predictors"].values()):
             rows[0].append("ece free, 95 %")
             for cells, row in zip(rows[1:], entry["predictors"].values(), strict=True):
-                cells.append(span(row.get("ece_free_95"), ".3f"))
+                # Older results also have intervals over fewer buildings.
+                enough = entry["drives"] >= MIN_GROUPS
+                cells.append(span(row.get("ece_free_95") if enough else None, ".3f"))
         parts.append(f"{head}\n\n{markdown(rows)}")
         parts.append(_by_distance(entry["predictors"]))
     return "\n\n".join(parts)

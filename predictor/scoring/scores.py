@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from foresee.mapping.grid import Grid
-from foresee.statistics import ends, resampled
+from foresee.statistics import interval
 
 EDGES = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, np.inf)
 """Edges of the rings of distance beyond the frontier [m]."""
@@ -156,25 +156,23 @@ class Scores:
 def calibration_interval(
     families: Sequence[Sequence[NDArray[np.float64]]],
 ) -> tuple[float, float] | None:
-    """Compute the 95 % bootstrap interval of a calibration error, over buildings within families.
-
-    A calibration error cannot be negative, and chance raises it where there are few buildings;
-    the interval may therefore lie above the error itself.
+    """Compute the 95 % interval of a calibration error, over buildings within families.
 
     Args:
         families: for each family, `Scores.bins` of each building, (BINS, 3).
 
     Returns:
-        Both ends; None if a family has less than two buildings, or no cell.
+        Both ends; None if `foresee.statistics.interval` gives none, or there is no cell.
     """
-    if min(len(family) for family in families) < 2:
-        return None
     strata = [np.stack(family).reshape(len(family), -1).T for family in families]
-    drawn = np.ascontiguousarray(resampled(strata).T).reshape(-1, BINS, 3)
-    cells, p, hits = np.moveaxis(drawn, 2, 0)
-    if not cells.any(axis=1).all():
-        return None
-    return ends(abs(p - hits).sum(axis=1) / cells.sum(axis=1))
+    return interval(strata, _calibration_error, (0.0, 1.0))
+
+
+def _calibration_error(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the calibration error of sums of `Scores.bins`, (3 * BINS, n); NaN without a cell."""
+    cells, p, hits = np.moveaxis(sums.reshape(BINS, 3, -1), 1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(abs(p - hits).sum(axis=0) / cells.sum(axis=0))
 
 
 def _area(counts: NDArray[np.int64]) -> float:

@@ -32,6 +32,9 @@ class Learner:
         self.net, self.training = net, training
         self.parts: dict[str, nn.Module] = {"net": net.net}
         initialise(net.net, training.sigma)
+        for module in net.net.modules():
+            if isinstance(module, nn.Dropout):
+                module.p = training.dropout
         self.optimizers = {"net": self._adam(net.net)}
 
     def learn(self, given: Tensor, wanted: Tensor, rate: float) -> Tensor:

@@ -47,9 +47,15 @@ class ImageOptions(Options):
     )
     sigma: float | None = option(
         None,
-        "standard deviation of the initial weights; the paper states 0.2 (default: "
-        f"{PAPER.training.sigma:g}, as in pix2pix)",
+        f"standard deviation of the initial weights (paper: {PAPER.training.sigma:g}; short: "
+        f"{SHORT.training.sigma:g}, as in pix2pix)",
         "S",
+    )
+    dropout: float | None = option(
+        None,
+        "dropout rate, in the first three decoder layers of a U-Net and in the blocks of a ResNet "
+        f"(paper and short: {PAPER.training.dropout:g})",
+        "P",
     )
     bf16: bool = option(False, "compute in bfloat16 where torch's autocast allows it")
 
@@ -69,7 +75,14 @@ class ImageOptions(Options):
             TrainError: if a value cannot be used.
         """
         preset = PRESETS[self.preset or "paper"]
-        values = given(epochs=self.epochs, batch=batch, rate=rate, sigma=self.sigma, seed=seed)
+        values = given(
+            epochs=self.epochs,
+            batch=batch,
+            rate=rate,
+            sigma=self.sigma,
+            dropout=self.dropout,
+            seed=seed,
+        )
         network = given(given=self.given, width=self.width, side=self.side)
         network = {"width": preset.width, "side": preset.side} | network
         try:

@@ -133,6 +133,7 @@ def collides(share):
             "index": index,
             "place": settings.world[index % len(settings.world)],
             "learned": False,
+            "world": f"{index}",
             "outcome": "collided" if bad else "reached",
             "time": 10.0,
             "path_length": 20.0,

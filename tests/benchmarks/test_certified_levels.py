@@ -27,6 +27,7 @@ def certified(tmp_path, monkeypatch, collides, **asked):
             "outcome": OUTCOMES[collides(settings.level, index)],
             "time": 10.0,
             "path_length": 20.0,
+            "world": f"{index}",
             "commit": "c",
         }
 

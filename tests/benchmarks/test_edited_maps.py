@@ -119,7 +119,7 @@ def test_a_map_in_a_folder_is_not_added_or_removed_unnoticed(tmp_path, path):
 def test_a_worker_refuses_a_map_that_was_edited_during_the_run(path):
     maps = map_hashes((str(path),))
     save_world(EDITS["a cell"], path)
-    with pytest.raises(WorkersError, match="another map"):
+    with pytest.raises(WorkersError, match="another file"):
         attempt(settings_of(path, predictor="none"), None, (0, "known"), maps)
 
 

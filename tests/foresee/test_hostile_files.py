@@ -47,6 +47,7 @@ from predictor.provenance import has_learned
 from predictor.training.checkpoint import TrainError, read_checkpoint
 from predictor.weights import WeightsError, load_weights, read_facts
 from sim.map_server import MapError, load_world
+from sim.task_file import TaskFile, TaskFileError
 
 YAML = b"""image: map.pgm
 resolution: 0.1
@@ -343,6 +344,7 @@ READERS = {
     "checkpoint": (lambda _, path: read_checkpoint(path, {}, CPU), TrainError),
     "calibration": (lambda _, path: load_calibration(path), CalibrationError),
     "time-optimal drives": (lambda _, path: read_t_opt(path), UsageError),
+    "tasks": (lambda _, path: TaskFile.read(path), TaskFileError),
     "results": (as_results, RunError),
     "traces": (as_traces, RunError),
     "samples": (as_shard, SamplesError),

@@ -51,7 +51,9 @@ from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
 from predictor.weights import WeightsError, load_weights, read_facts, save_weights
+from sim import empty_straight
 from sim.map_server import MapError, load_world
+from sim.task_file import TaskFile, TaskFileError
 
 MUTATIONS = int(os.environ.get("MUTATIONS", "200"))
 """Number of mutated files for each reader."""
@@ -316,6 +318,22 @@ def read_optimum(folder):
     DriveFile(folder / "copy.tmp.json", KIND, settings, "episodes", None, ENTRY)
 
 
+def write_tasks(folder):
+    content = {
+        "start": [2.0, 1.5, 0.0],
+        "goal_radius_m": 1.0,
+        "time_limit_s": {"a": 20, "b": 30.5},
+        "tasks": [{"map": "a", "goal": [15, 1.5]}, {"map": "b", "goal": [9.0, 1.5]}],
+    }
+    (folder / "tasks.json").write_text(json.dumps(content))
+
+
+def read_tasks(folder):
+    world = empty_straight(20.0, 3.0)
+    for task in TaskFile.read(folder / "tasks.json").tasks:
+        task.check_ends(world)
+
+
 def read_calibration(folder):
     found = load_calibration(folder / "calibration.json")
     found.level_for(0.05, conditions_for(calibrations.SETTINGS))
@@ -393,6 +411,7 @@ READERS = {
     "traces": Reader(write_run, read_run, (RunError, UsageError), only=("traces.npz",)),
     "run folders": Reader(write_run, open_run, (RunError, UsageError)),
     "optimum": Reader(write_optimum, read_optimum, (UsageError,)),
+    "tasks": Reader(write_tasks, read_tasks, (TaskFileError,)),
     "calibrations": Reader(
         lambda folder: calibrations.written(folder / "calibration.json"),
         read_calibration,

@@ -12,7 +12,7 @@ import misbehaving
 import numpy as np
 import pytest
 from joblib import Parallel, delayed
-from misbehaving import Forks, Misbehaving, Wrong, random_view
+from misbehaving import Forks, Misbehaving, Raises, Wrong, random_view
 from short_drive import LIDAR, drive, navigator, straight
 
 from foresee.prediction import BadPredictionError, RaisedError
@@ -90,6 +90,18 @@ def test_a_drive_is_the_same_as_with_a_thread(started):
     )
     assert np.array_equal(one.trace["states"], other.trace["states"])
     assert one.faults == other.faults
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, GeneratorExit, BaseException, SystemExit])
+def test_no_exception_ends_the_process(started, error):
+    predictor = started(Misbehaving, Raises(error))
+    before = process_of(predictor)
+    for _ in range(2):
+        predictor.ask(random_view(), BOUND)
+    for _ in range(3):
+        with pytest.raises(RaisedError, match=error.__name__):
+            predictor.ask(random_view(), BOUND)
+    assert process_of(predictor) == before
 
 
 MISBEHAVIOURS = {

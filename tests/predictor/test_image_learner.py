@@ -41,6 +41,14 @@ def test_each_residual_block_drops_half_of_its_features():
     assert rates == BLOCKS * [[0.5]]
 
 
+@pytest.mark.parametrize("arch", ["unet_ff", "resnet_ff", "gan"])
+def test_a_training_sets_the_rate_of_dropout(arch):
+    net = small(arch)
+    (Adversary if arch == "gan" else Learner)(net, ImageTraining(dropout=0.3))
+    rates = {module.p for module in net.modules() if isinstance(module, nn.Dropout)}
+    assert rates == {0.3}
+
+
 def test_a_decoder_layer_in_training_answers_differently_each_time():
     net = small("unet_ff").train()
     with torch.no_grad():

@@ -18,7 +18,7 @@ from predictor.networks.image_config import ImageConfig
 from predictor.train import main
 from predictor.training.checkpoint import TrainError
 from predictor.training.image_training import ImageTrainer, train_images
-from predictor.training.settings import PRESETS, ImageTraining
+from predictor.training.settings import PRESETS, ImageTraining, described
 from predictor.training.trainer import Stopped
 from predictor.weights import load_weights
 
@@ -253,9 +253,17 @@ def test_ten_steps_of_the_papers_own_u_net(tmp_path):
         path.unlink()
 
 
+def test_a_training_of_before_dropout_was_a_setting_is_still_the_same():
+    digests = "train", "validation"
+    facts = described(ImageConfig(), ImageTraining(), digests)
+    assert facts["config"].keys() == {"epochs", "batch", "rate", "sigma", "brief", "seed"}
+    other = described(ImageConfig(), ImageTraining(dropout=0.2), digests)
+    assert other["config"] == facts["config"] | {"dropout": 0.2}
+
+
 def test_two_hundred_epochs_are_what_the_paper_made(tmp_path):
     paper = PRESETS["paper"].training
-    assert (paper.epochs, paper.rate) == (200, 2e-4)
+    assert (paper.epochs, paper.rate, paper.sigma, paper.dropout) == (200, 2e-4, 0.2, 0.5)
     assert trainer(tmp_path, epochs=paper.epochs, batch=paper.batch).steps == 2000
 
 
@@ -298,6 +306,7 @@ def test_one_command_trains_and_writes_weights(tmp_path, capsys):
         (["--arch", "gan", "--width", "9"], "--width is 9"),
         (["--arch", "mlp", "--epochs", "0"], "--epochs is 0"),
         (["--arch", "mlp", "--sigma", "-1"], "--sigma is -1"),
+        (["--arch", "mlp", "--dropout", "1"], "--dropout is 1"),
         (["--arch", "mlp", "--seed", "-1"], "--seed is -1"),
         (["--arch", "mlp", "--batch", "0"], "--batch is 0, it must be at least 1"),
     ],

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from foresee.mapping.body import Body
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.car_limits import CONTACT_MARGIN, CarLimits
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, mark_beams
+from planner.navigator import Navigator, NavigatorConfig
 from sim.arc_search import HEADINGS, search_arcs
 from sim.car import along_arc, collides
 from sim.families import empty_straight, generate
@@ -18,6 +19,7 @@ from sim.task import (
     START_CLEARANCE,
     START_MARGINS,
     NoTaskError,
+    Task,
     prolonged,
     sample_task,
 )
@@ -182,6 +184,21 @@ def test_the_space_that_a_driver_is_told_to_be_free_at_the_start_is_free(family)
         told = known.crop(truth.frame).free
         assert told.any()
         assert not (told & task.world.solid).any()
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.06, 0.12])
+def test_a_start_close_to_a_wall_leaves_the_driver_room_to_stand(gap):
+    world = empty_straight(20.0, 2.0)
+    frame = world.grid.frame
+    wall = frame.origin[1] + frame.resolution * np.argwhere(world.grid.free)[:, 0].min()
+    y = wall + CAR.body.half_width + gap
+    task = Task(world, (5.0, y, 0.0), (15.0, y), np.array([[15.0, y]]), 10.0, seed=0)
+    margin = task.start_margin(CAR.body)
+    assert CONTACT_MARGIN < margin <= gap
+    config, known = NavigatorConfig(start_margin=margin), task.blank(5.0)
+    driver = Navigator(config, None, np.array(task.start), task.goal, known)
+    decision = driver.step(np.array([*task.start, 0.0]), Lidar().scan(world, task.start))
+    assert not decision.emergency
 
 
 def test_what_the_lidar_sees_overrules_what_was_assumed_of_the_start():

@@ -7,6 +7,7 @@ import resource
 import signal
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,16 @@ def forks_and_hangs():
 
 def raises():
     raise RuntimeError("as in a thread")
+
+
+@dataclass(frozen=True)
+class Raises:
+    """Raise an exception of a kind."""
+
+    kind: type[BaseException]
+
+    def __call__(self):
+        raise self.kind
 
 
 class Misbehaving:

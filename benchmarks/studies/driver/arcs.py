@@ -69,7 +69,7 @@ def reliable_distances(run: Run) -> dict[str, Any]:
     for number, name in enumerate(SCORES):
         entries = _entries(arcs, 2 + number)
         scores[name] = [
-            {"share": share} | estimate(worlds, entries, partial(_farthest, share=share), 500)
+            {"share": share} | estimate(worlds, entries, partial(_farthest, share=share))
             for share in SHARES
         ]
     return {"arcs": len(arcs), "drives": len(indices), "scores": scores}

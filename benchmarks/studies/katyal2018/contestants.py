@@ -23,7 +23,7 @@ from predictor.provenance import weights_fingerprint
 from predictor.recording.settings import SimulatedConfig
 from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
 from predictor.scoring.images import ternary
-from predictor.training.settings import PRESETS
+from predictor.training.settings import PRESETS, ImageTraining
 
 BASELINES = ("copy", "grey")
 """Names of the baselines: the unchanged crop, unknown around it; and an image that is all grey."""
@@ -96,7 +96,9 @@ def reduced(facts: dict[str, Any]) -> dict[str, Any] | None:
         "turned": False,
         "frames": SimulatedConfig().train,
     }
-    actual = facts.get("config", {}) | facts.get("network", {}) | {"frames": facts.get("frames")}
+    # Older weights do not record all settings; those that are missing had their defaults.
+    actual = asdict(ImageTraining()) | facts.get("config", {}) | facts.get("network", {})
+    actual |= {"frames": facts.get("frames")}
     other = {
         name: actual.get(name)
         for name, value in published.items()

@@ -6,9 +6,12 @@ from collections.abc import Iterable
 from functools import reduce
 from typing import Any
 
+import numpy as np
+
 from benchmarks.studies.katyal2018.contestants import BASELINES
 from foresee.infra.markdown import DASH, interval, markdown
-from predictor.networks import PAPER
+from foresee.statistics import holm, of_percentiles
+from predictor.networks import PROPOSED
 
 Rows = dict[str, dict[str, Any]]
 """Predictor → measures."""
@@ -42,18 +45,27 @@ SHORT = {
 ABOVE = """\
 ## Above the baselines
 
-Differences in SSIM to the baselines: of the best of the paper's networks at each expansion, by SSIM
-of the whole square, and of the `compact…` networks, whose input also has the cells outside the crop
-that were observed. 95 % intervals over drives (simulated) and blocks of {block:g} m (physical).
+Differences in SSIM to the baselines, of the paper's networks and of the `compact…` networks, whose
+input also has the cells outside the crop that were observed. 95 % intervals over drives (simulated)
+and blocks of {block:g} m (physical), each for a single comparison. An asterisk marks differences
+that are significant at 5 % after Holm's correction for the number of comparisons in the table.
 """
-BEST = "the paper's best"
-"""Name in tables for the best of the paper's networks, which depends on site and expansion."""
-SITES = """
-## Sites above the baselines
+AGAINST = """
+## The paper's networks against its U-Net
 
-Number of sites, of {count}, at which the SSIM is significantly above that of the others: the
-interval of each difference lies above zero. By expansion: {expansions}.
+Differences in SSIM, with intervals and asterisks as above.
 """
+SITES = """
+## Sites above and below the baselines
+
+Number of sites, of {count}, at which the SSIM is significantly above that of all the others, and
+at which it is significantly below: each difference is significant at 5 % after Holm's correction
+for the number of comparisons in the table. By expansion: {expansions}.
+"""
+SIGNIFICANT = 0.05
+"""Largest corrected p value of a significant difference."""
+Difference = dict[str, Any]
+"""A difference with its interval and p value, as of `foresee.statistics.grouped_mean`."""
 
 
 def summary(results: dict[str, Any]) -> str:
@@ -63,7 +75,9 @@ def summary(results: dict[str, Any]) -> str:
     return "\n".join(
         (
             ABOVE.format(block=results["settings"]["block"]),
-            _verdicts(places),
+            _baselines_table(places),
+            AGAINST,
+            _against_unet(places),
             SITES.format(count=len(sites), expansions=" / ".join(expansions)),
             _sites(sites, expansions),
             "\n## The networks\n",
@@ -145,58 +159,123 @@ def _size(entry: dict[str, Rows]) -> str:
     return f"{row['frames']} frames of {row['drives']} drive{'s' * (row['drives'] > 1)}."
 
 
-def _best(measured: Rows) -> str | None:
-    """Return the best of the paper's networks by SSIM; None if none was compared."""
-    networks = [name for name in measured if name in PAPER]
-    return max(networks, key=lambda name: measured[name]["ssim"]) if networks else None
-
-
 def _compacts(measured: Iterable[str]) -> list[str]:
     """Return the variants of compact among some predictors."""
     return [name for name in measured if name.startswith("compact")]
 
 
-def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
-    """Count the sites where a predictor is above others, at each expansion."""
-    entries = list(sites.values())
-    names = [name for entry in entries for name in _compacts(predictor_names(entry))]
-    rows = [["predictor", "above", "whole square", "unobserved cells"]]
-    for name in dict.fromkeys([BEST, *names]):
-        for others in (BASELINES, ("none",)):
-            row = [name if name == BEST else f"`{name}`", " and ".join(f"`{o}`" for o in others)]
-            for measure in ("ssim", "ssim_unseen"):
-                counts = [
-                    sum(_is_above(entry.get(x, {}), name, others, measure) for entry in entries)
-                    for x in expansions
-                ]
-                row.append(" / ".join(map(str, counts)))
-            rows.append(row)
-    return markdown(rows)
+def _compared(measured: Iterable[str]) -> list[str]:
+    """Return the paper's networks and the variants of compact among some predictors."""
+    names = list(measured)
+    return [*(name for name in PROPOSED if name in names), *_compacts(names)]
 
 
-def _is_above(measured: Rows, name: str, others: tuple[str, ...], measure: str) -> bool:
-    """Return whether a predictor is above all others: the interval lies above zero."""
-    chosen = _best(measured) if name == BEST else name
-    above = measured[chosen]["above"] if chosen in measured else {}
-    differences = [above.get(other, {}).get(measure) for other in others]
-    # A single block has no interval, so no difference is statistically significant.
-    return all(value is not None and (value["low"] or 0.0) > 0.0 for value in differences)
+def _difference(measured: Rows, name: str, other: str, measure: str) -> Difference | None:
+    """Return the difference of a predictor to another one; None if it is not known.
+
+    The intervals of results without p values are percentiles of a bootstrap.
+    """
+    found: Difference | None = measured.get(name, {}).get("above", {}).get(other, {}).get(measure)
+    if found is None or "p" in found:
+        return found
+    return of_percentiles(found, found["groups"])
 
 
-def _verdicts(places: dict[str, dict[str, Rows]]) -> str:
-    """Return the differences of the best network and of compact to the baselines."""
+def _significant(differences: Iterable[Difference | None]) -> list[int]:
+    """Return the sign of each difference that is significant among all of them, else 0."""
+    every = list(differences)
+    p_values = [d["p"] if d and d["p"] is not None else 1.0 for d in every]
+    corrected = holm(p_values)
+    return [
+        int(np.sign(d["value"])) if d and p < SIGNIFICANT else 0
+        for d, p in zip(every, corrected, strict=True)
+    ]
+
+
+def _marked(rows: list[list[str | Difference | None]]) -> list[list[str]]:
+    """Return cells as text, with an asterisk after each difference that is significant."""
+    differences = [cell for row in rows for cell in row if not isinstance(cell, str)]
+    signs = iter(_significant(differences))
+    return [
+        [cell if isinstance(cell, str) else _cell(cell) + " *" * abs(next(signs)) for cell in row]
+        for row in rows
+    ]
+
+
+def _baselines_table(places: dict[str, dict[str, Rows]]) -> str:
+    """Return the differences of the paper's networks and of compact to the baselines."""
     measures = {"ssim": "whole", "ssim_kept": "restored", "ssim_unseen": "unobserved"}
-    columns = [f"{what} to `{other}`" for what in measures.values() for other in BASELINES]
-    rows = [["where", "expansion", "network", "SSIM", *columns]]
-    for place, entry in places.items():
-        for expansion, measured in entry.items():
-            best = _best(measured)
-            for name in (best, *_compacts(measured)) if best else ():
-                row = measured[name]
-                above = [row["above"][other][what] for what in measures for other in BASELINES]
-                ssim = _number(row["ssim"])
-                rows.append([place, expansion, f"`{name}`", ssim, *map(_cell, above)])
-    return markdown(rows) if len(rows) > 1 else "None of the paper's networks was asked."
+    pairs = [(measure, other) for measure in measures for other in BASELINES]
+    columns = [f"{measures[measure]} to `{other}`" for measure, other in pairs]
+    rows: list[list[str | Difference | None]] = [
+        [place, expansion, f"`{name}`", _number(measured[name]["ssim"])]
+        + [_difference(measured, name, other, measure) for measure, other in pairs]
+        for place, entry in places.items()
+        for expansion, measured in entry.items()
+        for name in _compared(measured)
+    ]
+    return markdown([["where", "expansion", "network", "SSIM", *columns], *_marked(rows)])
+
+
+def _against_unet(places: dict[str, dict[str, Rows]]) -> str:
+    """Return the differences of the paper's other networks to its U-Net."""
+    unet, *others = PROPOSED
+    pairs = [(name, measure) for name in others for measure in ("ssim", "ssim_unseen")]
+    what = {"ssim": "whole", "ssim_unseen": "unobserved"}
+    rows: list[list[str | Difference | None]] = [
+        [place, expansion] + [_difference(measured, name, unet, measure) for name, measure in pairs]
+        for place, entry in places.items()
+        for expansion, measured in entry.items()
+    ]
+    heads = [f"`{name}`, {what[measure]}" for name, measure in pairs]
+    return markdown([["where", "expansion", *heads], *_marked(rows)])
+
+
+def _sites(sites: dict[str, dict[str, Rows]], expansions: list[str]) -> str:
+    """Count the sites where a predictor is above or below others, at each expansion."""
+    entries = list(sites.values())
+    every = (name for entry in entries for name in _compared(predictor_names(entry)))
+    kinds = [
+        (name, others, measure)
+        for name in dict.fromkeys(every)
+        for others in (BASELINES, ("none",))
+        for measure in ("ssim", "ssim_unseen")
+    ]
+    keys = [
+        (name, other, measure, x, site)
+        for name, others, measure in kinds
+        for other in others
+        for x in expansions
+        for site in range(len(entries))
+    ]
+    differences = (
+        _difference(entries[site].get(x, {}), name, other, measure)
+        for name, other, measure, x, site in keys
+    )
+    signs = dict(zip(keys, _significant(differences), strict=True))
+
+    def counts(name: str, others: tuple[str, ...], measure: str, sign: int) -> str:
+        return " / ".join(
+            str(
+                sum(
+                    all(signs[name, other, measure, x, site] == sign for other in others)
+                    for site in range(len(entries))
+                )
+            )
+            for x in expansions
+        )
+
+    heads = ("whole square: above", "below", "unobserved cells: above", "below")
+    rows = [["predictor", "others", *heads]]
+    for name, others in dict.fromkeys((name, others) for name, others, _ in kinds):
+        row = [f"`{name}`", " and ".join(f"`{other}`" for other in others)]
+        row += [
+            counts(name, others, measure, sign)
+            for measure in ("ssim", "ssim_unseen")
+            for sign in (1, -1)
+        ]
+        rows.append(row)
+    return markdown(rows)
 
 
 def _trainings(predictors: dict[str, Any]) -> str:
@@ -275,4 +354,6 @@ def _cell(value: dict[str, Any] | float | None) -> str:
     """Return a number, or a difference and its interval if there is one."""
     if not isinstance(value, dict):
         return _number(value)
+    if "p" not in value:
+        value = of_percentiles(value, value["groups"])
     return _number(value["value"], "+.3f") if value["low"] is None else interval(value, "+.3f")

@@ -108,7 +108,8 @@ def compare(
     Returns:
         Solver → its times as in `beside_ours`; and `excess`, the mean over halls of the cost above
         that of a drive without posts; `dearer_percent`, the mean over halls of the cost above that
-        of our MPC [%], and `dearer_low`, `dearer_high`, its 95 % interval over halls; `hits`, the
+        of our MPC [%], and `dearer_low`, `dearer_high`, its 95 % interval over halls, if there is
+        one; `hits`, the
         number of drives that hit a post; `failures`, the number of ticks in which the solver
         reported a failure.
     """
@@ -133,11 +134,11 @@ def compare(
         dearer = 100 * (costs - reference) / abs(reference)
         interval = grouped_mean(np.arange(worlds), dearer, np.ones(worlds))
         assert interval is not None
+        ends = {"dearer_low": interval["low"], "dearer_high": interval["high"]}
         compared[name] |= {
             "excess": float((costs - unhindered).mean()),
             "dearer_percent": interval["value"],
-            "dearer_low": interval["low"],
-            "dearer_high": interval["high"],
+            **{end: value for end, value in ends.items() if value is not None},
             "hits": float(sum(d.hit for d in ds)),
             "failures": float(sum(d.failures for d in ds)),
         }

@@ -14,7 +14,7 @@ from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import ARMS, Settings
 from benchmarks.runs.trace import Drive
-from benchmarks.studies.risk.contact_test import touches
+from benchmarks.studies.contact_test import touches
 from benchmarks.studies.risk.series import Series
 from foresee.infra.command_line import UsageError
 from foresee.mapping.body import Body

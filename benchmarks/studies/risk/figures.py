@@ -77,7 +77,8 @@ def _promise(results: dict[str, Any]) -> Figure | None:
     for axes in panels[len(risks) :]:
         axes.set_axis_off()
     # Intervals from a few drives may be cut off: they would make the others too short to read.
-    ends = [row["interval"][1] if row["drives"] >= MANY else row["rate"] for row in rows]
+    drawn = [(row, row["interval"] if row["drives"] >= MANY else None) for row in rows]
+    ends = [interval[1] if interval else row["rate"] for row, interval in drawn]
     panels[0].set(xlim=(-1, 100 * max(ends) + 2), ylim=(-0.5, len(kinds) - 0.3))
     names = [place if group == PROMISE else f"{place}, {group}" for group, place in kinds]
     for axes in panels[::columns]:
@@ -159,9 +160,9 @@ def _recalibrations(results: dict[str, Any]) -> Figure | None:
     return figure
 
 
-def _around(rate: float, interval: list[float]) -> list[list[float]]:
-    """Return an error bar [%]; an interval ends at 0 or 1 only within the precision of floats."""
-    low, high = interval
+def _around(rate: float, interval: list[float] | None) -> list[list[float]]:
+    """Return an error bar [%], of no length without an interval."""
+    low, high = interval or (rate, rate)
     return [[100 * max(0.0, rate - low)], [100 * max(0.0, high - rate)]]
 
 

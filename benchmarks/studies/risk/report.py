@@ -16,6 +16,7 @@ from benchmarks.runs.statistics import ResultsByArm
 from benchmarks.studies.risk.drives import Drives
 from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, predictor_label
 from foresee.mapping.family_names import FAMILIES
+from foresee.statistics import MIN_GROUPS
 
 BASELINES = ("known", "oracle", "full")
 
@@ -35,7 +36,7 @@ def collision_rows(
         driven = _with_task(drives[series.name])
         if not driven:
             continue
-        outcomes = Counter(d["outcome"] for d in driven)
+        outcomes, worlds = Counter(d["outcome"] for d in driven), [d["world"] for d in driven]
         collided, km = outcomes["collided"], sum(d["path_length"] for d in driven) / 1e3
         rows.append(
             _about(series)
@@ -43,14 +44,15 @@ def collision_rows(
                 "requested": series.risk,
                 "certified": series.risk in certified,
                 "drives": len(driven),
+                "worlds": len(set(worlds)),
                 "no_task": len(drives[series.name]) - len(driven),
                 "collided": collided,
                 "rate": collided / len(driven),
-                "interval": list(statistics.wilson(collided, len(driven))),
+                "interval": statistics.rate_interval(_collided(driven), worlds),
                 "touched": sum(d["touched"] for d in driven),
                 "learned": sum(d["learned"] for d in driven),
                 "km": km,
-                "per_km_interval": _poisson(collided, km),
+                "per_km_interval": _per_km(collided, km, worlds),
                 "outcomes": dict(outcomes),
                 "by_family": _by_family(series, driven),
                 "sct": _mean([d["sct"] for d in driven]),
@@ -73,7 +75,7 @@ def exceeds_its_risk(row: dict[str, Any]) -> bool:
     in_mixture = row["certified"] and (row["group"], row["tasks"]) == (PROMISE, MIXTURE)
     # Further calibrations are driven only at the risks that they certify.
     certified = in_mixture or row["group"] == OWN
-    return bool(certified and row["interval"][0] > row["requested"])
+    return bool(certified and row["interval"] and row["interval"][0] > row["requested"])
 
 
 def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
@@ -118,23 +120,24 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
     further = [s for s in all_series if s.group == OWN and s.arm == "predicted"]
     rows = []
     for risk in sorted({s.risk for s in further if s.risk is not None}):
-        levels, outcomes = dict[str, float](), list[str]()
+        levels, drives_at = dict[str, float](), list[dict[str, Any]]()
         arms: dict[str, list[DriveResult]] = {arm: [] for arm in ("predicted", "known", "oracle")}
         for series in (s for s in further if s.risk == risk):
             levels[series.tasks] = series.settings.level
-            outcomes += [d["outcome"] for d in _with_task(drives[series.name])]
+            drives_at += _with_task(drives[series.name])
             baselines = _baselines(series, all_series, drives)
             for arm, results in _paired({"predicted": drives[series.name], **baselines}).items():
                 arms[arm] += results
-        if outcomes:
-            collided = outcomes.count("collided")
+        if drives_at:
+            collided, worlds = _collided(drives_at), [d["world"] for d in drives_at]
             rows.append(
                 {
                     "requested": risk,
                     "levels": levels,
-                    "drives": len(outcomes),
-                    "collided": collided,
-                    "interval": list(statistics.wilson(collided, len(outcomes))),
+                    "drives": len(drives_at),
+                    "worlds": len(set(worlds)),
+                    "collided": sum(collided),
+                    "interval": statistics.rate_interval(collided, worlds),
                     "time_ratio": statistics.time_ratio(arms, "predicted", "known"),
                 }
             )
@@ -209,6 +212,10 @@ def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [drive for drive in drives if drive["outcome"] != NO_TASK]
 
 
+def _collided(drives: Sequence[dict[str, Any]]) -> list[bool]:
+    return [drive["outcome"] == "collided" for drive in drives]
+
+
 def _barn(drive: dict[str, Any], v_max: float) -> float | None:
     """Return the score of the BARN challenge: with the time T of the shortest path at top speed, T
     over the time of the drive, which counts as 2 T to 8 T; 0 if the goal was not reached.
@@ -222,12 +229,17 @@ def _barn(drive: dict[str, Any], v_max: float) -> float | None:
     return float(best / in_time) if drive["outcome"] == "reached" else 0.0
 
 
-def _poisson(count: int, km: float) -> list[float] | None:
-    """Return the exact 95 % interval of a rate [1/km]; None if nothing was driven."""
-    if km == 0.0:
+def _per_km(count: int, km: float, worlds: Sequence[str]) -> tuple[float, float] | None:
+    """Return the exact 95 % interval of a rate [1/km], for as many independent drives.
+
+    None if nothing was driven, or in fewer than `MIN_GROUPS` worlds.
+    """
+    if km == 0.0 or len(set(worlds)) < MIN_GROUPS:
         return None
-    low = chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
-    return [float(low / km), float(chi2.ppf(0.975, 2 * count + 2) / 2 / km)]
+    share = statistics.independent(worlds) / len(worlds)
+    low = chi2.ppf(0.025, 2 * count * share) / 2 if count else 0.0
+    high = chi2.ppf(0.975, 2 * count * share + 2) / 2
+    return float(low / (km * share)), float(high / (km * share))
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

@@ -1,11 +1,13 @@
-"""Drive with hostile predictors in all families of buildings; no car may collide.
+"""Drive with hostile predictors in hard buildings, with odd cars; no car may collide.
 
-    python -m benchmarks.studies.robustness.attack --drives 400
+    python -m benchmarks.studies.robustness.attack --drives 1000 --seconds 5
 
 The predictors predict falsely, write into their arguments, answer late, raise and break the
-contract, at reliances from 0 to 0.99. Collisions of the car and crashes of the program are counted:
-there may be none. Interrupted, it continues when the same command is given again. Exit status: 1
-after a collision or crash.
+contract, at reliances from 0 to 0.99. The buildings are of all families, with cells of 0.01 to
+0.5 m and walls of one cell; cars have any body and turning radius that is admitted, and may have to
+back out at the start. Collisions, contacts of the exact body, false observations and crashes of the
+program are counted: there may be none. Interrupted, it continues when the same command is given
+again. Exit status: 1 if there was any.
 """
 
 from __future__ import annotations
@@ -44,16 +46,18 @@ class Place(Options):
 
 def _run(settings: AttackSettings, place: Place) -> int:
     # Imported here, so that --help does not wait for slow imports.
-    from benchmarks.studies.robustness.hostile_drives import attacked, table
+    from benchmarks.studies.robustness.hostile_drives import attacked, failures, table
+    from benchmarks.studies.robustness.scenario import SITUATIONS
 
-    store = DriveFile(place.out, "attack", asdict(settings), grows="drives")
+    # Older files have other drives.
+    identity = asdict(settings) | {"situations": list(SITUATIONS)}
+    store = DriveFile(place.out, "attack", identity, grows="drives")
     work = partial(attacked, settings.seed, settings.seconds)
-    store.fill(work, range(settings.drives), place.jobs, lambda drive: str(drive["kind"]))
+    store.fill(work, range(settings.drives), place.jobs, lambda drive: str(drive["situation"]))
     drives = store.first(settings.drives)
     print(table({"drives": drives}), "", place.out, sep="\n")
-    failed = [drive for drive in drives if drive["outcome"] in ("collided", "crashed")]
-    for drive in failed:
-        print(f"drive {drive['index']}, {drive['kind']}: {drive['outcome']} {drive['error'] or ''}")
+    failed = list(failures(drives))
+    print(*failed, sep="\n", end="\n" if failed else "")
     return 1 if failed else 0
 
 

@@ -1,46 +1,47 @@
-"""Drives with hostile predictors, in all families of buildings."""
+"""Drives with hostile predictors, in all families of buildings and in unusual situations."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from benchmarks.runs.drive import limits_for, navigator_for
+from benchmarks.runs.drive import navigator_for
 from benchmarks.runs.drive_file import NO_TASK
-from benchmarks.runs.settings import ARMS, VEHICLES, Settings
-from benchmarks.runs.tasks import make_task
-from benchmarks.studies.robustness.hostile_predictors import DEADLINE, KINDS, Hostile
+from benchmarks.runs.settings import ARMS
+from benchmarks.studies.contact_test import touches
+from benchmarks.studies.robustness.hostile_predictors import (
+    CLASSES,
+    DEADLINE,
+    hostile,
+)
+from benchmarks.studies.robustness.scenario import SITUATIONS, Scenario
+from benchmarks.studies.robustness.witness import Witness
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
-from foresee.mapping.family_names import FAMILIES
-from sim import DubinsCar, Lidar, LidarConfig
+from foresee.prediction import Predictor
+from planner.fault import Fault
+from planner.risk.predictor_process import PredictorProcess
+from sim import DubinsCar
 from sim.episode import EpisodeConfig, run_episode
 from sim.task import NoTaskError
 
-RELIANCES = (0.0, 0.05, 0.2, 0.5, 0.99)
-SPEEDS = (2.0, 4.0, 6.0)
-
-
-def scenario(index: int, seed: int) -> tuple[str, Settings]:
-    """Return the hostile predictor and the settings of a drive."""
-    rng = np.random.default_rng([seed, index])
-    # Kinds and families take turns, so that each pair comes once before any is repeated; all other
-    # settings are drawn at random.
-    kind = list(KINDS)[index % len(KINDS)]
-    family = FAMILIES[(index // len(KINDS) + index) % len(FAMILIES)]
-    settings = Settings(
-        world=(family,),
-        route=str(rng.choice(("free", "fixed"))),
-        episodes=1,
-        seed=seed + index,
-        arms=("predicted",),
-        predictor="none",
-        reliance=float(rng.choice(RELIANCES)),
-        v_max=float(rng.choice(SPEEDS)),
-        vehicle=str(rng.choice(tuple(VEHICLES))),
-    )
-    return kind, settings
+TITLES = {
+    "usual": "as in comparisons",
+    "cells": "cells of 0.01–0.5 m",
+    "thin walls": "walls of one cell",
+    "body": "other bodies and turning radii",
+    "pocket": "the car must back out at the start",
+    "lattice": "start and beams in corners of cells",
+    "process": "predictor in a process of its own",
+    "mixed": "several of these",
+}
+"""Situation → its description in the table."""
+Drives = list[dict[str, Any]]
+BROKEN = (Fault.EMERGENCY, Fault.NO_LAST_RESORT)
+"""Faults that the guarantee excludes."""
 
 
 def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
@@ -53,61 +54,136 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         seconds: longest duration of the drive in simulated time [s].
         index: number of the drive.
     """
-    kind, settings = scenario(index, seed)
+    scenario = Scenario.draw(index, seed)
+    settings, car = scenario.settings, scenario.car
     entry: dict[str, Any] = {
         "index": index,
-        "kind": kind,
+        "kind": scenario.kind,
+        "situation": scenario.situation,
+        "odd": list(scenario.odd),
         "world": settings.world[0],
         **{k: getattr(settings, k) for k in ("seed", "route", "vehicle", "reliance", "v_max")},
+        "resolution": scenario.resolution,
+        "body": [car.body.length, car.body.width],
+        "turning_radius": car.turning_radius,
         "commit": commit(),
     }
     try:
-        task = make_task(settings, 0)
+        task = scenario.task()
     except NoTaskError as error:
         return entry | {"outcome": NO_TASK, "error": None, "note": str(error)}
-    driver = navigator_for(settings, ARMS["predicted"], task, Hostile(KINDS[kind]), DEADLINE)
-    car, lidar = DubinsCar(limits_for(settings)), Lidar(LidarConfig())
+    witness, lidar = Witness(task.world), scenario.lidar
     config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
     rng = np.random.default_rng([task.seed, 2])
     try:
-        episode = run_episode(task, driver, car, lidar, config, rng)
+        with _predictor(scenario) as predictor:
+            driver = navigator_for(settings, ARMS["predicted"], task, predictor, DEADLINE, car=car)
+            episode = run_episode(
+                task,
+                driver,
+                DubinsCar(car),
+                lidar,
+                config,
+                rng,
+                lambda _, decision: witness.compare(driver.known, *decision.plan.states[0, :2]),
+            )
     except Exception as error:
         # The program must survive every hostile predictor: an exception here is a failure.
         return entry | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
+    if "lattice" in scenario.odd:
+        witness.scan_from_corners(lidar, rng)
+    world, trace = task.world, episode.trace
+    states = trace["states"]
     return entry | {
         "outcome": str(episode.outcome),
+        "touched": touches(states, world.solid, world.grid.frame, car.body),
+        "false_cells": witness.false_cells,
         "error": None,
         "time": round(episode.time, 1),
         "path_length": round(episode.path_length, 2),
+        "reversed": round(_reversed(states), 2),
         "max_speed": round(episode.max_speed, 2),
         "impact_speed": episode.impact_speed,
-        "ticks": len(episode.trace["kept"]),
+        "ticks": len(trace["kept"]),
         "faults": episode.faults,
+        "longest_wait": _longest_wait(trace),
     }
 
 
-def table(results: dict[str, Any]) -> str:
-    """Return a Markdown table of drives, collisions and faults for each hostile predictor."""
-    rows = []
-    drives = [d for d in results["drives"] if d["outcome"] != NO_TASK]
-    for name in (*KINDS, "all"):
-        of_kind = [d for d in drives if name in ("all", d["kind"])]
-        if not of_kind:
+@contextmanager
+def _predictor(scenario: Scenario) -> Iterator[Predictor]:
+    if "process" not in scenario.odd:
+        yield hostile(scenario.kind)
+        return
+    process = PredictorProcess(hostile, scenario.kind)
+    try:
+        yield process
+    finally:
+        process.close()
+
+
+def _reversed(states: Any) -> float:
+    """Return the distance driven in reverse [m]."""
+    steps = np.hypot(*np.diff(states[:, :2], axis=0).T)
+    return float(steps[states[1:, 3] + states[:-1, 3] < 0.0].sum())
+
+
+def _longest_wait(trace: dict[str, Any]) -> int:
+    """Return the longest wait for a prediction after the first tick [ms]."""
+    names = trace["time_names"].tolist()
+    waits = trace["times"][1:, names.index("predict")] if "predict" in names else np.zeros(0)
+    return round(float(waits.max(initial=0.0)))
+
+
+def failures(drives: Drives) -> Iterator[str]:
+    """Yield a line for each drive that should not have ended so."""
+    for drive in drives:
+        if drive["outcome"] == NO_TASK:
             continue
-        whole = [d for d in of_kind if d["outcome"] != "crashed"]
-        seconds = sum(d["time"] for d in whole)
-        metres = sum(d["path_length"] for d in whole)
-        rows.append(
-            {
-                "predictor": name,
-                "drives": len(of_kind),
-                "collided": sum(d["outcome"] == "collided" for d in of_kind),
-                "program errors": len(of_kind) - len(whole),
-                "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else DASH,
-                "faults per drive": f"{sum(map(_faults, whole)) / max(1, len(whole)):.0f}",
-            }
-        )
-    return records(rows)
+        wrong = [drive["outcome"]] if drive["outcome"] in ("collided", "crashed") else []
+        wrong += ["touched"] if drive.get("touched") else []
+        wrong += [f"{name} {n}" for name, n in drive.get("false_cells", {}).items() if n]
+        wrong += [f"{fault} {n}" for fault, n in drive.get("faults", {}).items() if fault in BROKEN]
+        if wrong:
+            what = f"drive {drive['index']}, {drive['situation']}, {drive['kind']}"
+            yield f"{what}: {', '.join(wrong)} {drive['error'] or ''}".rstrip()
+
+
+def table(results: dict[str, Any]) -> str:
+    """Return drives, contacts and faults by class of predictors and by situation as Markdown."""
+    drives = [d for d in results["drives"] if d["outcome"] != NO_TASK]
+    by_class = {
+        what: [d for d in drives if d["kind"] in kinds] for what, kinds in CLASSES.items()
+    } | {"all": drives}
+    by_situation = {
+        TITLES[name]: [d for d in drives if d["situation"] == name] for name in SITUATIONS
+    } | {"all": drives}
+    parts = (("predictors", by_class), ("situation", by_situation))
+    return "\n\n".join(records(list(_rows(head, groups))) for head, groups in parts)
+
+
+def _rows(head: str, groups: dict[str, Drives]) -> Iterator[dict[str, Any]]:
+    """Yield a row for each group of drives that is not empty."""
+    for name, drives in groups.items():
+        whole = [d for d in drives if d["outcome"] != "crashed"]
+        if not drives:
+            continue
+        seconds, metres = (sum(d[key] for d in whole) for key in ("time", "path_length"))
+        yield {
+            head: name,
+            "drives": len(drives),
+            "collided": sum(d["outcome"] == "collided" for d in drives),
+            "exact body touched": sum(d["touched"] for d in whole),
+            "false observations": sum(any(d["false_cells"].values()) for d in whole),
+            "emergencies": sum(any(fault in d["faults"] for fault in BROKEN) for d in whole),
+            "program errors": len(drives) - len(whole),
+            "mean speed [m/s]": f"{metres / seconds:.2f}" if seconds else DASH,
+            "faults per drive": _mean(_faults, whole),
+        }
+
+
+def _mean(of: Callable[[dict[str, Any]], int], drives: Drives) -> str:
+    return f"{sum(map(of, drives)) / max(1, len(drives)):.0f}"
 
 
 def _faults(drive: dict[str, Any]) -> int:

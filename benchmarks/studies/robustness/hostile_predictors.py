@@ -5,6 +5,7 @@ None of them may make a car collide at a reliance below 1 and a level of 0, or c
 
 from __future__ import annotations
 
+import ctypes
 import dataclasses
 import threading
 import time
@@ -121,6 +122,20 @@ def late(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
     return claim(known, 1.0)
 
 
+def holds_the_lock(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
+    """Let no other thread run before every third answer, as compiled code may."""
+    if call % 3 == 0:
+        ctypes.PyDLL(None).usleep(int(3e6 * DEADLINE))
+    return claim(known, 1.0)
+
+
+class _Lasting(np.ndarray):
+    """An array that takes longer than the deadline to be destroyed."""
+
+    def __del__(self) -> None:
+        time.sleep(3 * DEADLINE)
+
+
 def never(known: Grid, pose: NDArray[np.float64], call: int) -> Prediction:
     """Never return from the third call on."""
     if call > 2:
@@ -206,9 +221,14 @@ WRITERS: dict[str, Answer] = {
     "writes later": writes_later,
 }
 """Predictors that write into their arguments."""
-FAULTY: dict[str, Answer] = {
+LATE: dict[str, Answer] = {
     "late": late,
     "never": never,
+    "holds the interpreter's lock": holds_the_lock,
+    "takes long to be destroyed": broken(confidence=lambda c: c.view(_Lasting)),
+}
+"""Predictors that do not keep the deadline."""
+RAISING: dict[str, Answer] = {
     **{
         f"raises {error.__name__}": raising(error)
         for error in (
@@ -224,6 +244,9 @@ FAULTY: dict[str, Answer] = {
         )
     },
     "raises what cannot be shown": raising(_UnprintableError),
+}
+"""Predictors that raise exceptions."""
+INVALID: dict[str, Answer] = {
     "None": lambda known, pose, call: None,
     "text": lambda known, pose, call: "free everywhere",
     "a dictionary": lambda known, pose, call: {"p_free": 1.0},
@@ -242,6 +265,21 @@ FAULTY: dict[str, Answer] = {
     ),
     "no frame": broken(frame=None),
 }
-"""Predictors that break the contract: each invalid answer must be counted as a fault."""
+"""Predictors that break the contract of answers."""
+FAULTY = LATE | RAISING | INVALID
+"""Predictors whose faults must be counted."""
+CLASSES = {
+    "false predictions: all free, all occupied, noise": LIARS,
+    "write to their inputs, also after they have returned": WRITERS,
+    "answer too late or never": LATE,
+    "raise exceptions": RAISING,
+    "return invalid values: NaN, wrong types, shapes, sums": INVALID,
+}
+"""Description of each class of predictors → its predictors."""
 KINDS = LIARS | WRITERS | FAULTY
 """Name of each hostile predictor → its answers."""
+
+
+def hostile(kind: str) -> Hostile:
+    """Return the hostile predictor of a kind, as a `PredictorProcess` makes it."""
+    return Hostile(KINDS[kind])

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.runs.drive import limits_for, navigator_for
+from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.settings import ARMS, Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness import attack
-from benchmarks.studies.robustness.hostile_drives import attacked
+from benchmarks.studies.robustness.hostile_drives import attacked, failures
 from benchmarks.studies.robustness.hostile_predictors import (
     FAULTY,
     KINDS,
@@ -34,13 +35,14 @@ UNSEEN = Grid(GridFrame(0.05, (0.0, 0.0), (40, 40)), np.full((40, 40), -1, np.in
 def test_a_drive_with_a_hostile_predictor_ends_well_and_its_faults_are_counted(index):
     found = attacked(attack.SEED, 3.0, index)
     assert found["kind"] == list(KINDS)[index]
-    assert found["error"] is None
-    assert found["outcome"] != "collided"
-    counted = sum(n for fault, n in found["faults"].items() if fault.startswith("predictor"))
+    assert found["outcome"] != NO_TASK
+    assert list(failures([found])) == []
+    # Whether a valid answer is late depends on the machine.
+    counted = {fault for fault in found["faults"] if fault.startswith("predictor")}
     if found["kind"] in FAULTY or found["kind"].startswith("NaN"):
-        assert counted > 0
+        assert counted
     elif found["kind"] in LIARS:
-        assert counted == 0
+        assert counted <= {"predictor_late"}
 
 
 @pytest.mark.parametrize(("family", "seed"), [("office", 990_000), ("narrow", 990_001)])
@@ -105,7 +107,8 @@ def test_the_command_goes_on_where_it_was_and_prints_a_table(tmp_path, capsys):
     both = json.loads(out.read_text())["drives"]
     assert both[:1] == first
     assert [d["index"] for d in both] == [0, 1]
-    assert "| all " in capsys.readouterr().out
+    # By class of predictors and by situation, each time.
+    assert capsys.readouterr().out.count("| all ") == 4
     assert attack.main([*common, "--seed", "1"]) == 2
     assert "holds a run with seed 990000" in capsys.readouterr().err
 

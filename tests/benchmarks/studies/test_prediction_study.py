@@ -1,6 +1,7 @@
 """The prediction study's evaluation: what it measures, keeps, refuses and writes."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,45 +247,77 @@ def test_tables_have_the_papers_numbers_beside(done):
         assert f"{published:.3f}" in line
 
 
-def test_sites_are_counted_where_both_differences_are_above_zero_for_certain():
-    def row(ssim, to_copy, to_grey):
-        low = {"copy": to_copy, "grey": to_grey, "none": -0.1}
-        return {
-            "ssim": ssim,
-            "above": {
-                other: {"ssim": {"low": value}, "ssim_unseen": None} for other, value in low.items()
-            },
-        }
+def compared(ssim, **above):
+    """A row of results: differences in SSIM, and their p values."""
+    return {
+        "ssim": ssim,
+        "above": {
+            other: {"ssim": {"value": value, "low": None, "high": None, "p": p}}
+            for other, (value, p) in above.items()
+        },
+    }
 
+
+def test_sites_are_counted_where_all_differences_are_significant_after_correction():
+    sure, doubt = 1e-6, 0.04
     sites = {
         "attic": {
             "1.30": {
-                "unet_ff": row(0.9, 0.1, 0.1),
-                "unet-logs": row(0.99, -0.1, 0.1),
-                "compact": row(0.9, 0.1, -0.1),
+                "unet_ff": compared(0.9, copy=(0.1, sure), grey=(0.1, sure), none=(-0.1, sure)),
+                "unet-logs": compared(0.99, copy=(0.1, sure), grey=(0.1, sure)),
+                "compact": compared(0.9, copy=(0.1, sure), grey=(-0.1, sure)),
             }
         },
         "cellar": {
             "1.30": {
-                "gan": row(0.5, 0.1, 0.1),
-                "resnet_ff": row(0.6, -0.1, 0.1),
-                "compact": row(0.9, 0.1, 0.1),
+                "gan": compared(0.5, copy=(-0.1, sure), grey=(-0.1, sure)),
+                # Alone, this difference would be significant.
+                "unet_ff": compared(0.6, copy=(0.1, sure), grey=(0.1, doubt)),
+                "compact": compared(0.9, copy=(0.1, sure), grey=(0.1, sure)),
             }
         },
-        # Who was not asked is not above anyone, whoever else is.
-        "shed": {"2.00": {"unet_ff": row(0.9, 0.1, 0.1)}},
+        # Who was not asked is not above anyone.
+        "shed": {"2.00": {"unet_ff": compared(0.9, copy=(0.1, sure), grey=(0.1, sure))}},
     }
     cells = [
         [cell.strip() for cell in line.split("|")[1:-1]]
         for line in tables._sites(sites, ["1.30", "2.00"]).splitlines()[2:]
     ]
-    # The best of the paper's is the U-Net in the attic, the ResNet in the cellar.
+    both, nothing = "`copy` and `grey`", ["0 / 0", "0 / 0"]
     assert cells == [
-        ["the paper's best", "`copy` and `grey`", "1 / 1", "0 / 0"],
-        ["the paper's best", "`none`", "0 / 0", "0 / 0"],
-        ["`compact`", "`copy` and `grey`", "1 / 0", "0 / 0"],
-        ["`compact`", "`none`", "0 / 0", "0 / 0"],
+        ["`unet_ff`", both, "1 / 1", "0 / 0", *nothing],
+        ["`unet_ff`", "`none`", "0 / 0", "1 / 0", *nothing],
+        ["`compact`", both, "1 / 0", "0 / 0", *nothing],
+        ["`compact`", "`none`", "0 / 0", "0 / 0", *nothing],
+        ["`gan`", both, "0 / 0", "1 / 0", *nothing],
+        ["`gan`", "`none`", "0 / 0", "0 / 0", *nothing],
     ]
+
+
+def test_each_of_the_papers_networks_has_a_row_of_its_own():
+    entry = {"1.30": {name: compared(0.9) for name in ("resnet_ff", "mlp", "gan", "unet_ff")}}
+    rows = tables._baselines_table({"hall": entry}).splitlines()[2:]
+    assert [row.split("|")[3].strip() for row in rows] == ["`unet_ff`", "`resnet_ff`", "`gan`"]
+
+
+def test_differences_are_marked_if_they_are_significant_among_all_of_the_table():
+    entry = {
+        x: {"resnet_ff": compared(0.9, unet_ff=(0.1, p)), "gan": compared(0.5, unet_ff=(-0.1, p))}
+        for x, p in (("1.10", 1e-6), ("1.30", 0.03))
+    }
+    first, second = tables._against_unet({"hall": entry}).splitlines()[2:]
+    assert first.count("*") == 2
+    assert second.count("*") == 0
+
+
+def test_published_differences_have_p_values_from_their_intervals():
+    path = Path(__file__).parents[3] / "docs/results/prediction.json"
+    results = json.loads(path.read_text())
+    lines = tables._against_unet(tables.split_places(results)).splitlines()
+    (widest,) = (line for line in lines if line.startswith("| simulated    | 2.00 "))
+    # The paper's U-Net lies below its ResNet here, and its GAN below both.
+    assert "+0.047 (+0.039 to +0.055) *" in widest
+    assert widest.count("*") == 4
 
 
 def test_what_is_finished_is_not_done_again_and_what_is_lost_is(done, undrawn):
@@ -378,12 +411,15 @@ def test_a_training_as_published_is_not_reduced():
 
     from predictor.training.settings import ImageTraining
 
-    facts = {"network": asdict(ImageConfig()), "config": asdict(ImageTraining(seed=3))}
+    facts = {"network": asdict(ImageConfig()), "config": asdict(ImageTraining(seed=3, sigma=0.2))}
     facts["frames"] = 5221
     assert reduced(facts) is None
     assert reduced(facts | {"frames": 46}) == {"frames": 46}
-    facts["config"] = asdict(ImageTraining(batch=16))
-    assert reduced(facts) == {"batch": 16}
+    facts["config"] = asdict(ImageTraining(batch=16, sigma=0.2, dropout=0.3))
+    assert reduced(facts) == {"batch": 16, "dropout": 0.3}
+    # The trainings that are published had the first weights of pix2pix, and record no dropout.
+    facts["config"] = {"epochs": 200.0, "batch": 1, "rate": 2e-4, "sigma": 0.02, "brief": False}
+    assert reduced(facts) == {"sigma": 0.02}
 
 
 def test_every_figure_is_drawn(done):

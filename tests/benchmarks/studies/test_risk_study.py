@@ -14,20 +14,20 @@ from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import Settings
 from benchmarks.studies.risk import __main__ as risk
 from benchmarks.studies.risk import series as study
-from benchmarks.studies.risk.contact_test import touches
 from benchmarks.studies.risk.drives import saved_drives
 from benchmarks.studies.risk.figures import _promise
 from benchmarks.studies.risk.report import (
     _barn,
     _by_family,
     _times_by_family,
+    collision_rows,
     exceeds_its_risk,
     pooled_rows,
 )
 from benchmarks.studies.risk.series import Series, list_series
+from benchmarks.studies.risk.tables import with_intervals
 from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
-from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import View
 from planner.risk.calibration import Calibration, CalibrationError
@@ -42,31 +42,6 @@ CALIBRATION = Calibration(
     seed=7,
     drives=300,
 )
-FRAME = GridFrame(0.05, (0.0, 0.0), (60, 100))
-
-
-def straight(y, yaw=0.0):
-    """A drive along x at a height y [m]."""
-    x = np.arange(1.0, 4.0, 0.3)
-    return np.column_stack([x, np.full(len(x), y), np.full(len(x), yaw), np.full(len(x), 3.0)])
-
-
-@pytest.mark.parametrize(
-    ("y", "yaw", "hit"),
-    [(1.0, 0.0, False), (1.79, 0.0, False), (1.9, 0.0, True), (1.75, 0.5, True)],
-)
-def test_the_independent_test_finds_what_the_body_touches(y, yaw, hit):
-    solid = np.zeros(FRAME.shape, bool)
-    # A post of one cell, with its near side at y = 1.95 m.
-    solid[39, 50] = True
-    assert Body().half_width == pytest.approx(0.15)
-    assert touches(straight(y, yaw), solid, FRAME, Body()) == hit
-
-
-def test_to_leave_the_map_is_to_touch():
-    solid = np.zeros(FRAME.shape, bool)
-    for states in (straight(0.1), straight(2.95), straight(1.0) + np.array([2.0, 0.0, 0.0, 0.0])):
-        assert touches(states, solid, FRAME, Body())
 
 
 def test_the_series_have_names_of_their_own_and_the_levels_of_the_calibration():
@@ -154,6 +129,7 @@ def test_a_fixed_level_is_studied_as_it_was_calibrated():
     [
         ({}, False),
         ({"interval": [0.06, 0.2]}, True),
+        ({"interval": None}, False),
         ({"interval": [0.06, 0.2], "tasks": "trap"}, False),
         ({"interval": [0.06, 0.2], "certified": False}, False),
         ({"interval": [0.06, 0.2], "certified": False, "group": study.OWN}, True),
@@ -280,7 +256,7 @@ def test_times_are_compared_in_each_family():
     )
     speeds = {"known": 1.0, "predicted": 1.25, "oracle": 2.0}
     arms = {
-        arm: [a_result(index=i, arm=arm, world=str(i), time=20.0 / speed) for i in range(12)]
+        arm: [a_result(index=i, arm=arm, world=str(i), time=(20.0 + i) / speed) for i in range(40)]
         for arm, speed in speeds.items()
     }
     times = _times_by_family(series, arms)
@@ -331,14 +307,14 @@ def test_further_calibrations_are_pooled_at_each_risk():
                         index=i,
                         arm=arm,
                         world=f"{place}{i}",
-                        time=time,
+                        time=time * (1.0 + 0.1 * i),
                         outcome="collided" if i < hit else "reached",
                     )
                 )
-                for i in range(6)
+                for i in range(15)
             ]
     (row,) = pooled_rows(all_series, drives)
-    assert (row["requested"], row["collided"], row["drives"]) == (0.02, 1, 12)
+    assert (row["requested"], row["collided"], row["drives"]) == (0.02, 1, 30)
     assert row["levels"] == {"corridor": 0.1, "narrow": 0.1}
     assert row["time_ratio"]["value"] == pytest.approx(0.8)
 
@@ -375,3 +351,41 @@ def test_a_collision_at_no_risk_is_an_exit_status_of_one(few_series, tmp_path, m
     monkeypatch.setattr(drives, "touches", lambda *_: True)
     command = ["--calibration", str(written(tmp_path / "c.json")), "--jobs", "1"]
     assert risk.main([*command, "--out", str(tmp_path / "run")]) == 1
+
+
+def test_drives_in_few_maps_say_nothing_of_the_rate_in_others():
+    series = Series("promise", "maps", "0.05", replace(SETTINGS, arms=("predicted",)), 0.05)
+    drives = [
+        asdict(a_result(index=i, outcome="collided" if i % 9 == 0 else "reached"))
+        | {"touched": False}
+        for i in range(60)
+    ]
+    spread = {60: lambda i: i, 30: lambda i: i // 2, 3: lambda i: i // 20}
+    widths = {}
+    for worlds, of in spread.items():
+        driven = [drive | {"world": f"map {of(i)}"} for i, drive in enumerate(drives)]
+        (row,) = collision_rows([series], {series.name: driven}, {})
+        assert (row["drives"], row["worlds"], row["collided"]) == (60, worlds, 7)
+        for name in ("interval", "per_km_interval"):
+            widths[worlds, name] = row[name] and row[name][1] - row[name][0]
+    for name in ("interval", "per_km_interval"):
+        assert widths[3, name] is None
+        assert widths[30, name] > 1.2 * widths[60, name]
+
+
+def test_older_results_have_intervals_by_the_rules_of_today():
+    results = json.loads((Path(__file__).parents[3] / "docs/results/risk.json").read_text())
+    shown = with_intervals(results)
+    collisions = {row["series"]: row for row in shown["promise"] if row["group"] == "promise"}
+    assert collisions["mixture-0.02"]["interval"] == results["promise"][3]["interval"]
+    # Forty drives in three maps, and in fifteen.
+    assert collisions["robot_built-0.05"]["interval"] is None
+    assert collisions["kth-0.05"]["per_km_interval"] is None
+    speeds = {row["series"]: row for row in shown["pareto"] if row["group"] == "promise"}
+    before = {row["series"]: row for row in results["pareto"] if row["group"] == "promise"}
+    wider, narrower = (rows["mixture-0.02"]["time_ratio"] for rows in (speeds, before))
+    assert wider["value"] == narrower["value"]
+    assert 1.0 < (wider["high"] - wider["low"]) / (narrower["high"] - narrower["low"]) < 1.1
+    assert speeds["kth-0.02"]["time_ratio"]["low"] is None
+    family = speeds["mixture-0.02"]["time_by_family"]["narrow"]
+    assert family["share_of_gap"]["low"] is family["time_ratio"]["low"] is None

@@ -80,7 +80,8 @@ def quick(monkeypatch):
         return plain("known" if arm == "oracle" else arm, drives, seed)
 
     monkeypatch.setattr(stage_times, "closed_loop", short)
-    monkeypatch.setattr("sim.episode.EpisodeConfig.__init__.__defaults__", (0.1, 0.5, 0.3, 0.2, 10))
+    short_drives = (0.1, 0.5, 0.3, 0.2, 10, None)
+    monkeypatch.setattr("sim.episode.EpisodeConfig.__init__.__defaults__", short_drives)
 
     def driven(settings, items, jobs, report):
         return [throughput.Driven(30.0, 3.0, 900.0) for _ in items]
