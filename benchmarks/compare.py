@@ -32,10 +32,10 @@ def drive(
     Args:
         world: building, name of a family of generated buildings, or path of a map_server file.
         seed: seed of start and goal, and of a generated building.
-        calibration: calibration.json of `benchmarks.calibrate`; needed for a `risk` above 0. It
-            must be for the one family or map file that `world` names; a `World` cannot have one.
+        calibration: calibration.json of `benchmarks.calibrate` for a `risk` above 0; None: the
+            shipped one that is for the family that `world` names. A `World` cannot have one.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
-            `risk`, `reliance`, `v_max` and `vehicle`.
+            `risk`, `uncertified`, `reliance`, `v_max` and `vehicle`.
 
     Returns:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
@@ -44,7 +44,7 @@ def drive(
         MapError: if `world` is a string that names neither a family nor a readable map file.
         NoTaskError: if the building has no route of 10 m or more.
         PredictorError: if the predictor cannot be loaded.
-        UsageError: if a setting cannot be used.
+        UsageError: if a setting cannot be used, or no shipped calibration is for these drives.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     name = world if isinstance(world, str) else world.name

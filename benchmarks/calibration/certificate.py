@@ -247,15 +247,13 @@ def _fitting(
             and all(c.conditions[name] == conditions[name] for name in ("predictor", "route"))
         ]
     if not fitting:
-        instead = (
-            "and none of the mixture for the same predictor and route"
-            if settings.uncertified
-            else "or drive without a certificate, with --uncertified"
-        )
+        or_else, instead = "", "; or drive without a certificate, with --uncertified"
+        if settings.uncertified:
+            or_else, instead = ", nor of the mixture for the same predictor and route", ""
         raise UsageError(
             f"no calibration that ships with foresee is for these drives at a risk of "
-            f"{settings.risk:g}: make one with `{_command(settings)}` and name it with "
-            f"--calibration, {instead}"
+            f"{settings.risk:g}{or_else}: make one with `{_command(settings)}` and name it with "
+            f"--calibration{instead}"
         )
     return fitting[0]
 

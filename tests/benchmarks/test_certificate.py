@@ -103,7 +103,7 @@ def test_drives_that_no_calibration_is_for_are_uncertified_at_the_level_of_the_m
     assert found.uncertified
     assert found.level == load_calibration(MIXTURE).level_at(0.05)
     assert at_risk(here, OFFICE).level == load_calibration(OFFICE).level_at(0.05)
-    with pytest.raises(UsageError, match="none of the mixture for the same predictor and route"):
+    with pytest.raises(UsageError, match="nor of the mixture for the same predictor and route"):
         at_risk(replace(here, predictor="extend"))
     with pytest.raises(CalibrationError, match="is for world office, not trap"):
         at_risk(replace(here, uncertified=False), OFFICE)
