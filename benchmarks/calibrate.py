@@ -15,13 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from benchmarks.calibration.settings import CalibrateSettings
-from benchmarks.runs.settings import CONDITIONS, Settings
+from benchmarks.calibration.settings import OF_DRIVES, CalibrateSettings
+from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, jobs_option, option
-
-DRIVES = ("world", "predictor", *(name for name in CONDITIONS if name != "tasks"))
-"""Settings of a comparison that are also options of this command: its tasks are drawn."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,7 @@ class Place(Options):
 
 def _run(
     calibration: CalibrateSettings,
-    settings: Annotated[Settings, Section(names=DRIVES)],
+    settings: Annotated[Settings, Section(names=OF_DRIVES)],
     place: Place,
 ) -> int:
     # Imported here, so that --help does not wait for slow imports.

@@ -10,6 +10,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.calibration.settings import OF_DRIVES
 from benchmarks.runs.drive import navigator_config
 from benchmarks.runs.settings import (
     ARMS,
@@ -171,6 +172,11 @@ def at_risk(
         return replace(settings, uncertified=False)
     if settings.level > 0.0:
         raise UsageError("--level is in place of --risk: give one of them")
+    if settings.tasks is not None and not settings.uncertified:
+        raise UsageError(
+            "--risk: calibrations are for drawn tasks, not for those of --tasks: drive without a "
+            "certificate, with --uncertified"
+        )
     strange = [arm for arm in settings.arms if _strange(arm)]
     if strange:
         names = ", ".join(strange)
@@ -261,7 +267,7 @@ def _fitting(
 def _command(settings: Settings) -> str:
     """Return the command that makes a calibration for drives with some settings at their risk."""
     words = ["foresee", "calibrate", "--risks", f"{settings.risk:g}"]
-    for name in ("world", "predictor", *CONDITIONS):
+    for name in OF_DRIVES:
         value = getattr(settings, name)
         if value != getattr(Settings, name):
             words.append(f"--{name.replace('_', '-')}")

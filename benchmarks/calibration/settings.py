@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from benchmarks.runs.settings import CONDITIONS
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, option
 
 SEED = 5_000_000
 """Seed of the first building; no training and no published result uses buildings of such seeds."""
+
+OF_DRIVES = ("world", "predictor", *(name for name in CONDITIONS if name != "tasks"))
+"""Settings of a comparison that are also options of `benchmarks.calibrate`: its tasks are drawn."""
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,14 @@ import json
 import math
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from comparison import results, run
 from drive_results import a_result
 
+from benchmarks.calibration.certificate import at_risk
 from benchmarks.runs.drive import attempt, drive
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.statistics import barn_score
@@ -135,6 +137,15 @@ def test_a_run_is_not_continued_with_edited_tasks(tmp_path, short_map, capsys):
     shutil.rmtree(out)
     assert run(*words[:2], *words[4:]) == 0
     assert "BARN" not in capsys.readouterr().out
+
+
+def test_no_calibration_is_for_given_tasks(tmp_path, short_map):
+    settings = settings_of(
+        written(tmp_path, TASK), short_map, arms=("predicted",), predictor="compact", risk=0.05
+    )
+    with pytest.raises(UsageError, match="not for those of --tasks"):
+        at_risk(settings)
+    assert at_risk(replace(settings, uncertified=True)).uncertified
 
 
 def test_a_worker_refuses_tasks_that_were_edited_during_the_run(tmp_path, short_map):
