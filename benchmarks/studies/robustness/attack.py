@@ -1,6 +1,6 @@
 """Drive with hostile predictors in hard buildings, with odd cars; no car may collide.
 
-    python -m benchmarks.studies.robustness.attack --drives 1000 --seconds 5
+    python -m benchmarks.studies.robustness.attack --drives 100
 
 The predictors predict falsely, write into their arguments, answer late, raise and break the
 contract, at reliances from 0 to 0.99. The buildings are of all families, with cells of 0.01 to
@@ -20,6 +20,7 @@ from pathlib import Path
 from benchmarks.runs.drive_file import DriveFile
 from foresee.infra.command_line import Command
 from foresee.infra.options import Options, jobs_option, option
+from planner.revision import REVISION
 
 SEED = 990_000
 """Seed of the first building; no network was trained in a building of such seeds."""
@@ -29,10 +30,10 @@ SEED = 990_000
 class AttackSettings(Options):
     """Settings that decide the drives of an attack."""
 
-    drives: int = option(100, "number of drives", "N", low=1, high=10**9)
+    drives: int = option(1000, "number of drives", "N", low=1, high=10**9)
     seed: int = option(SEED, "seed of the first building", "N", low=0, high=2**31)
     seconds: float = option(
-        20.0, "longest duration of a drive, in simulated time [s]", "S", low=0.1, high=1e6
+        4.0, "longest duration of a drive, in simulated time [s]", "S", low=0.1, high=1e6
     )
 
 
@@ -49,8 +50,8 @@ def _run(settings: AttackSettings, place: Place) -> int:
     from benchmarks.studies.robustness.hostile_drives import attacked, failures, table
     from benchmarks.studies.robustness.scenario import SITUATIONS
 
-    # Older files have other drives.
-    identity = asdict(settings) | {"situations": list(SITUATIONS)}
+    # Drives of other kinds, or of an earlier planner, are not continued.
+    identity = asdict(settings) | {"situations": list(SITUATIONS), "revision": REVISION}
     store = DriveFile(place.out, "attack", identity, grows="drives")
     work = partial(attacked, settings.seed, settings.seconds)
     store.fill(work, range(settings.drives), place.jobs, lambda drive: str(drive["situation"]))

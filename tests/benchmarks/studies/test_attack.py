@@ -98,6 +98,23 @@ def test_what_a_predictor_writes_into_reaches_nobody(kind):
     assert UNSEEN.frame == frame
 
 
+def test_drives_of_an_earlier_planner_are_not_continued(tmp_path, capsys, monkeypatch):
+    command = [
+        "--jobs",
+        "1",
+        "--seconds",
+        "0.5",
+        "--drives",
+        "1",
+        "--out",
+        str(tmp_path / "a.json"),
+    ]
+    assert attack.main(command) == 0
+    monkeypatch.setattr(attack, "REVISION", attack.REVISION + 1)
+    assert attack.main(command) == 2
+    assert "revision" in capsys.readouterr().err
+
+
 def test_the_command_goes_on_where_it_was_and_prints_a_table(tmp_path, capsys):
     out = tmp_path / "attack.json"
     common = ["--jobs", "1", "--seconds", "0.5", "--out", str(out)]
