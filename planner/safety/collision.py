@@ -77,10 +77,10 @@ class CollisionChecker:
         body = self.car.body.inflated(CONTACT_MARGIN)
         return Scene(blocked, *frame.lattice, *body.halves)
 
-    def arcs_in(self, risk: RiskMap) -> Arcs:
+    def arcs_in(self, barred: NDArray[np.bool_], frame: GridFrame) -> Arcs:
         """Return the arcs on which the car may go on, and the barred cells, which it must avoid."""
         car = self.car
-        scene = Scene(risk.barred, *risk.frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves)
+        scene = Scene(barred, *frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves)
         return Arcs(ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, scene)
 
     def course_on(self, path: Path, segment: int, risk: RiskMap) -> Course:
@@ -106,9 +106,11 @@ class CollisionChecker:
             scene,
         )
 
-    def leads_on(self, pose: NDArray[np.float64], risk: RiskMap) -> bool:
+    def leads_on(
+        self, pose: NDArray[np.float64], barred: NDArray[np.bool_], frame: GridFrame
+    ) -> bool:
         """Return whether the body meets no barred cell on some arc from a pose (x, y, yaw, …)."""
-        return bool(leads_on(pose, self.arcs_in(risk)))
+        return bool(leads_on(pose, self.arcs_in(barred, frame)))
 
 
 def swept_cells(

@@ -131,7 +131,9 @@ class LastResort:
             self.controls = shifted(plan.controls, braking)
             return plan, True
         tests = _Tests(
-            self.checker.body_in(~risk.certain, risk.frame), self.checker.arcs_in(risk), course
+            self.checker.body_in(~risk.certain, risk.frame),
+            self.checker.arcs_in(risk.barred, risk.frame),
+            course,
         )
         accelerations = np.linspace(plan.controls[0, 0], -braking, ACCELERATIONS)
         firsts = np.column_stack([accelerations, np.full(ACCELERATIONS, plan.controls[0, 1])])
@@ -198,7 +200,7 @@ class LastResort:
         # It brakes along the plan from then on.
         stop = mpc.roll(after, mpc.pursue(after, line, 0, LOOK, 0.0))
         dt, spacing = mpc.config.dt, checker.spacing
-        certain, arcs = risk.certain.copy(), checker.arcs_in(risk)
+        certain, arcs = risk.certain.copy(), checker.arcs_in(risk.barred, risk.frame)
         for tick in (0, *demand.ticks):
             states, controls = stop.states[tick:], stop.controls[tick:]
             if tick:

@@ -135,12 +135,15 @@ class PlanChooser:
     def goes_on(self, plan: Plan, risk: RiskMap) -> bool:
         """Return whether the car can go on from a plan's end, or need not since the goal is near.
 
-        It can go on if the body meets no barred cell on some arc, or straight on.
+        It can go on if the body meets no barred cell on some arc, or straight on. A plan that
+        relies on no prediction is judged by what was observed alone, as without a predictor.
         """
         x, y = plan.states[-1, :2]
         if math.hypot(x - self.goal[0], y - self.goal[1]) < ONWARD_GOAL_RADIUS:
             return True
-        return self.checker.leads_on(plan.states[-1], risk)
+        relies = self.checker.contact(plan, ~risk.known.free, risk.frame) is not None
+        barred = risk.barred if relies else risk.known.occupied
+        return self.checker.leads_on(plan.states[-1], barred, risk.frame)
 
     def _path(self, now: Situation, intended: Plan) -> Path:
         """Return the path to follow; without one, the way of the intended plan."""

@@ -13,10 +13,10 @@ from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.contact import (
-    CONTACT_SPACING,
-    Arcs,
     ANYWHERE,
+    CONTACT_SPACING,
     ONWARD,
+    Arcs,
     first_free,
     leads_on,
     plan_contact,
@@ -180,7 +180,10 @@ def test_a_last_resort_leads_on_if_one_does_after_the_step_that_is_driven(seed):
     assert checker.contact(last, ~risk.certain, risk.frame) is None
     manoeuvres = LastResort(mpc, checker, 5.0).manoeuvres(plan)
     manoeuvres[:, 0] = driven.controls[0]
-    scene, arcs = checker.body_in(~risk.certain, risk.frame), checker.arcs_in(risk)
+    scene, arcs = (
+        checker.body_in(~risk.certain, risk.frame),
+        checker.arcs_in(risk.barred, risk.frame),
+    )
     spacing = checker.spacing
     index = first_free(state, manoeuvres, 0.1, CAR.driving, spacing, scene, ONWARD, arcs, course)
     assert index < 0 or leads_on(last.states[-1], arcs)

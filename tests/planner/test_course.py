@@ -78,7 +78,7 @@ def test_a_manoeuvre_may_have_to_end_where_the_car_finds_back():
     swerve[:, 1], straight[:, 1] = 0.75, 0.0
     walls = course(corridor(1.0))
     risk = RiskMap.from_prediction(Grid(FRAME, corridor(1.0)), None, 0.0)
-    scene, arcs = CHECKER.body_in(~risk.safe, FRAME), CHECKER.arcs_in(risk)
+    scene, arcs = CHECKER.body_in(~risk.safe, FRAME), CHECKER.arcs_in(risk.barred, risk.frame)
     both = np.array([swerve, straight])
     assert first_free(state, both, 0.1, limits, 0.02, scene, 0, arcs, walls) == 0
     assert first_free(state, both, 0.1, limits, 0.02, scene, ON_COURSE, arcs, walls) == 1

@@ -7,11 +7,11 @@ from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
+from planner.motion.path import Path
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
-from planner.safety.collision import CollisionChecker
-from planner.motion.path import Path
 from planner.safety import last_resort
+from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
 
 CAR, DT = CarLimits(), 0.1
@@ -127,7 +127,7 @@ WIDE = GridFrame(0.05, (-2.0, -7.0), (200, 220))
 
 
 def around_the_corner(mpc):
-    """A car in `side_corridor`, a plan around its corner, their risk map, and the rest of the path."""
+    """A car in `side_corridor`, a plan around its corner, risk map, and rest of the path."""
     cells, path = side_corridor()
     ones = np.ones(WIDE.shape, np.float32)
     walls = (cells == OCCUPIED).astype(np.float32)
