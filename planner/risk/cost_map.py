@@ -19,7 +19,7 @@ from planner.risk.distance_transform import distance_field
 UNKNOWN_COST = 1.4
 """Cost of a metre of unobserved space, in metres of free space."""
 AVOIDED_COST = 20.0
-"""Cost of a metre of unobserved space that the car should enter only if nothing else is left: around
+"""Cost of a metre of unobserved space that the car should enter only if nothing else is left: near
 a place where it got stuck, and beside a prescribed route."""
 WAY_BACK, WALL, LANES = 30.0, 0.3, 6
 """Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], how
