@@ -198,7 +198,8 @@ class Navigator:
 
     @property
     def path_counts(self) -> Counter[str]:
-        """Number of paths followed so far, by source, and of recovery manoeuvres."""
+        """Number of paths followed so far, by source, of reversals, and of recovery
+        manoeuvres."""
         return self.guide.counts
 
     @usual_float_errors()

@@ -30,7 +30,8 @@ class Driver(Protocol[D_co]):
 
     @property
     def path_counts(self) -> Mapping[str, int]:
-        """Number of paths followed so far, by source, and of recovery manoeuvres."""
+        """Number of paths followed so far, by source, of reversals, and of recovery
+        manoeuvres."""
         ...
 
     def step(self, state: NDArray[np.float64], scan: Scan) -> D_co:

@@ -75,7 +75,8 @@ class Episode:
         hard_stops: number of these to which it braked hard, and after which it did not change gear.
         impact_speed: speed at the start of the tick with the collision [m/s]; None without one.
         faults: number of ticks in which a fault was handled, by the kind of fault.
-        paths: number of paths followed, by source, and of recovery manoeuvres.
+        paths: number of paths followed, by source, of reversals, and of recovery
+            manoeuvres.
         trace: arrays of what happened in each tick, by name; `sim.recorder.SHAPES` describes them.
     """
 

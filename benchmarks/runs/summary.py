@@ -259,6 +259,7 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         ),
         "handled faults": lambda e: str(sum(e["faults"].values())),
         "paths by source": lambda e: " / ".join(str(e["paths"].get(s, 0)) for s in SOURCES),
+        "reversals": lambda e: str(e["paths"].get("reversal", 0)),
         "recovery manoeuvres": lambda e: str(e["paths"].get("manoeuvre", 0)),
     }
     if all(entry["over_optimum"] is None for entry in entries):

@@ -35,6 +35,9 @@ PRESCRIBED_TETHER = 8.0
 
 A line that cuts the route's corners there may lead towards a wall, observed too late to turn."""
 
+BACK_LENGTH = 4.0
+"""Length of the way by whose direction a path leads back or not [m]."""
+
 
 @dataclass(frozen=True)
 class GuideConfig:
@@ -105,7 +108,8 @@ class Guide:
         path: path to follow, up to an obstacle on it; None: there is none yet.
         segment: index of the path's segment near which the car is.
         is_new: whether the path was adopted in this tick.
-        counts: number of paths adopted, by source, and of recovery manoeuvres.
+        counts: number of paths adopted, by source, of those that lead back ("reversal"), and of
+            recovery manoeuvres.
         plan_ms: duration of the last planning, which is no part of the control cycle [ms].
         gear: gear to drive in, 1 or -1.
         on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
@@ -167,7 +171,10 @@ class Guide:
         """
         self.is_new = False
         if self._pending is not None and tick >= self._pending[0]:
-            self._adopt(self._pending[1])
+            path = self._pending[1]
+            if self._whole is not None and _leads_back(self._whole, self.segment, path):
+                self.counts["reversal"] += 1
+            self._adopt(path)
             self._pending = None
         if self._whole is not None:
             # A new path starts where the car was expected to be; it may have gone some metres on.
@@ -431,3 +438,16 @@ class Guide:
         join = float(prescribed[last, 0]), float(prescribed[last, 1])
         route = find_route(cost, position, join)
         return None if route is None else np.vstack([route, prescribed[last + 1 :]])
+
+
+def _leads_back(before: Path, segment: int, path: Path) -> bool:
+    """Return whether a path leads back, compared with the rest of the one before it.
+
+    It does if the ways along both, of `BACK_LENGTH` at most, differ in direction by more than 120°.
+    """
+    count = round(BACK_LENGTH / POINT_SPACING)
+    old, new = before.points[segment:][: count + 1], path.points[: count + 1]
+    if len(old) < 2:
+        return False
+    was, now = old[-1] - old[0], new[-1] - new[0]
+    return float(was @ now) < -0.5 * float(np.hypot(*was) * np.hypot(*now))

@@ -9,6 +9,7 @@ from drawn_maps import CAR, FRAME, X, Y, grid, prediction
 from foresee.mapping.grid import FREE, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from foresee.prediction import Prediction
 from planner.guide.guide import Guide, GuideConfig
+from planner.motion.path import Path
 from planner.risk.risk_map import RiskMap
 
 
@@ -83,3 +84,24 @@ def test_a_car_that_was_beside_a_given_way_is_not_called_back():
     beside = [(float(x), 3.3) for x in range(2, 11, 2)]
     points = followed(way, [*beside, *((float(x), 2.0) for x in range(12, 22, 2))])
     assert points[:, 0].min() > 18.0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "back"),
+    [
+        ([[0, 0], [8, 0]], [[1, 0], [9, 0]], False),
+        ([[0, 0], [8, 0]], [[1, 0], [1, 6]], False),
+        ([[0, 0], [8, 0]], [[1, 0], [0.5, 1], [-6, 0.5]], True),
+        # A bend on both is no reversal.
+        ([[0, 0], [2, 0], [2, -6]], [[0.5, 0], [2, 0.2], [2, -6]], False),
+        ([[0, 0], [0.05, 0]], [[0, 0], [-5, 0]], True),
+    ],
+)
+def test_a_path_that_leads_back_is_counted_as_a_reversal(before, after, back):
+    guide = Guide((9.0, 8.0), None, CAR, GuideConfig(), seed=1)
+    known = grid(np.full(FRAME.shape, FREE, np.int8))
+    risk = RiskMap.from_prediction(known.crop(known.frame.square(2.0, 2.0, 10.0)), None, 0.0)
+    for tick, way in enumerate((before, after)):
+        guide._pending = tick, Path.through(np.array(way, float), "route")
+        guide.update(tick, np.array([0.0, 0.0, 0.0, 1.0]), risk)
+    assert guide.counts["reversal"] == back
