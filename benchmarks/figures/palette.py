@@ -23,6 +23,9 @@ from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 ARM_COLOURS = {
     "known": "#0072B2",
     "known+route": "#56B4E9",
+    "known+truth10": "#DDCC77",
+    "known+truth20": "#AA7744",
+    "known+truth40": "#774411",
     "backup": "#999933",
     "predicted": "#D55E00",
     "known+frontiers": "#332288",
