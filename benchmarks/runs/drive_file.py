@@ -169,7 +169,8 @@ class DriveFile:
         lines = [_json(self.drives[index]) for index in sorted(self.drives)]
         text = f'{_json(self._head)[:-1]},"drives":[\n' + ",\n".join(lines) + "\n]}\n"
         try:
-            write_whole(self.path, text.encode())
+            # Half a surrogate pair, which a file may hold, is written as JSON writes it: \ud800.
+            write_whole(self.path, text.encode(errors="backslashreplace"))
         except OSError as error:
             raise UsageError(f"--out: {self.path} cannot be written: {error.strerror}") from None
 

@@ -270,6 +270,13 @@ def test_a_file_holds_a_drive_a_line(tmp_path):
     assert [json.loads(line.rstrip(","))["index"] for line in lines[1:-1]] == [0, 1]
 
 
+def test_a_file_whose_text_holds_half_a_surrogate_pair_is_continued(tmp_path):
+    settings = {"world": "\ud800", "episodes": 2}
+    DriveFile(tmp_path / "o.json", KIND, settings, "episodes").add(result(0))
+    assert json.loads((tmp_path / "o.json").read_bytes())["settings"]["world"] == "\ud800"
+    assert sorted(DriveFile(tmp_path / "o.json", KIND, settings, "episodes").drives) == [0]
+
+
 def test_a_file_that_is_older_than_a_setting_is_continued(tmp_path):
     DriveFile(tmp_path / "o.json", KIND, {"v_max": 4.0, "episodes": 2}, "episodes").add(result(0))
     mine = {"v_max": 4.0, "braking": 1.5, "episodes": 2}

@@ -283,7 +283,7 @@ def read_run(folder):
     run = Run.load(folder)
     summary = summarise(run.episodes, tuple(run.arms))
     title(run.settings)
-    table(summary, {"sct": None, "time": None})
+    table(summary, {"predicted": {"sct": None, "time": None}})
     tables.file_tables(tables._read(folder / "results.json"))
     for name in ("v_max", "window", "noise", "dt"):
         run.setting(name)
