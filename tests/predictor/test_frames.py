@@ -167,6 +167,13 @@ def test_a_shard_of_other_shapes_is_refused_though_its_checksum_fits(folder):
             Frames.load(folder)
 
 
+def test_a_file_whose_name_is_too_long_is_missing(folder):
+    facts = {"file": 300 * "x", "count": 4, "sha256": "0"}
+    edit(folder, lambda manifest: manifest["trajectories"][1].update(facts))
+    with pytest.raises(FramesError, match="is missing"):
+        Frames.load(folder)
+
+
 def test_images_with_other_codes_are_refused(folder):
     arrays = some_arrays(1, 4)
     arrays["estimated"][2, 5, 5] = 3
