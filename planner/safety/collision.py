@@ -21,7 +21,7 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.contact import CONTACT_SPACING, Arcs, leads_on, plan_contact
 from planner.safety.course import Course
 
-ONWARD = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
+ONWARD_SHARES = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
 ONWARD_MARGIN, ONWARD_SPACING = 0.05, 0.05
 """Margin around the body on these arcs, and distance between the poses tested on them [m]."""
@@ -81,7 +81,9 @@ class CollisionChecker:
         """Return the arcs on which the car may go on, and the barred cells, which it must avoid."""
         car = self.car
         scene = Scene(barred, *frame.lattice, *car.body.inflated(ONWARD_MARGIN).halves)
-        return Arcs(ONWARD * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, scene)
+        return Arcs(
+            ONWARD_SHARES * car.max_curvature, 2.0 * car.turning_radius, ONWARD_SPACING, scene
+        )
 
     def course_on(self, path: Path, segment: int, risk: RiskMap) -> Course:
         """Return a path as the course of the car, and the barred cells, which it must avoid.

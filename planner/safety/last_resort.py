@@ -85,11 +85,12 @@ class LastResort:
     fallen, and the car may collide.
 
     The first steps to choose from are the plan's own and slower ones, that of the cautious plan,
-    which stays in certain cells itself, and that of the last tick's manoeuvre. The fastest one is
-    taken, but a step of the plan counts only if the car is expected to be able to keep following
-    the plan: braking along it, it must have a manoeuvre in what it will have seen by then, until
-    all of the braking lies there. Otherwise the manoeuvre would soon have to be driven, wherever it
-    leads.
+    which stays in certain cells itself, and that of the last tick's manoeuvre. The faster of
+    the first two is taken, but a step of the plan counts only if the car is expected to be able to
+    keep following the plan: braking along it, it must have a manoeuvre in what it will have seen by
+    then, until all of the braking lies there. Otherwise the manoeuvre would soon have to be driven,
+    wherever it leads. If neither counts, the last tick's manoeuvre is driven on if the car can go
+    on from its end, and else the fastest step of the plan that leaves any manoeuvre.
 
     Args:
         mpc: MPC, which simulates the manoeuvres and holds the car's limits.
@@ -196,11 +197,12 @@ class LastResort:
         """Return whether the car is expected to be able to follow a plan on after a first step."""
         mpc, checker = self.mpc, self.checker
         line = Path.through(plan.states[:, :2], "plan")
-        after = mpc.roll(state, np.vstack([first, plan.controls[1:]])).states[1]
+        after = mpc.roll(state, first[None]).states[1]
         # It brakes along the plan from then on.
         stop = mpc.roll(after, mpc.pursue(after, line, 0, LOOK, 0.0))
         dt, spacing = mpc.config.dt, checker.spacing
         certain, arcs = risk.certain.copy(), checker.arcs_in(risk.barred, risk.frame)
+        # At rest it meets something or nothing, so that no tick is beyond the plan's end.
         for tick in (0, *demand.ticks):
             states, controls = stop.states[tick:], stop.controls[tick:]
             if tick:
@@ -322,11 +324,12 @@ class LastResort:
         """Return how bad a stop is, as speeds [m/s] of which the first ones matter most.
 
         They are the speeds at which the body meets cells observed occupied, leaves the safe set,
-        leaves the certain cells, and reaches the plan's end.
+        leaves the certain cells, and reaches the plan's end; -1 where it never does, since it may
+        also meet a cell at rest.
         """
         met = (
             self.checker.contact(stop, blocked, risk.frame)
             for blocked in (risk.known.occupied, ~risk.safe, ~risk.certain)
         )
-        hit, left, unsure = (0.0 if contact is None else contact[1] for contact in met)
+        hit, left, unsure = (-1.0 if contact is None else contact[1] for contact in met)
         return hit, left, unsure, float(stop.states[-1, 3])

@@ -124,9 +124,11 @@ class PlanChooser:
         intended = plan = self._without_waiting(now, intended)
         if Fault.EMERGENCY not in faults:
             course = self.checker.course_on(self._path(now, intended), now.segment, now.risk)
+            more = list[Fault]()
             plan, survivable = self.resort.secure(
-                now.state, intended, now.risk, course, lambda: self._cautious(now)
+                now.state, intended, now.risk, course, lambda: self._cautious(now, more)
             )
+            faults = (*faults, *more)
             if not survivable:
                 faults = (*faults, Fault.NO_LAST_RESORT)
         self._intended, self._curvature = intended, float(plan.controls[0, 1])
@@ -149,10 +151,11 @@ class PlanChooser:
         """Return the path to follow; without one, the way of the intended plan."""
         return now.path or Path.through(intended.states[:, :2], "plan")
 
-    def _cautious(self, now: Situation) -> Plan | None:
+    def _cautious(self, now: Situation, faults: list[Fault]) -> Plan | None:
         """Return the best plan in the cells that the last resort may enter, None if there is none.
 
-        It is the plan of a car that knows only these cells.
+        It is the plan of a car that knows only these cells. The faults that were handled are added
+        to `faults`.
         """
         if now.path is None or now.on_leg:
             return None
@@ -160,7 +163,8 @@ class PlanChooser:
         guesses = [self._pursuit(there, path)]
         if self.resort.controls is not None:
             guesses.append(self.resort.controls)
-        plans, _ = self._solutions(there, path, guesses)
+        plans, more = self._solutions(there, path, guesses)
+        faults += more
 
         def cost(plan: Plan) -> float:
             return self.mpc.evaluate(plan, path, there.risk, now.segment, self._curvature)

@@ -15,6 +15,7 @@ from planner.safety.collision import CollisionChecker
 from planner.safety.contact import (
     ANYWHERE,
     CONTACT_SPACING,
+    ON_COURSE,
     ONWARD,
     Arcs,
     first_free,
@@ -22,6 +23,7 @@ from planner.safety.contact import (
     plan_contact,
     swerves,
 )
+from planner.safety.course import rejoins
 from planner.safety.last_resort import LastResort
 
 CAR = CarLimits()
@@ -187,3 +189,5 @@ def test_a_last_resort_leads_on_if_one_does_after_the_step_that_is_driven(seed):
     spacing = checker.spacing
     index = first_free(state, manoeuvres, 0.1, CAR.driving, spacing, scene, ONWARD, arcs, course)
     assert index < 0 or leads_on(last.states[-1], arcs)
+    index = first_free(state, manoeuvres, 0.1, CAR.driving, spacing, scene, ON_COURSE, arcs, course)
+    assert index < 0 or rejoins(last.states[-1], course)

@@ -64,6 +64,22 @@ def test_nothing_is_known_against_unobserved_cells_and_what_lies_beyond_the_grid
     assert not rejoins(np.array([9.5, 2.0, 1.5]), course(unseen, long, 95))
 
 
+def test_a_later_part_of_the_path_behind_a_wall_is_not_the_course():
+    there_and_back = np.array([[0.0, 0.0], [8.0, 0.0], [8.0, 2.0], [0.0, 2.0]])
+    cells = corridor(2.8)
+    cells[np.ix_(abs(Y - 1.0) < 0.1, X < 6.5)] = OCCUPIED
+    back = np.array([3.0, 1.9, np.pi])
+    assert not rejoins(back, course(cells, there_and_back))
+    assert rejoins(back, course(cells, there_and_back, 140))
+
+
+@pytest.mark.parametrize(("x", "free"), [(4.5, False), (6.0, True)])
+def test_four_metres_of_the_course_are_tested(x, free):
+    blocked = corridor(1.0)
+    blocked[:, abs(X - x) < 0.1] = OCCUPIED
+    assert rejoins(np.array([1.0, 0.0, 0.0]), course(blocked)) == free
+
+
 def test_the_end_of_a_path_is_all_that_is_asked_for():
     blocked = corridor(1.0)
     blocked[:, X > 2.5] = OCCUPIED

@@ -95,6 +95,11 @@ def test_a_car_that_was_beside_a_given_way_is_not_called_back():
         # A bend on both is no reversal.
         ([[0, 0], [2, 0], [2, -6]], [[0.5, 0], [2, 0.2], [2, -6]], False),
         ([[0, 0], [0.05, 0]], [[0, 0], [-5, 0]], True),
+        # By 110° and by 130°.
+        ([[0, 0], [8, 0]], [[0, 0], [-1.71, 4.7]], False),
+        ([[0, 0], [8, 0]], [[0, 0], [-3.21, 3.83]], True),
+        # What lies behind the car does not count.
+        ([[-3, 0], [0, 0], [0, 6]], [[0, 0], [0, -6]], True),
     ],
 )
 def test_a_path_that_leads_back_is_counted_as_a_reversal(before, after, back):

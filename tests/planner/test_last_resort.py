@@ -1,5 +1,7 @@
 """The manoeuvre that stops the car within certain cells, in every tick."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.motion.path import Path
+from planner.motion.plan import Plan
 from planner.mpc.mpc import MPC
 from planner.risk.risk_map import RiskMap
 from planner.safety import last_resort
@@ -198,6 +201,148 @@ def test_the_last_manoeuvre_is_followed_with_its_own_first_step(mpc):
     assert resort.controls[:-1] == pytest.approx(bend.controls[1:])
 
 
+def some_plan(mpc, state, rng):
+    """A plan of random controls that ends at rest."""
+    controls = np.full((mpc.stages, 2), -CAR.braking)
+    controls[: rng.integers(1, 6), 0] = rng.uniform(0.5, 1.5)
+    controls[:, 1] = np.repeat(rng.uniform(-1.25, 1.25, 4), 8)[: mpc.stages]
+    return mpc.roll(state, controls)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_last_resort_always_remains_whatever_is_planned(mpc, seed):
+    """At level 0: whatever plans, predictions and foresight say, among any obstacles."""
+    rng = np.random.default_rng(seed)
+    (x, y), resort = FRAME.centres(), LastResort(mpc, CHECKER, WINDOW)
+    occupied = rng.random(FRAME.shape) < 0.002
+    state = np.array([2.0, 0.0, rng.uniform(-np.pi, np.pi), 0.0])
+    occupied[np.hypot(x - state[0], y[:, None] - state[1]) < 0.6] = False
+    cells, path = np.full(FRAME.shape, UNKNOWN, np.int8), STRAIGHT
+    fastest, changed = 0.0, 0
+    for tick in range(40):
+        # What is near is observed, but not all of it.
+        near = np.hypot(x - state[0], y[:, None] - state[1]) < (0.6 if tick == 0 else 1.5)
+        seen = near & ((rng.random(FRAME.shape) < 0.9) | (tick == 0))
+        cells[seen] = np.where(occupied, OCCUPIED, FREE)[seen]
+        # All the rest is predicted free.
+        risk = risk_of(cells)
+        certain = risk.certain.copy()
+        plans = [some_plan(mpc, state, rng) for _ in range(20)]
+        careful = next((plan for plan in plans if CHECKER.is_safe(plan, risk.cautious)), None)
+        driven, remains = secure(
+            resort, state, plans[0], risk, path, lambda careful=careful: careful
+        )
+        assert remains
+        assert np.array_equal(risk.certain, certain)
+        assert driven.states[0] == pytest.approx(state, abs=0.0)
+        first = CHECKER.contact(Plan(driven.states[:2], driven.controls[:1]), occupied, FRAME)
+        assert first is None
+        kept = mpc.roll(driven.states[1], resort.controls)
+        assert CHECKER.is_safe(kept, risk.cautious)
+        state = driven.states[1]
+        fastest, changed = max(fastest, state[3]), changed + (driven is not plans[0])
+    assert fastest > 0.5
+    assert changed > 3
+
+
+def unlimited(mpc):
+    """A car at 2 m/s that may stop anywhere near, and a plan into what was not observed."""
+    x, _ = FRAME.centres()
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[:, x > CAR.body.half_length + 2.0] = UNKNOWN
+    state, plan = onward(mpc, 2.0)
+    risk = risk_of(cells)
+    assert CHECKER.contact(plan, ~risk.certain, FRAME) is not None
+    return state, plan, risk
+
+
+T, F = True, False
+
+
+@pytest.mark.parametrize(
+    ("anywhere", "on_course", "follows", "best"),
+    [
+        (2, 1, (T, T), 1),
+        (2, 1, (T, F), 2),
+        (2, 1, (F, T), 1),
+        (2, 1, (F, F), None),
+        (1, 2, (T, T), 1),
+        (2, None, (F, T), None),
+        (None, 2, (T, T), 2),
+        (0, 0, (T, F), 0),
+    ],
+)
+def test_the_fastest_first_step_that_meets_one_of_the_demands_is_taken(
+    mpc, anywhere, on_course, follows, best
+):
+    resort, (state, plan, risk) = LastResort(mpc, CHECKER, WINDOW), unlimited(mpc)
+    ends = {last_resort.ANYWHERE: anywhere, last_resort.ON_COURSE: on_course}
+    resort._fastest = lambda state, firsts, manoeuvres, end, tests: ends[end]
+    resort._can_follow = lambda *args: follows[args[-1].end == last_resort.ON_COURSE]
+    assert (
+        resort._foreseen(state, plan, np.zeros((3, 2)), risk, last_resort._Tests(0, 0, 0)) == best
+    )
+
+
+@pytest.mark.parametrize(("gain", "better"), [(0.5, False), (2.0, True), (-2.0, False)])
+def test_a_cautious_plan_is_better_if_it_is_faster_and_ends_on_the_course(
+    mpc, monkeypatch, gain, better
+):
+    _, plan, risk = unlimited(mpc)
+    resort, course = LastResort(mpc, CHECKER, WINDOW), CHECKER.course_on(STRAIGHT, 0, risk)
+    reached = plan.controls[0, 0] - gain * last_resort.SAME
+    assert resort._is_better(plan, reached, course) == better
+    monkeypatch.setattr(last_resort, "rejoins", lambda *args: False)
+    assert not resort._is_better(plan, reached, course)
+
+
+@pytest.mark.parametrize("leads", [True, False])
+def test_the_last_manoeuvre_is_driven_where_no_plan_can_be_followed_if_it_leads_on(mpc, leads):
+    state, plan, risk = unlimited(mpc)
+    own = np.tile([-CAR.braking, 0.3], (mpc.stages, 1))
+    if not leads:
+        # It would end amid predicted walls.
+        (x, y), end = FRAME.centres(), mpc.roll(state, own).states[-1]
+        here = abs(np.hypot(x - end[0], y[:, None] - end[1]) - 0.8) < 0.2
+        risk.barred[here] = True
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    resort.controls, resort._foreseen = own, lambda *args: None
+    driven, survivable = secure(resort, state, plan, risk)
+    assert survivable
+    assert (driven.controls[0, 1] == 0.3) == leads
+
+
+@pytest.mark.parametrize(("speed", "ends"), [(2.0, (1, 0)), (0.1, (0,))])
+def test_a_car_that_is_about_to_stop_need_not_be_able_to_go_on(mpc, speed, ends):
+    state, plan, risk = unlimited(mpc)
+    state[3] = speed
+    plan, asked = mpc.roll(state, plan.controls), []
+    risk = replace(risk, certain=risk.certain & False)
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    resort._foreseen = lambda *args: pytest.fail("foreseen") if speed < 0.2 else None
+    resort._fastest = lambda state, firsts, manoeuvres, end, tests: asked.append(end)
+    secure(resort, state, plan, risk)
+    assert tuple(asked) == ends
+
+
+def test_a_plan_cannot_be_followed_where_no_manoeuvre_is_left_before_the_rest_is_seen(
+    mpc, monkeypatch
+):
+    state, plan, risk, path = around_the_corner(mpc)
+    monkeypatch.setattr(last_resort, "reveal", lambda *args: None)
+    resort, course = LastResort(mpc, CHECKER, WINDOW), CHECKER.course_on(path, 0, risk)
+    asked = []
+
+    def first_free(state, manoeuvres, end, tests):
+        asked.append(end)
+        return -1 if len(asked) == 2 else 0
+
+    resort._first_free = first_free
+    demand = last_resort._Demand(last_resort.ANYWHERE, (1, 2, 3), last_resort.ON_COURSE)
+    assert not resort._can_follow(state, plan, plan.controls[0], risk, course, demand)
+    assert asked == [last_resort.ON_COURSE] * 2
+
+
 def test_in_an_emergency_the_car_rather_leaves_what_is_safe_than_hits_a_wall(mpc):
     state, plan = onward(mpc, 2.5)
     x, y = FRAME.centres()
@@ -214,3 +359,12 @@ def test_in_an_emergency_the_car_rather_leaves_what_is_safe_than_hits_a_wall(mpc
     # Its rest is kept.
     rest = mpc.roll(stop.states[1], resort.controls)
     assert rest.states[:-1] == pytest.approx(stop.states[1:])
+
+
+def test_a_stop_that_touches_something_at_rest_is_worse_than_one_that_touches_nothing(mpc):
+    cells = np.full(FRAME.shape, FREE, np.int8)
+    cells[:, FRAME.centres()[0] > 2.0] = OCCUPIED
+    risk, controls = risk_of(cells), np.zeros((mpc.stages, 2))
+    free, touching = (mpc.roll(np.array([x, 0.0, 0.0, 0.0]), controls) for x in (0.0, 1.76))
+    resort = LastResort(mpc, CHECKER, WINDOW)
+    assert resort._badness(free, risk) < resort._badness(touching, risk)

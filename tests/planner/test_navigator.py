@@ -230,6 +230,23 @@ def test_a_belief_that_breaks_is_survived_unless_there_was_no_doubt_in_it(family
     assert (episode.trace["kept"] == 0).any()
 
 
+@pytest.mark.parametrize(("side", "asked"), [(None, 10.0), (0.0, 10.0), (16.0, 16.0)])
+def test_a_predictor_is_asked_for_the_square_that_it_states(side, asked):
+    task, predictor, frames = straight(), Sure(), []
+
+    def predict(view):
+        frames.append(view.known.frame)
+        return Sure().predict(view)
+
+    predictor.predict = predict
+    if side is not None:
+        predictor.side = side
+    state = np.array([*task.start, 0.0])
+    decision = navigator(task, predictor, reliance=0.1).step(state, LIDAR.scan(task.world, state))
+    assert decision.prediction is not None
+    assert [frame.resolution * frame.shape[0] for frame in frames] == [pytest.approx(asked)]
+
+
 def test_a_sure_prediction_of_free_space_makes_the_car_faster():
     task = straight()
     config = EpisodeConfig(timeout=0.9)

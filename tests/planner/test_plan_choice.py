@@ -1,10 +1,18 @@
 """Every plan that is driven was found safe on the newest map, whatever its maker says."""
 
+import dataclasses
+
 import numpy as np
+import pytest
 from short_drive import LIDAR, navigator, straight
 
-from foresee.mapping.grid import OCCUPIED, Grid
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
+from foresee.prediction import Prediction
+from planner.fault import Fault
+from planner.motion.path import Path
 from planner.mpc.mpc import Solution, Status
+from planner.risk.risk_map import RiskMap
+from planner.safety.plan_choice import Situation
 from sim import DubinsCar
 from sim.world import World
 
@@ -50,3 +58,64 @@ def test_a_wall_that_appears_too_near_to_stop_is_an_emergency():
     assert decision.emergency
     assert not driver.chooser.checker.is_safe(decision.plan, decision.risk_map)
     assert decision.control.acceleration == -car.limits.braking
+
+
+def into_the_unobserved(p_free=1.0):
+    """A car in a hall of which the first 2 m ahead are observed, and what is predicted of the rest
+    is p_free."""
+    frame = GridFrame(0.05, (-4.0, -4.0), (160, 240))
+    cells = np.full(frame.shape, FREE, np.int8)
+    cells[:, frame.centres()[0] > 2.0] = UNKNOWN
+    ones = np.ones(frame.shape, np.float32)
+    belief = Prediction(frame, p_free * ones, (1.0 - p_free) * ones, ones)
+    risk = RiskMap.from_prediction(Grid(frame, cells), belief, 0.1)
+    path = Path.through(np.array([[0.0, 0.0], [7.0, 0.0]]), "route")
+    return Situation(np.array([0.0, 0.0, 0.0, 1.5]), risk, path, 0, False)
+
+
+def test_a_cautious_plan_is_the_best_one_in_certain_cells():
+    now, chooser = into_the_unobserved(), navigator(straight()).chooser
+    plan = chooser._cautious(now, [])
+    assert chooser.checker.is_safe(plan, now.risk.cautious)
+    assert plan.states[-1, 0] > 1.3
+    # Of two plans, it is the cheaper one.
+    slow = chooser.mpc.roll(now.state, np.tile([-1.5, 0.0], (chooser.mpc.stages, 1)))
+    plans = [plan, slow]
+    chooser.resort.controls = slow.controls
+    chooser.mpc.solve = lambda *_: Solution(plans.pop(), 0.0, Status.CONVERGED)
+    assert chooser._cautious(now, []) is plan
+    assert not plans
+
+
+@pytest.mark.parametrize("changes", [{"on_leg": True}, {"path": None}])
+def test_without_a_path_and_on_a_leg_there_is_no_cautious_plan(changes):
+    now = dataclasses.replace(into_the_unobserved(), **changes)
+    assert navigator(straight()).chooser._cautious(now, []) is None
+
+
+def test_a_failure_of_the_solver_in_the_cautious_plan_is_counted():
+    now, chooser = into_the_unobserved(), navigator(straight()).chooser
+    solve = chooser.mpc.solve
+
+    def fails_cautiously(state, path, risk, *others):
+        if risk.plan_suffices:
+            raise RuntimeError("no solution")
+        return solve(state, path, risk, *others)
+
+    chooser.mpc.solve = fails_cautiously
+    chooser.resort._foreseen = lambda *args: None
+    assert Fault.SOLVER_FAILED in chooser.choose(now, True).faults
+
+
+@pytest.mark.parametrize("relies", [True, False])
+def test_predicted_walls_bar_the_way_on_only_of_a_plan_that_relies_on_predictions(relies):
+    now, chooser = into_the_unobserved(0.0), navigator(straight()).chooser
+    # It ends 0.3 m before the predicted wall; one cell under the body was perhaps not observed.
+    state = np.array([1.45, 0.0, 0.0, 0.0])
+    plan = chooser.mpc.roll(state, np.zeros((chooser.mpc.stages, 2)))
+    cells = now.risk.known.cells.copy()
+    if relies:
+        cells[80, 108] = UNKNOWN
+    risk = dataclasses.replace(now.risk, known=Grid(now.risk.frame, cells))
+    assert not chooser.checker.leads_on(state, risk.barred, risk.frame)
+    assert chooser.goes_on(plan, risk) == (not relies)

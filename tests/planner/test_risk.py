@@ -275,3 +275,14 @@ def test_what_is_barred_was_seen_occupied_or_is_believed_to_be_rather_not_free(
 @given(grids)
 def test_without_a_prediction_only_what_was_seen_occupied_is_barred(known):
     assert np.array_equal(RiskMap.from_prediction(known, None, 0.1).barred, known.occupied)
+
+
+@given(grids, shares_or_nan, shares_or_nan, st.floats(0.01, 0.99), st.floats(0.0, 1.0))
+def test_a_cautious_map_is_that_of_a_car_that_relies_on_what_is_certain(known, p, c, epsilon, part):
+    level = part * epsilon
+    cautious = RiskMap.from_prediction(known, believed(p, c), epsilon, level=level).cautious
+    alone = RiskMap.from_prediction(known, believed(p, c), level)
+    assert np.array_equal(cautious.safe, alone.safe)
+    assert np.array_equal(cautious.clearance, alone.clearance)
+    assert np.array_equal(cautious.barred, alone.barred)
+    assert cautious.plan_suffices
