@@ -44,8 +44,8 @@ class Course(NamedTuple):
 def rejoins(pose, course):  # type: ignore[no-untyped-def]
     """Return whether a car can follow a path from a pose without a contact, by pure pursuit.
 
-    It can if it is near the path at the end of `Course.length`, or comes to the path's end before.
-    Beyond the grid there is nothing that it could meet.
+    It can if it is near the path after `Course.length`, or once the nearest point of the path is
+    its end, however far that is. Beyond the grid there is nothing that it could meet.
 
     Args:
         pose: x, y, yaw of the car at rest; further entries are ignored.

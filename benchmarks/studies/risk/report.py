@@ -17,6 +17,7 @@ from benchmarks.studies.risk.drives import Drives
 from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, predictor_label
 from foresee.mapping.family_names import FAMILIES
 from foresee.statistics import MIN_GROUPS
+from planner.revision import FIRST
 
 BASELINES = ("known", "oracle", "full")
 
@@ -43,6 +44,7 @@ def collision_rows(
             | {
                 "requested": series.risk,
                 "certified": series.risk in certified,
+                "earlier_calibration": _is_of_earlier_planner(series, driven),
                 "drives": len(driven),
                 "worlds": len(set(worlds)),
                 "no_task": len(drives[series.name]) - len(driven),
@@ -63,6 +65,14 @@ def collision_rows(
             }
         )
     return rows
+
+
+def _is_of_earlier_planner(series: Series, driven: Sequence[dict[str, Any]]) -> bool:
+    """Return whether the level was calibrated with an earlier revision of the driving."""
+    settings = series.settings
+    return settings.level > 0.0 and any(
+        d.get("revision", FIRST) > settings.calibrated for d in driven
+    )
 
 
 def exceeds_its_risk(row: dict[str, Any]) -> bool:

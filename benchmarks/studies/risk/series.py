@@ -139,7 +139,12 @@ def _settings(calibration: Calibration, predictor: str) -> Settings:
         same = {name: calibration.conditions[name] for name in CONDITIONS}
         world = tuple(map(str, calibration.conditions["world"]))
         settings = Settings(
-            world=world, predictor=predictor, seed=SEED, arms=("predicted",), **same
+            world=world,
+            predictor=predictor,
+            seed=SEED,
+            arms=("predicted",),
+            calibrated=calibration.revision,
+            **same,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise CalibrationError(f"{calibration.path} is no calibration: {one_line(error)}") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from benchmarks.runs.summary import EARLIER
 from benchmarks.studies.risk.series import PROMISE
 from foresee.infra.markdown import DASH, interval, records, span
 from foresee.mapping.family_names import FAMILIES
@@ -63,7 +64,7 @@ def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
         [
             {
                 "group": row["group"],
-                "drives in": row["series"],
+                "drives in": row["series"] + (EARLIER if row.get("earlier_calibration") else ""),
                 "requested δ": _number(row["requested"], "g"),
                 "level λ": f"{row['level']:.2g}",
                 **_collisions(row),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
+from benchmarks.runs.summary import EARLIER, NOT_CERTIFIED
 from foresee.infra.markdown import interval, records
 
 HEADS = {
@@ -53,9 +54,9 @@ def _head(row: dict[str, Any]) -> str:
     """Return the name of a driver, and how far its risk is certified."""
     if not row["risk"]:
         return f"`{row['driver']}`"
-    remark = ", not certified"
+    remark = NOT_CERTIFIED
     if row["certified"]:
-        remark = ", calibrated with an earlier planner" if row["earlier_calibration"] else ""
+        remark = EARLIER if row["earlier_calibration"] else ""
     return f"`{row['driver']}` (λ = {row['level']:g}){remark}"
 
 

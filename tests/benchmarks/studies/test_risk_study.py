@@ -12,6 +12,7 @@ from drive_results import a_result
 from benchmarks import corridor, tables
 from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.settings import Settings
+from benchmarks.runs.summary import EARLIER
 from benchmarks.studies.risk import __main__ as risk
 from benchmarks.studies.risk import series as study
 from benchmarks.studies.risk.drives import saved_drives
@@ -25,7 +26,7 @@ from benchmarks.studies.risk.report import (
     pooled_rows,
 )
 from benchmarks.studies.risk.series import Series, list_series
-from benchmarks.studies.risk.tables import with_intervals
+from benchmarks.studies.risk.tables import _collision_table, with_intervals
 from foresee.checking import check_predictor
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
@@ -371,6 +372,18 @@ def test_drives_in_few_maps_say_nothing_of_the_rate_in_others():
     for name in ("interval", "per_km_interval"):
         assert widths[3, name] is None
         assert widths[30, name] > 1.2 * widths[60, name]
+
+
+@pytest.mark.parametrize("revision", [1, 2])
+def test_drives_at_a_level_of_an_earlier_planner_are_marked(revision):
+    calibration = replace(CALIBRATION, revision=revision)
+    all_series = list_series(calibration, [], "none", [], [], quick=True)
+    drive = asdict(a_result(revision=2)) | {"touched": False}
+    rows = collision_rows(all_series, {series.name: [drive] for series in all_series}, {})
+    marked = {row["earlier_calibration"] for row in rows if row["level"] > 0.0}
+    assert marked == {revision < 2}
+    assert not any(row["earlier_calibration"] for row in rows if row["level"] == 0.0)
+    assert (EARLIER in _collision_table(rows)) is (revision < 2)
 
 
 def test_older_results_have_intervals_by_the_rules_of_today():
