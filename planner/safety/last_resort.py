@@ -53,7 +53,7 @@ class _Demand(NamedTuple):
 
 DEMANDS = (
     # What lies on the plan is about to be seen, so that the manoeuvre will hardly be needed.
-    _Demand(ANYWHERE, (2, 4), ONWARD),
+    _Demand(ANYWHERE, (2,), ONWARD),
     # It will be seen later. The car may need the manoeuvre, and then has to find back to its path.
     _Demand(ON_COURSE, (2, 4, 7, 11, 16), ON_COURSE),
 )

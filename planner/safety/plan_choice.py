@@ -28,6 +28,8 @@ LEG_LOOK = 0.3
 LEG_STOP = 0.05
 """Distance from a leg's end within which the car stops at once [m], so that it does not creep. The
 guide accepts a larger one, `GuideConfig.leg_end`."""
+HARDLY = 0.1
+"""Distance between its start and its end up to which a plan hardly moves [m]."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
@@ -107,11 +109,13 @@ class PlanChooser:
         self.mpc, self.checker = MPC(car, config), CollisionChecker(car, config.dt)
         self.resort = LastResort(self.mpc, self.checker, window)
         self._intended: Plan | None = None
+        self._careful: Plan | None = None
         self._curvature = 0.0
 
     def forget(self) -> None:
         """Forget the last plan, since the car has changed its gear."""
-        self._intended, self.resort.controls, self._curvature = None, None, 0.0
+        self._intended = self._careful = self.resort.controls = None
+        self._curvature = 0.0
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.
@@ -122,11 +126,13 @@ class PlanChooser:
         """
         intended, faults = self._decide(now, afresh)
         intended = plan = self._without_waiting(now, intended)
+        last = None if afresh else self._careful
+        self._careful = None
         if Fault.EMERGENCY not in faults:
             course = self.checker.course_on(self._path(now, intended), now.segment, now.risk)
             more = list[Fault]()
             plan, survivable = self.resort.secure(
-                now.state, intended, now.risk, course, lambda: self._cautious(now, more)
+                now.state, intended, now.risk, course, lambda: self._cautious(now, last, more)
             )
             faults = (*faults, *more)
             if not survivable:
@@ -151,25 +157,29 @@ class PlanChooser:
         """Return the path to follow; without one, the way of the intended plan."""
         return now.path or Path.through(intended.states[:, :2], "plan")
 
-    def _cautious(self, now: Situation, faults: list[Fault]) -> Plan | None:
-        """Return the best plan in the cells that the last resort may enter, None if there is none.
+    def _cautious(self, now: Situation, last: Plan | None, faults: list[Fault]) -> Plan | None:
+        """Return a plan in the cells that the last resort may enter, None if there is none.
 
-        It is the plan of a car that knows only these cells. The faults that were handled are added
-        to `faults`.
+        It is the plan of a car that knows only these cells.
+
+        Args:
+            now: situation of the tick.
+            last: the last tick's cautious plan, from whose rest the MPC starts; None: it starts
+                from a pure-pursuit guess.
+            faults: list to which the faults that were handled are added.
         """
         if now.path is None or now.on_leg:
             return None
-        there, path = replace(now, risk=now.risk.cautious), now.path
-        guesses = [self._pursuit(there, path)]
-        if self.resort.controls is not None:
-            guesses.append(self.resort.controls)
-        plans, more = self._solutions(there, path, guesses)
+        there = replace(now, risk=now.risk.cautious)
+        guess = (
+            self._pursuit(there, now.path)
+            if last is None
+            else shifted(last.controls, self.mpc.limits.braking)
+        )
+        plans, more = self._solutions(there, now.path, [guess])
         faults += more
-
-        def cost(plan: Plan) -> float:
-            return self.mpc.evaluate(plan, path, there.risk, now.segment, self._curvature)
-
-        return min(plans, key=cost, default=None)
+        self._careful = next(iter(plans), None)
+        return self._careful
 
     def _decide(self, now: Situation, afresh: bool) -> _Intention:
         """Choose the plan to drive if all predictions are certain: the best safe one.
@@ -210,8 +220,8 @@ class PlanChooser:
         stops = (self.mpc.roll(now.state, controls) for controls in self.resort.manoeuvres(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
-        # A plan that stands still is no better than a stop at the wall.
-        moving = (plan for plan in others if plan.states[:, 3].max() > 0.1)
+        # A plan that hardly moves is no better than a stop at the wall.
+        moving = (plan for plan in others if math.dist(*plan.states[[0, -1], :2]) > HARDLY)
         onward = next((plan for plan in moving if self.goes_on(plan, now.risk)), best)
         return _Intention(onward, faults)
 

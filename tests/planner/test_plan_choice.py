@@ -73,24 +73,54 @@ def into_the_unobserved(p_free=1.0):
     return Situation(np.array([0.0, 0.0, 0.0, 1.5]), risk, path, 0, False)
 
 
-def test_a_cautious_plan_is_the_best_one_in_certain_cells():
+def test_a_cautious_plan_lies_in_certain_cells():
     now, chooser = into_the_unobserved(), navigator(straight()).chooser
-    plan = chooser._cautious(now, [])
+    plan = chooser._cautious(now, None, [])
     assert chooser.checker.is_safe(plan, now.risk.cautious)
     assert plan.states[-1, 0] > 1.3
-    # Of two plans, it is the cheaper one.
-    slow = chooser.mpc.roll(now.state, np.tile([-1.5, 0.0], (chooser.mpc.stages, 1)))
-    plans = [plan, slow]
-    chooser.resort.controls = slow.controls
-    chooser.mpc.solve = lambda *_: Solution(plans.pop(), 0.0, Status.CONVERGED)
-    assert chooser._cautious(now, []) is plan
-    assert not plans
+
+
+def test_a_cautious_plan_starts_from_the_rest_of_the_last_ticks():
+    now, chooser = into_the_unobserved(), navigator(straight()).chooser
+    # As if no step of the plan could be followed, so that there is a cautious plan in each tick.
+    chooser.resort._foreseen = lambda *args: None
+    guesses = []
+    solve = chooser.mpc.solve
+
+    def records(state, path, risk, guess, *others):
+        if risk.plan_suffices:
+            guesses.append(guess)
+        return solve(state, path, risk, guess, *others)
+
+    chooser.mpc.solve = records
+    chooser.choose(now, True)
+    last = chooser._careful
+    chooser.choose(now, False)
+    np.testing.assert_array_equal(guesses[1][:-1], last.controls[1:])
+    # Neither a fresh start nor a tick without a cautious plan leaves one to start from.
+    chooser.choose(now, True)
+    assert not np.array_equal(guesses[2], guesses[1])
+    chooser.resort._foreseen = lambda *args: 0
+    chooser.choose(now, False)
+    assert chooser._careful is None
 
 
 @pytest.mark.parametrize("changes", [{"on_leg": True}, {"path": None}])
 def test_without_a_path_and_on_a_leg_there_is_no_cautious_plan(changes):
     now = dataclasses.replace(into_the_unobserved(), **changes)
-    assert navigator(straight()).chooser._cautious(now, []) is None
+    assert navigator(straight()).chooser._cautious(now, None, []) is None
+
+
+def test_a_slow_car_does_not_stop_because_it_cannot_go_on_from_its_plan():
+    there = into_the_unobserved()
+    now = dataclasses.replace(there, state=np.array([0.0, 0.0, 0.0, 0.15]))
+    chooser = navigator(straight()).chooser
+    chooser.goes_on = lambda plan, risk: plan.states[-1, 0] < 0.1
+    chooser._stopping_sooner = lambda *args: (None, ())
+    assert chooser.choose(now, True).intended.states[-1, 0] > 1.0
+    # At speed, it swerves or brakes to where it can go on.
+    chooser.goes_on = lambda plan, risk: plan.states[-1, 0] < 1.0
+    assert chooser.choose(there, True).intended.states[-1, 0] < 1.0
 
 
 def test_a_failure_of_the_solver_in_the_cautious_plan_is_counted():
