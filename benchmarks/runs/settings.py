@@ -262,6 +262,15 @@ class Settings(Options):
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms needs at least one arm, and each only once")
 
+    @property
+    def families(self) -> tuple[str, ...]:
+        """The families of generated buildings, which take turns; none for maps."""
+        return self.world if set(self.world) <= set(FAMILIES) else ()
+
+    def family(self, index: int) -> str:
+        """Return the family of an episode; there must be `families`."""
+        return self.families[index % len(self.families)]
+
 
 NO_CONDITIONS = (
     *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),

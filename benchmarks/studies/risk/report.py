@@ -15,7 +15,6 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
 from benchmarks.studies.risk.drives import Drives
 from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, predictor_label
-from foresee.mapping.family_names import FAMILIES
 from foresee.statistics import MIN_GROUPS
 from planner.revision import FIRST
 
@@ -189,33 +188,22 @@ def _by_family(series: Series, drives: Sequence[dict[str, Any]]) -> dict[str, li
     """Return the collisions and the drives in each family of a mixture."""
     return {
         family: [sum(d["outcome"] == "collided" for d in there), len(there)]
-        for family in _families(series)
-        if (there := [d for d in drives if _family(series, d["index"]) == family])
+        for family in series.settings.families
+        if (there := [d for d in drives if series.settings.family(d["index"]) == family])
     }
 
 
 def _times_by_family(series: Series, arms: ResultsByArm) -> dict[str, dict[str, Any]]:
     """Return the time ratio to `known` in each family."""
     times = {}
-    for family in _families(series):
+    for family in series.settings.families:
         here = {
-            arm: [r for r in results if _family(series, r.index) == family]
+            arm: [r for r in results if series.settings.family(r.index) == family]
             for arm, results in arms.items()
         }
         if "known" in here and here["known"] and series.settings.route == "fixed":
             times[family] = {"time_ratio": statistics.time_ratio(here, "predicted", "known")}
     return times
-
-
-def _families(series: Series) -> tuple[str, ...]:
-    """Return the families of generated buildings that a series drives in; none for maps."""
-    families = series.settings.world
-    return families if set(families) <= set(FAMILIES) else ()
-
-
-def _family(series: Series, index: int) -> str:
-    """Return the family of a drive: families take turns."""
-    return series.settings.world[index % len(series.settings.world)]
 
 
 def _with_task(drives: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -68,6 +68,7 @@ def _row(series: Series, group: Sequence[Series], by_driver: ResultsByArm) -> di
         "promises_broken": statistics.promises_broken(results),
         "sct": statistics.success({series.driver: results}, series.driver),
         "time_ratio": statistics.time_ratio(by_driver, series.driver, "known"),
+        "by_family": _by_family(series, by_driver),
         "baseline": best if compared else None,
         "time_over_baseline": (
             statistics.time_ratio(by_driver, series.driver, str(best)) if compared else None
@@ -75,6 +76,24 @@ def _row(series: Series, group: Sequence[Series], by_driver: ResultsByArm) -> di
         "gap_closed": closed,
         "commits": sorted({str(r.commit) for r in results}),
     }
+
+
+def _by_family(series: Series, by_driver: ResultsByArm) -> dict[str, dict[str, float | None]]:
+    """Return the time ratio of a driver to `known` in each family of a mixture; {} for one kind.
+
+    A family in which no building was driven to the goal by both is left out.
+    """
+    families = series.settings.families
+    found = dict[str, dict[str, float | None]]()
+    for family in families if len(families) > 1 else ():
+        here = {
+            driver: [r for r in by_driver[driver] if series.settings.family(r.index) == family]
+            for driver in (series.driver, "known")
+        }
+        ratio = statistics.time_ratio(here, series.driver, "known")
+        if ratio is not None:
+            found[family] = ratio
+    return found
 
 
 def _baselines(series: Series, group: Sequence[Series]) -> list[str]:

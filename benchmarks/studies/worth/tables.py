@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
 from benchmarks.runs.summary import EARLIER, NOT_CERTIFIED
+from benchmarks.studies.worth.series import WINDOWS
 from foresee.infra.markdown import interval, records
 
 HEADS = {
@@ -15,6 +16,9 @@ HEADS = {
     "free": "Free route, `reeds-shepp`, window {window:g} m, top speed {v_max:g} m/s",
 }
 """Part of the study → heading of a table."""
+TIME = "time ratio to `known`"
+SLOWER = 1.02
+"""Time ratio above which a driver counts as slower than `known`, also without an interval."""
 
 
 def tables(results: dict[str, Any]) -> str:
@@ -25,6 +29,9 @@ def tables(results: dict[str, Any]) -> str:
         place = dict(zip(group, key, strict=True))
         head = HEADS[place["part"]].format(**place)
         parts.append(f"**{head}: {place['tasks']}**\n\n{_table([*rows])}")
+    if cells := _cells(results["rows"]):
+        parts.append(f"**Prescribed route at a risk of 0: {TIME} in each family**")
+        parts += [records(cells), _slower(results["rows"])]
     parts += [f"- {line}" for line in results["without_calibration"]]
     if results["missing"]:
         parts.append(f"{results['missing']} drives are still to be made: the same command goes on.")
@@ -36,7 +43,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> str:
         [
             {
                 f"{row['episodes']} buildings": _head(row),
-                "time ratio to `known`": interval(row["time_ratio"], ".2f"),
+                TIME: interval(row["time_ratio"], ".2f"),
                 "time over the best baseline": _over(row),
                 "gap closed [%]": interval(row["gap_closed"], ".0f", 100.0),
                 "SCT": interval(row["sct"], ".3f"),
@@ -48,6 +55,38 @@ def _table(rows: Sequence[dict[str, Any]]) -> str:
             for row in rows
         ]
     )
+
+
+def _cells(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row for each window, top speed and family, with the time ratio of each driver."""
+    cells: dict[tuple[float, float, str], dict[str, Any]] = {}
+    for row, family, ratio in _by_family(rows):
+        key = (row["window"], row["v_max"], family)
+        where = {"window [m]": f"{key[0]:g}", "top speed [m/s]": f"{key[1]:g}", "family": family}
+        cells.setdefault(key, where)[f"`{row['driver']}`"] = interval(ratio, ".2f")
+    drivers = dict.fromkeys(name for cell in cells.values() for name in cell)
+    return [dict.fromkeys(drivers, "") | cell for cell in cells.values()]
+
+
+def _slower(rows: Sequence[dict[str, Any]]) -> str:
+    """Return a line that names the drivers that are slower than `known` in a family."""
+    found = [
+        f"`{row['driver']}` in `{family}` (window {row['window']:g} m, {row['v_max']:g} m/s)"
+        for row, family, ratio in _by_family(rows)
+        if ratio["value"] > SLOWER or (ratio["low"] or 0.0) > 1.0
+    ]
+    rule = f"a ratio above {SLOWER:g}, or an interval above 1"
+    return f"Slower than `known` ({rule}): {', '.join(found) or 'none'}."
+
+
+def _by_family(
+    rows: Sequence[dict[str, Any]],
+) -> Iterator[tuple[dict[str, Any], str, dict[str, Any]]]:
+    """Yield each row of a driver at a risk of 0 on a prescribed route, a family and its ratio."""
+    for row in rows:
+        if row["part"] == WINDOWS and not row["risk"] and row["driver"] != "known":
+            for family, ratio in row["by_family"].items():
+                yield row, family, ratio
 
 
 def _head(row: dict[str, Any]) -> str:

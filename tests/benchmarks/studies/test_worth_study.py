@@ -110,6 +110,36 @@ def test_tables_and_figure_show_every_driver(tmp_path):
     assert draw({"rows": []}, tmp_path) == []
 
 
+def test_a_table_gives_the_times_in_each_family_and_names_those_who_are_slower():
+    group, drives = driven(WINDOWS)
+    mixed = [
+        replace(series, settings=replace(series.settings, world=("corridor", "narrow", "office")))
+        for series in group
+    ]
+    for drive in drives[mixed[1].name]:
+        drive["time"] *= 2.0 if drive["index"] % 3 == 1 else 1.0
+    # A driver that reaches no goal in a family has no time there.
+    for drive in drives[mixed[-1].name]:
+        drive["outcome"] = "stuck" if drive["index"] % 3 == 2 else "reached"
+    found = rows(mixed, drives)
+    backup = next(row for row in found if row["driver"] == "backup")
+    indices = (1, 4, 7)
+    expected = sum(2 * (17 + i) for i in indices) / sum(20 + i for i in indices)
+    assert backup["by_family"]["narrow"]["value"] == pytest.approx(expected)
+    said = tables({"rows": found, "without_calibration": [], "missing": 0})
+    line = next(line for line in said.splitlines() if line.startswith("Slower than"))
+    assert "`backup` in `narrow` (window 5 m, 4 m/s)." in line
+    assert line.count(" in `") == 1
+    table = [line for line in said.splitlines() if line.startswith("| 5 ")]
+    assert [row.split("|")[3].strip() for row in table] == ["corridor", "narrow", "office"]
+    assert table[2].split("|")[-2].strip() == ""
+    # The table is of a risk of 0, and of mixtures alone.
+    assert "2 %" not in said[said.index("in each family") :]
+    assert "in each family" not in tables(
+        {"rows": rows(*driven(WINDOWS)), "without_calibration": [], "missing": 0}
+    )
+
+
 def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_a_group(short_map):
     parts = (PRESCRIBED, WINDOWS, FREE)
     found, without = list_series(
