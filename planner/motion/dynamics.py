@@ -45,7 +45,7 @@ def rollout(state, controls, dt, limits):  # type: ignore[no-untyped-def]
         bound = min(limits.curvature, limits.cornering / max(fastest * fastest, 1e-9))
         kappa = min(max(controls[k, 1], -bound), bound)
         s = v * dt + 0.5 * a * dt * dt
-        states[k + 1, :3] = pose_along(x, y, yaw, kappa, s)
+        states[k + 1, :3] = pose_along(x, y, yaw, kappa, s) if s != 0.0 else (x, y, yaw)
         states[k + 1, 3] = max(v + a * dt, 0.0)
         applied[k, 0], applied[k, 1] = a, kappa
     return states, applied

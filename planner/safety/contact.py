@@ -72,6 +72,18 @@ def plan_contact(states, controls, dt, spacing, scene):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
+def _meets_between_steps(states, scene):  # type: ignore[no-untyped-def]
+    """Return whether the body meets a blocked cell at one of the states, tested from the last."""
+    for k in range(states.shape[0] - 1, -1, -1):
+        # At rest, the same pose is not tested again.
+        if k > 0 and states[k - 1, 3] == 0.0 and states[k, 3] == 0.0:
+            continue
+        if meets(scene, states[k, 0], states[k, 1], states[k, 2]):
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
 def leads_on(pose, arcs):  # type: ignore[no-untyped-def]
     """Return whether the body meets no blocked cell on at least one of several arcs from a pose.
 
@@ -114,16 +126,15 @@ def first_free(  # type: ignore[no-untyped-def]
         states, controls = rollout(state, manoeuvres[i], dt, limits)
         if states[-1, 3] > 1e-6:
             continue
-        # Most manoeuvres fail, and most of these already fail at few poses.
-        if plan_contact(states, controls, dt, 5.0 * spacing, scene)[0] >= 0.0:
-            continue
-        if plan_contact(states, controls, dt, spacing, scene)[0] >= 0.0:
+        # The cheapest tests come first: most manoeuvres fail, and most of these at their end.
+        if _meets_between_steps(states, scene):
             continue
         if end == ONWARD and not leads_on(states[-1], arcs):
             continue
         if end == ON_COURSE and not rejoins(states[-1], course):
             continue
-        return i
+        if plan_contact(states, controls, dt, spacing, scene)[0] < 0.0:
+            return i
     return -1
 
 
