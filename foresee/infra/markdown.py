@@ -10,7 +10,11 @@ DASH = "–"
 
 
 def markdown(rows: list[list[str]]) -> str:
-    """Return a Markdown table with padded cells; the first row is the header."""
+    """Return a Markdown table with padded cells; the first row is the header.
+
+    A bar in a cell, such as in the name of a map, is escaped.
+    """
+    rows = [[cell.replace("|", r"\|") for cell in row] for row in rows]
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = [
         "| " + " | ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) + " |"
