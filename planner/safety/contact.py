@@ -72,7 +72,7 @@ def plan_contact(states, controls, dt, spacing, scene):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True)
-def _meets_between_steps(states, scene):  # type: ignore[no-untyped-def]
+def _meets_at_states(states, scene):  # type: ignore[no-untyped-def]
     """Return whether the body meets a blocked cell at one of the states, tested from the last."""
     for k in range(states.shape[0] - 1, -1, -1):
         # At rest, the same pose is not tested again.
@@ -127,7 +127,7 @@ def first_free(  # type: ignore[no-untyped-def]
         if states[-1, 3] > 1e-6:
             continue
         # The cheapest tests come first: most manoeuvres fail, and most of these at their end.
-        if _meets_between_steps(states, scene):
+        if _meets_at_states(states, scene):
             continue
         if end == ONWARD and not leads_on(states[-1], arcs):
             continue

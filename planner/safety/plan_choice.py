@@ -28,8 +28,8 @@ LEG_LOOK = 0.3
 LEG_STOP = 0.05
 """Distance from a leg's end within which the car stops at once [m], so that it does not creep. The
 guide accepts a larger one, `GuideConfig.leg_end`."""
-HARDLY = 0.1
-"""Distance between its start and its end up to which a plan hardly moves [m]."""
+STANDS_STILL = 0.1
+"""A plan that ends within this distance of its start counts as standing still [m]."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
@@ -109,12 +109,12 @@ class PlanChooser:
         self.mpc, self.checker = MPC(car, config), CollisionChecker(car, config.dt)
         self.resort = LastResort(self.mpc, self.checker, window)
         self._intended: Plan | None = None
-        self._careful: Plan | None = None
+        self._last_cautious: Plan | None = None
         self._curvature = 0.0
 
     def forget(self) -> None:
         """Forget the last plan, since the car has changed its gear."""
-        self._intended = self._careful = self.resort.controls = None
+        self._intended = self._last_cautious = self.resort.controls = None
         self._curvature = 0.0
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
@@ -126,8 +126,8 @@ class PlanChooser:
         """
         intended, faults = self._decide(now, afresh)
         intended = plan = self._without_waiting(now, intended)
-        last = None if afresh else self._careful
-        self._careful = None
+        last = None if afresh else self._last_cautious
+        self._last_cautious = None
         if Fault.EMERGENCY not in faults:
             course = self.checker.course_on(self._path(now, intended), now.segment, now.risk)
             more = list[Fault]()
@@ -178,8 +178,8 @@ class PlanChooser:
         )
         plans, more = self._solutions(there, now.path, [guess])
         faults += more
-        self._careful = next(iter(plans), None)
-        return self._careful
+        self._last_cautious = next(iter(plans), None)
+        return self._last_cautious
 
     def _decide(self, now: Situation, afresh: bool) -> _Intention:
         """Choose the plan to drive if all predictions are certain: the best safe one.
@@ -220,8 +220,8 @@ class PlanChooser:
         stops = (self.mpc.roll(now.state, controls) for controls in self.resort.manoeuvres(best))
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
-        # A plan that hardly moves is no better than a stop at the wall.
-        moving = (plan for plan in others if math.dist(*plan.states[[0, -1], :2]) > HARDLY)
+        # A plan that stands still is no better than a stop at the wall.
+        moving = (plan for plan in others if math.dist(*plan.states[[0, -1], :2]) > STANDS_STILL)
         onward = next((plan for plan in moving if self.goes_on(plan, now.risk)), best)
         return _Intention(onward, faults)
 

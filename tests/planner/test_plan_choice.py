@@ -94,7 +94,7 @@ def test_a_cautious_plan_starts_from_the_rest_of_the_last_ticks():
 
     chooser.mpc.solve = records
     chooser.choose(now, True)
-    last = chooser._careful
+    last = chooser._last_cautious
     chooser.choose(now, False)
     np.testing.assert_array_equal(guesses[1][:-1], last.controls[1:])
     # Neither a fresh start nor a tick without a cautious plan leaves one to start from.
@@ -102,7 +102,7 @@ def test_a_cautious_plan_starts_from_the_rest_of_the_last_ticks():
     assert not np.array_equal(guesses[2], guesses[1])
     chooser.resort._foreseen = lambda *args: 0
     chooser.choose(now, False)
-    assert chooser._careful is None
+    assert chooser._last_cautious is None
 
 
 @pytest.mark.parametrize("changes", [{"on_leg": True}, {"path": None}])

@@ -17,6 +17,7 @@ HEADS = {
 }
 """Part of the study → heading of a table."""
 TIME = "time ratio to `known`"
+"""Name of the measure that the tables give for each driver."""
 SLOWER = 1.02
 """Time ratio above which a driver counts as slower than `known`, also without an interval."""
 
