@@ -42,7 +42,7 @@ def drive(
 
     Raises:
         MapError: if `world` is a string that names neither a family nor a readable map file.
-        NoTaskError: if the building has no route of 10 m or more.
+        NoTaskError: if the building has no route of 10 m or more, or none to prescribe.
         PredictorError: if the predictor cannot be loaded.
         UsageError: if a setting cannot be used, or no shipped calibration is for these drives.
         CalibrationError: if the calibration is for other settings, or only for larger risks.

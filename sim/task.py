@@ -43,6 +43,9 @@ SHORTEST_LEG, LONGEST_LEG = 8.0, 40.0
 """Shortest and longest way from one goal to the next, in a drive with several goals [m]."""
 NEW = 5.0
 """Distance of a goal from the way so far above which it counts as a new place [m]."""
+APART, AGAIN = 3.0, 0.5
+"""Distance along a way above which two of its points count as passed one after the other, and
+distance between such points below which the way comes back to where it was [m]."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,20 @@ class Task:
     path_length: float
     seed: int
     rules: Rules = Rules()
+
+    @property
+    def comes_back(self) -> bool:
+        """Whether the way passes a place twice, after its first metres.
+
+        A driver at that place cannot tell which part of the way it follows. The first metres do not
+        count: there, a car that starts in the wrong direction turns round.
+        """
+        corners = np.vstack([self.start[:2], self.waypoints])
+        along = arc_length(corners)
+        at = np.arange(APART, along[-1], 0.1)
+        points = np.stack([np.interp(at, along, corners[:, axis]) for axis in (0, 1)], axis=1)
+        pairs = cKDTree(points).query_pairs(AGAIN, output_type="ndarray")
+        return bool((np.abs(at[pairs[:, 1]] - at[pairs[:, 0]]) > APART).any())
 
     def start_margin(self, body: Body) -> float:
         """Return the margin around a body at the start that is free, of `START_MARGINS` [m].

@@ -247,7 +247,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         task: task to drive; None: that of the episode.
 
     Raises:
-        NoTaskError: if the building has no route of at least 10 m.
+        NoTaskError: if the episode has no task.
     """
     task = task or make_task(settings, index)
     rules = task.rules

@@ -30,10 +30,14 @@ def make_task(settings: Settings, index: int) -> Task:
     """Return the task (building, start, goal, route) of an episode, the same for all arms and cars.
 
     Raises:
-        NoTaskError: if the building has no route of at least 10 m, or the given task no route.
+        NoTaskError: if the building has no route of at least 10 m, or the given task no route; or
+            if a drawn route is to be prescribed, but passes a place twice.
         TaskFileError: if the tasks are given, and their file is broken.
     """
-    return _task(*_episode_source(settings, index))
+    task = _task(*_episode_source(settings, index))
+    if settings.route == "fixed" and settings.tasks is None and task.comes_back:
+        raise NoTaskError(f"{task.world.name}: the route passes a place twice")
+    return task
 
 
 @lru_cache(maxsize=2)

@@ -8,6 +8,8 @@ from short_drive import LIDAR, straight
 
 from benchmarks.runs.drive import navigator_config, navigator_for, predictor_for
 from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.tasks import make_task
+from sim import NoTaskError
 
 SETTINGS = Settings(reliance=0.05, level=0.02)
 
@@ -55,3 +57,11 @@ def test_only_arms_with_a_prediction_let_it_influence_the_route():
     predicting = {"known+route", "known+route+frontiers", "predicted", "perfect", "oracle"}
     predicting |= {"known+truth10", "known+truth20", "known+truth40"}
     assert steering == predicting
+
+
+def test_a_route_that_passes_a_place_twice_is_driven_freely_and_never_prescribed():
+    settings = Settings(world=("narrow",), seed=9120008)
+    assert make_task(settings, 0).comes_back
+    with pytest.raises(NoTaskError, match="passes a place twice"):
+        make_task(replace(settings, route="fixed"), 0)
+    assert not make_task(replace(settings, route="fixed"), 1).comes_back

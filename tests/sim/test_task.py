@@ -94,6 +94,22 @@ def test_a_goal_beside_the_start_is_drawn_again():
         assert math.dist(task.start[:2], task.goal) >= NO_TRIP
 
 
+def a_task(*waypoints):
+    points = np.array(waypoints, dtype=float)
+    return Task(empty_straight(60.0, 4.0), (0.0, 0.0, 0.0), tuple(points[-1]), points, 30.0, 0)
+
+
+def test_a_way_that_passes_a_place_twice_comes_back():
+    assert not a_task((20, 0)).comes_back
+    loop = ((10, 0), (10, 5), (6, 5), (6, -5))
+    assert a_task(*loop).comes_back
+    # Two parts of a way on both sides of a wall.
+    assert not a_task((10, 0), (10, 0.6), (0, 0.6)).comes_back
+    assert a_task((10, 0), (10, 0.4), (0, 0.4)).comes_back
+    # A car that starts in the wrong direction turns round.
+    assert not a_task((2, 0), (2, 1), (0, 1), (0, 0), (-20, 0)).comes_back
+
+
 @pytest.mark.parametrize("body", [Body(), Body(0.9, 0.3), Body(0.3, 0.3)])
 def test_every_way_that_is_found_can_be_driven_without_a_collision(body):
     world = generate("narrow", 5)
