@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,8 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from foresee.mapping.beams import trace_beams
 from foresee.mapping.body import Body, covered
+from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.kernels import njit
 from foresee.mapping.scan import Scan
+from foresee.mapping.visibility import SensingBounds, mark_visible
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 """Cell values, as in nav_msgs/OccupancyGrid."""
@@ -227,6 +229,37 @@ def mark_beams(scan: Scan, pose: tuple[float, float, float], frame: GridFrame) -
     return marks
 
 
+def mark_sure(
+    scan: Scan, pose: tuple[float, float, float], frame: GridFrame, bounds: ErrorBounds
+) -> NDArray[np.uint8]:
+    """Mark the cells that a scan shows to be free within bounds of error (1), or ends in (2).
+
+    Args:
+        scan: scan of the LIDAR.
+        pose: estimated x, y, yaw of the robot [m, m, rad].
+        frame: position and resolution of the cells.
+        bounds: bounds of the errors of pose and ranges.
+
+    Returns:
+        Marks (rows, columns); 0 for all other cells.
+    """
+    x, y, yaw = scan.sensor_pose(*pose)
+    marks = np.zeros(frame.shape, dtype=np.uint8)
+    mount = math.hypot(*scan.mount[:2])
+    mark_visible(
+        marks,
+        *frame.in_cells(x, y),
+        yaw + scan.angle_min,
+        scan.angle_increment,
+        scan.ranges / frame.resolution,
+        scan.range_max / frame.resolution,
+        SensingBounds(
+            bounds.apart(mount) / frame.resolution, bounds.yaw, bounds.range / frame.resolution
+        ),
+    )
+    return marks
+
+
 class OccupancyGrid:
     """The map of all that a robot has observed: log-odds of occupancy, updated by scans.
 
@@ -267,12 +300,18 @@ class OccupancyGrid:
         """Return the observed map inside a frame on this lattice."""
         return Grid(frame, _classify(paste(self.frame, self.log_odds, frame, np.int8(0))))
 
-    def integrate(self, scan: Scan, pose: ArrayLike) -> None:
+    def integrate(self, scan: Scan, pose: ArrayLike, bounds: ErrorBounds = NO_ERRORS) -> None:
         """Integrate a scan, taken at a robot pose (x, y, yaw), into the cells of the window.
 
         Each cell is updated once per scan: a cell that a beam ends in is a hit, one that a beam
         crosses is a miss. A beam with a range of NaN is ignored; one at or above `range_max` (also
-        +inf) was free up to `range_max` (REP 117).
+        +inf) was free up to `range_max` (REP 117). If pose or ranges have errors, a cell is a miss
+        only if it is free wherever in their bounds the errors lie, see `mark_visible`.
+
+        Args:
+            scan: scan of the LIDAR.
+            pose: x, y, yaw of the robot, (3,) or more [m, m, rad].
+            bounds: bounds of the errors of pose and ranges.
 
         Raises:
             ValueError: if the pose or the scan's geometry is not finite, its range not positive, or
@@ -290,7 +329,8 @@ class OccupancyGrid:
             raise ValueError(f"angle_min, angle_increment and mount are {beams}, not all finite")
         window = self.cover(self.frame.square(x, y, self.window))
         here, _ = self.frame.overlap(window)
-        _update(self.log_odds[here], mark_beams(scan, (x, y, yaw), window))
+        mark = mark_beams if bounds.senses_exactly else partial(mark_sure, bounds=bounds)
+        _update(self.log_odds[here], mark(scan, (x, y, yaw), window))
 
     def mark_free(self, pose: ArrayLike, body: Body, around: float) -> None:
         """Mark the unobserved cells under a body as free, as at the start of a drive.
