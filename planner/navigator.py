@@ -14,11 +14,12 @@ from foresee.frontiers import FrontierPredictor
 from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.car_limits import CarLimits, check_finite
 from foresee.mapping.control import Control
+from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
 from planner.fault import Fault
-from planner.guide.guide import Guide, GuideConfig
+from planner.guide.guide import REST, Guide, GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
@@ -29,6 +30,8 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
 from planner.safety.plan_choice import Choice, PlanChooser, Situation
+from planner.safety.sent_controls import SentControls
+from planner.safety.tube import planned
 
 WAYPOINT_SIDE = 5.0
 """Side of the square around each waypoint that the map covers from the start [m]."""
@@ -58,10 +61,10 @@ class NavigatorConfig:
         adapt: whether the level λ is lowered while predictions prove wrong, see
             `planner.risk.adaptive_level`.
         steer: whether predictions also change the cost map, and with it the route.
-        margin: distance by which the safe set is eroded [m]; 0 for a noise-free LIDAR.
         start_margin: margin around the body at the start in which cells count as observed free [m].
         deadline: longest wait for a prediction [s]. It is far above the usual time, so that
             simulated drives do not depend on the machine's load.
+        bounds: bounds of the errors of pose, ranges and motion, for which the car is safe.
         car: the car's limits and body.
         mpc: settings of the MPC.
         guide: settings of path planning.
@@ -73,9 +76,9 @@ class NavigatorConfig:
     level: float = 0.0
     adapt: bool = True
     steer: bool = False
-    margin: float = 0.0
     start_margin: float = 0.5
     deadline: float = 2.0
+    bounds: ErrorBounds = NO_ERRORS
     car: CarLimits = field(default_factory=CarLimits)
     mpc: MPCConfig = field(default_factory=MPCConfig)
     guide: GuideConfig = field(default_factory=GuideConfig)
@@ -93,7 +96,7 @@ class NavigatorConfig:
         if not self.expansion >= 1.0:
             raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
         check_finite(self, "window", "deadline")
-        check_finite(self, "margin", "start_margin", zero=True)
+        check_finite(self, "start_margin", zero=True)
 
     @property
     def predicted_side(self) -> float:
@@ -173,12 +176,15 @@ class Navigator:
         ):
             raise ValueError(f"waypoints are of shape {waypoints.shape}, not (n, 2) with n > 0")
         self.config, self.goal, self.known = config, goal, known
-        self._choosers = {1: PlanChooser(config.car, config.mpc, goal, config.window)}
-        if config.car.reverse > 0.0:
-            backwards = replace(config.car, v_max=config.car.reverse)
-            self._choosers[-1] = PlanChooser(backwards, config.mpc, goal, config.window)
+        car, bounds = config.car, config.bounds
+        self._choosers = {1: PlanChooser(car, config.mpc, goal, config.window, bounds)}
+        if car.reverse > 0.0:
+            backwards = replace(car, v_max=car.reverse)
+            self._choosers[-1] = PlanChooser(backwards, config.mpc, goal, config.window, bounds)
         self.chooser = self._choosers[1]
-        self.guide = Guide(goal, waypoints, config.car, config.guide, seed, frontiers)
+        self.guide = Guide(goal, waypoints, planned(car, bounds), config.guide, seed, frontiers)
+        self._sent = SentControls(car, bounds, config.mpc.dt)
+        self._last: Decision | None = None
         self.faults: Counter[Fault] = Counter()
         self._adaptive = AdaptiveLevel(config.level)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
@@ -207,7 +213,7 @@ class Navigator:
         """Decide what to do in the next tick.
 
         Args:
-            state: x, y, yaw, v of the car, (4,) [m, m, rad, m/s].
+            state: estimated x, y, yaw, v of the car, (4,) [m, m, rad, m/s].
             scan: LIDAR scan taken at that state.
 
         Raises:
@@ -222,10 +228,12 @@ class Navigator:
         clock.lap("integrate")
         prediction, failed = self._predict(state, clock)
         faults += failed
-        self.guide.begin_leg(state)
+        ahead, tube = self._sent.at_effect(state)
+        # A car that still rolls would not change its gear.
+        self.guide.begin_leg(ahead if abs(state[3]) < REST else state)
         self._change_gear()
         # A car in reverse is treated as one with the opposite heading that drives forward.
-        driven = state if self.guide.gear > 0 else mirrored(state)
+        driven = ahead if self.guide.gear > 0 else mirrored(ahead)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
         risk = self._risk_map(driven, prediction)
         clock.lap("risk")
@@ -238,7 +246,7 @@ class Navigator:
             first_path = self.guide.plan_ms
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
-        now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg)
+        now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
         choice = self.chooser.choose(now, self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new)
         faults += choice.faults
         clock.lap("mpc")
@@ -248,7 +256,31 @@ class Navigator:
         clock.times["path"] = first_path + self.guide.plan_ms
         handled = tuple(dict.fromkeys(faults))
         self.faults.update(handled)
-        return self._decision(choice, risk, prediction, handled, clock.times)
+        decision = self._last = self._decision(choice, risk, prediction, handled, clock.times)
+        self._sent.add(decision.control)
+        return decision
+
+    def skip(self) -> Decision:
+        """Go on without a decision: in a tick without a scan, or whose decision comes too late.
+
+        The car follows the manoeuvre that was kept in the last tick, and stops if no decision
+        follows.
+
+        Raises:
+            RuntimeError: in the first tick.
+        """
+        if self._last is None:
+            raise RuntimeError("step() must decide before the first tick can be skipped")
+        self._tick += 1
+        self.faults.update((Fault.MISSED_TICK,))
+        acceleration, curvature = self.chooser.skip().tolist()
+        control = Control(acceleration, curvature, self._last.control.gear)
+        self._sent.add(control)
+        none = np.empty((0, 2))
+        self._last = replace(
+            self._last, control=control, faults=(Fault.MISSED_TICK,), relied=none, prediction=None
+        )
+        return self._last
 
     def _decision(
         self,
@@ -271,6 +303,9 @@ class Navigator:
         if self.guide.gear < 0:
             plan = plan.mirrored()
         acceleration, curvature = plan.controls[0].tolist()
+        if not config.bounds.moves_exactly and np.abs(plan.states[:2, 3]).max() < REST:
+            # A car that is faster than planned brakes on.
+            acceleration = -config.car.braking
         return Decision(
             control=Control(acceleration, curvature, plan.gear),
             plan=plan,
@@ -288,12 +323,19 @@ class Navigator:
         """Add a scan to the observed map; a scan that cannot be read is a fault."""
         faults: tuple[Fault, ...] = ()
         try:
-            self.known.integrate(scan, state)
+            self.known.integrate(scan, state, self.config.bounds)
         except Exception:
             # The driver of a LIDAR may deliver anything; the car goes on with the map that it has.
             faults = (Fault.BAD_SCAN,)
         # Cells under the body are free whatever a scan says: the car must be able to leave them.
-        self.known.mark_free(state, self.config.car.body, 0.0)
+        body, bounds = self.config.car.body, self.config.bounds
+        if bounds.senses_exactly:
+            self.known.mark_free(state, body, 0.0)
+            return faults
+        # Only those that are under it wherever in its bounds the pose is.
+        lost = bounds.apart(body.radius) + math.sqrt(2.0) * self.known.frame.resolution
+        if lost < min(body.halves):
+            self.known.mark_free(state, body.inflated(-lost), 0.0)
         return faults
 
     def _risk_map(self, driven: NDArray[np.float64], prediction: Prediction | None) -> RiskMap:
@@ -306,7 +348,7 @@ class Navigator:
         epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
         seen = self.known.crop(frame)
-        risk = RiskMap.from_prediction(seen, believed, epsilon, c.margin, level)
+        risk = RiskMap.from_prediction(seen, believed, epsilon, level)
         self._adaptive.believe(risk)
         return risk
 

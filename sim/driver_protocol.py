@@ -43,6 +43,10 @@ class Driver(Protocol[D_co]):
         """
         ...
 
+    def skip(self) -> D_co:
+        """Go on without a decision, in a tick whose decision is missing."""
+        ...
+
 
 class Decision(Protocol):
     """A control, and the reasons for it; `planner.navigator.Decision` describes the fields."""

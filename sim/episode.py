@@ -16,6 +16,7 @@ from foresee.mapping.body import Body
 from foresee.mapping.conventions import GOAL_RADIUS, TICK
 from sim.car import DubinsCar
 from sim.driver_protocol import Decision, Driver
+from sim.errors import Errors, Robot
 from sim.lidar import Lidar
 from sim.recorder import Recorder
 from sim.task import Task
@@ -102,6 +103,7 @@ def run_episode(
     config: EpisodeConfig,
     rng: np.random.Generator,
     observer: Callable[[int, D], None] | None = None,
+    robot: Robot | None = None,
 ) -> Episode:
     """Drive until the goal, a collision, the time limit, or until the car no longer moves.
 
@@ -113,8 +115,10 @@ def run_episode(
         config: settings of the closed loop.
         rng: source of the LIDAR's noise.
         observer: function that is called in each tick with its number, from 0, and the decision.
+        robot: errors of sensing and motion; None: there are none.
     """
     world, dt = task.world, config.dt
+    robot = robot or Robot(Errors(), rng)
     states = [np.array([*task.start, 0.0])]
     recorder = Recorder(world)
     outcome, impact = Outcome.TIMED_OUT, None
@@ -125,12 +129,18 @@ def run_episode(
         started = time.perf_counter()
         scan = lidar.scan(world, states[-1], rng)
         scan_ms = 1e3 * (time.perf_counter() - started)
-        decision = driver.step(states[-1], scan)
-        recorder.record(decision, driver.known, scan_ms)
+        estimate = robot.estimate(states[-1])
+        decision = driver.skip() if robot.misses() else driver.step(estimate, scan)
+        recorder.record(decision, estimate, driver.known, scan_ms)
         if observer is not None:
             observer(len(states) - 1, decision)
-        states.append(car.step(states[-1], decision.control, dt))
-        if car.collides(world, states[-2], decision.control, dt):
+        state, collided = states[-1], False
+        moving = abs(state[3]) >= STANDSTILL
+        for control, span in robot.actuators.during(decision.control, dt, moving):
+            collided = collided or car.collides(world, state, control, span)
+            state = car.step(state, control, span)
+        states.append(state)
+        if collided:
             outcome, impact = Outcome.COLLIDED, abs(float(states[-2][3]))
             break
         if math.hypot(*(states[-1][:2] - task.goal)) <= config.goal_radius:

@@ -13,6 +13,9 @@ from foresee.mapping.kernels import njit
 from foresee.mapping.scan import Scan
 from sim.world import World
 
+CUT = 3.0
+"""Largest noise of a range, in standard deviations: the error of a real LIDAR has a bound, too."""
+
 
 @dataclass(frozen=True)
 class LidarConfig:
@@ -23,7 +26,8 @@ class LidarConfig:
         beams: number of beams of a scan.
         range_max: longest range that is measured [m].
         mount: x, y, yaw of the sensor in the robot's frame [m, m, rad].
-        range_noise: standard deviation of the noise of a range [m].
+        range_noise: standard deviation of the noise of a range, which is cut off at three times as
+            much [m].
         dropout: probability that a beam drops out, with a range of NaN, in [0, 1].
     """
 
@@ -139,7 +143,7 @@ class Lidar:
     ) -> NDArray[np.float64]:
         """Return the ranges with noise, and NaN where a beam dropped out."""
         # Both are drawn for every beam, so that no beam's draw depends on what another beam meets.
-        noise = rng.normal(0.0, self.config.range_noise, ranges.shape)
+        noise = self.config.range_noise * rng.normal(size=ranges.shape).clip(-CUT, CUT)
         dropped = rng.random(ranges.shape) < self.config.dropout
         # Noise never turns a range into "nothing within range".
         longest = np.nextafter(self.config.range_max, 0.0)

@@ -56,11 +56,18 @@ class Recorder:
         self._ticks: list[dict[str, Any]] = []
         self._time_names: list[str] = []
 
-    def record(self, decision: Decision, known: OccupancyGrid, scan_ms: float) -> None:
+    def record(
+        self,
+        decision: Decision,
+        state: NDArray[np.float64],
+        known: OccupancyGrid,
+        scan_ms: float,
+    ) -> None:
         """Record a tick.
 
         Args:
             decision: decision of the driver.
+            state: estimated x, y, yaw, v of the car, (4,).
             known: map of all that the driver has observed.
             scan_ms: duration of the scan's simulation [ms].
         """
@@ -81,7 +88,7 @@ class Recorder:
                 "times": list(times.values()),
             }
         )
-        self._see(tick, decision.plan.states[0], known)
+        self._see(tick, state, known)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the trace by name, see `SHAPES`, without the states."""

@@ -37,7 +37,7 @@ SHIPPED = tuple(sorted(Path(__file__).with_name("shipped").glob("*.json")))
 ABSENT = {name: OLDER[name] for name in CONDITIONS}
 """Condition → its value where a calibration does not contain it, because it is older."""
 HASHED = {
-    "": "window expansion reliance level adapt steer margin start_margin deadline",
+    "": "window expansion reliance level adapt steer start_margin deadline",
     "car": "v_max acceleration braking lateral_acceleration turning_radius reverse",
     "car.body": "length width",
     "mpc": "dt progress contour final effort smoothness closeness comfort violation margin "
@@ -52,13 +52,13 @@ calibrations. Never change them, or the published calibrations are refused."""
 RENAMED: dict[str, str] = {}
 """Name in `HASHED`, such as "guide.line.hold" → the setting's present name in `NavigatorConfig`,
 where the two differ."""
-REMOVED = {"oracle": False}
+REMOVED = {"oracle": False, "margin": 0.0}
 """Setting of the first calibrations that the planner no longer has → the value that it then had."""
 
 
 def conditions_for(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
-    config = navigator_config(replace(settings, level=0.0), ARMS[CALIBRATED_ARM], RESOLUTION)
+    config = navigator_config(replace(settings, level=0.0), ARMS[CALIBRATED_ARM])
     weights = weights_fingerprint(load_predictor(settings.predictor))
     return {
         **_map_conditions(settings),

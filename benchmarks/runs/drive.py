@@ -35,6 +35,7 @@ from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
+from sim.errors import Errors, Robot
 from sim.task import NoTaskError, Task
 from sim.world import World
 
@@ -165,13 +166,12 @@ def limits_for(settings: Settings) -> CarLimits:
     )
 
 
-def navigator_config(settings: Settings, arm: Arm, resolution: float) -> NavigatorConfig:
+def navigator_config(settings: Settings, arm: Arm) -> NavigatorConfig:
     """Return the settings of an arm's navigator.
 
     Args:
         settings: settings of the run.
         arm: arm that drives.
-        resolution: resolution of the building's map [m].
     """
     reliance = settings.reliance if arm.reliance is None else arm.reliance
     if arm.level is None:
@@ -188,7 +188,7 @@ def navigator_config(settings: Settings, arm: Arm, resolution: float) -> Navigat
         level=level,
         adapt=arm.takes_risk and not settings.fixed_level,
         steer=arm.steer,
-        margin=3 * settings.noise + resolution if settings.noise > 0 else 0.0,
+        bounds=settings.told_bounds,
         car=limits_for(settings),
     )
 
@@ -226,7 +226,7 @@ def navigator_for(
         car: limits of the car; None: those of the settings.
     """
     truth, window = task.world.grid, settings.window
-    config = navigator_config(settings, arm, truth.frame.resolution)
+    config = navigator_config(settings, arm)
     config = replace(config, car=car or config.car)
     # The driver is told no more free space around the start than there is.
     start_margin = min(config.start_margin, task.start_margin(config.car.body))
@@ -264,7 +264,10 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     rng = np.random.default_rng([task.seed, 2])
     moment = Moment()
     config = EpisodeConfig(goal_radius=rules.goal_radius, time_limit=rules.time_limit)
-    episode = run_episode(task, navigator, DubinsCar(car), lidar, config, rng, moment.observe)
+    robot = Robot(Errors(settings.bounds, settings.missed), rng)
+    episode = run_episode(
+        task, navigator, DubinsCar(car), lidar, config, rng, moment.observe, robot
+    )
     _give_back()
     trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from json import dumps, loads
 from typing import Any, get_type_hints
 
 from foresee.infra.command_line import UsageError
-from foresee.infra.options import Options, option
+from foresee.infra.options import Options, given, option
 from foresee.infra.plain_json import fits
 from foresee.mapping.conventions import LONGEST_STOP
+from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.family_names import FAMILIES
 from planner.revision import FIRST
+from sim.lidar import CUT
 
 
 @dataclass(frozen=True)
@@ -231,9 +233,56 @@ class Settings(Options):
         low=1,
         high=4,
     )
-    noise: float = option(0.0, "standard deviation of the LIDAR's ranges [m]", "M", low=0, high=0.5)
+    noise: float = option(
+        0.0,
+        f"standard deviation of the LIDAR's ranges, cut off at {CUT:g} times as much [m]",
+        "M",
+        low=0,
+        high=0.5,
+    )
     dropout: float = option(
         0.0, "share of the LIDAR's beams that return nothing", "P", low=0, high=0.95
+    )
+    delay: float = option(
+        0.0, "time from a scan until its control acts on the motors [s]", "S", low=0, high=1
+    )
+    jitter: float = option(
+        0.0, "time by which this may take longer in any tick [s]", "S", low=0, high=0.1
+    )
+    lag: float = option(
+        0.0,
+        "time constant with which acceleration and curvature follow their commands [s]",
+        "S",
+        low=0,
+        high=0.5,
+    )
+    pose_error: float = option(
+        0.0,
+        "largest error of the estimated position, which drifts and jumps [m]",
+        "M",
+        low=0,
+        high=0.3,
+    )
+    yaw_error: float = option(
+        0.0, "largest error of the estimated yaw [rad]", "RAD", low=0, high=0.1
+    )
+    missed: float = option(
+        0.0, "probability that there is no decision in a tick", "P", low=0, high=0.9
+    )
+    told_delay: float | None = option(
+        None, "delay that the navigator is told [s] (default: --delay)", "S", low=0, high=1
+    )
+    told_jitter: float | None = option(
+        None, "jitter that it is told [s] (default: --jitter)", "S", low=0, high=0.1
+    )
+    told_lag: float | None = option(
+        None, "lag that it is told [s] (default: --lag)", "S", low=0, high=0.5
+    )
+    told_pose_error: float | None = option(
+        None, "error that it is told [m] (default: --pose-error)", "M", low=0, high=0.3
+    )
+    told_yaw_error: float | None = option(
+        None, "error that it is told [rad] (default: --yaw-error)", "RAD", low=0, high=0.1
     )
     vehicle: str = option(
         "dubins",
@@ -261,6 +310,30 @@ class Settings(Options):
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms needs at least one arm, and each only once")
+
+    @property
+    def bounds(self) -> ErrorBounds:
+        """Bounds that the errors of the simulated robot keep to."""
+        return ErrorBounds(
+            delay=self.delay,
+            jitter=self.jitter,
+            lag=self.lag,
+            position=self.pose_error,
+            yaw=self.yaw_error,
+            range=CUT * self.noise,
+        )
+
+    @property
+    def told_bounds(self) -> ErrorBounds:
+        """Bounds that the navigator is told."""
+        told = given(
+            delay=self.told_delay,
+            jitter=self.told_jitter,
+            lag=self.told_lag,
+            position=self.told_pose_error,
+            yaw=self.told_yaw_error,
+        )
+        return replace(self.bounds, **told)
 
     @property
     def families(self) -> tuple[str, ...]:

@@ -32,9 +32,7 @@ class ErrorBounds:
     range: float = 0.0
 
     def __post_init__(self) -> None:
-        check_finite(
-            self, "delay", "jitter", "lag", "position", "yaw", "range", zero=True
-        )
+        check_finite(self, "delay", "jitter", "lag", "position", "yaw", "range", zero=True)
 
     @property
     def senses_exactly(self) -> bool:

@@ -1,4 +1,4 @@
-"""Visibility with errors: the cells that a scan shows to be free, wherever in its bounds the pose is.
+"""Visibility with errors: the cells that are free wherever in their bounds the errors lie.
 
 `foresee.mapping.beams` marks the cells that beams cross, which is exact for an exact pose on the
 lattice of the world. Here a cell counts only if all that lies within the bounds of error around it

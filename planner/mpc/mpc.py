@@ -180,6 +180,7 @@ class MPC:
         config: settings.
         stages: number N of steps of a plan.
         required: clearance that the circles around the body need [m].
+        growth: additional clearance that they need at each state of a plan, (N+1,) [m].
     """
 
     limits: CarLimits = field(default_factory=CarLimits)
@@ -195,6 +196,7 @@ class MPC:
         offsets, radius = car.body.circles(2)
         self._offset, self.required = float(offsets[-1]), radius + c.margin
         self._driving, self._weights = car.driving, c.weights
+        self.growth = np.zeros(self.stages + 1)
         # Number of a path's segments that one step may advance.
         self._reach = math.ceil(2.0 * car.v_max * c.dt / POINT_SPACING) + 2
         self._io = {
@@ -316,7 +318,8 @@ class MPC:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the clearance of both circles at each state (n, 2), and its gradient (n, 2, 3)."""
         risk = problem.risk
-        return clearances(risk.frame.field(risk.clearance), states, self._offset)
+        value, normal = clearances(risk.frame.field(risk.clearance), states, self._offset)
+        return value - self.growth[-len(states) :, None], normal
 
     def _merit(
         self, problem: _Problem, states: NDArray[np.float64], controls: NDArray[np.float64]

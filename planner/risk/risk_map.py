@@ -49,7 +49,6 @@ class RiskMap:
         known: Grid,
         prediction: Prediction | None,
         epsilon: float,
-        margin: float = 0.0,
         level: float = 0.0,
     ) -> RiskMap:
         """Build the risk map at a reliance ε and a level λ.
@@ -64,7 +63,6 @@ class RiskMap:
             known: observed map, on the frame of the new risk map.
             prediction: prediction on a frame of the same lattice, or None.
             epsilon: reliance ε in [0, 1].
-            margin: erosion of both sets [m]: 3σ + 1 cell for a LIDAR with range noise σ; 0: none.
             level: level λ of the last resort in [0, ε].
 
         Raises:
@@ -90,8 +88,6 @@ class RiskMap:
             if doubt > 0.0:
                 # With a tolerance for the rounding of the single-precision product.
                 cells = cells | (known.unknown & (trust >= 1.0 - doubt - 1e-6))
-            if margin > 0.0:
-                cells = cells & (distance_field(~cells) * known.frame.resolution > margin)
             return cells
 
         safe = enterable(epsilon)

@@ -20,6 +20,7 @@ from planner.mpc.initial_guess import LOOK
 from planner.risk.risk_map import RiskMap
 from planner.safety.contact import CONTACT_SPACING, Arcs, leads_on, plan_contact
 from planner.safety.course import Course
+from planner.safety.tube import EXACT, Tube
 
 ONWARD_SHARES = np.array([0.0, 1.0, -1.0, 0.5, -0.5])
 """Curvatures of the arcs on which a car may go on from a plan's end, as shares of the tightest."""
@@ -38,10 +39,12 @@ class CollisionChecker:
     Attributes:
         car: limits and body of the car.
         dt: step of the plans [s].
+        tube: how far the body may be from where a plan has it.
     """
 
     car: CarLimits
     dt: float
+    tube: Tube = EXACT
 
     @property
     def spacing(self) -> float:
@@ -69,7 +72,9 @@ class CollisionChecker:
             Distance along the plan [m] and speed there [m/s], or None if it meets none.
         """
         scene = self.body_in(blocked, frame)
-        along, speed = plan_contact(plan.states, plan.controls, self.dt, self.spacing, scene)
+        along, speed = plan_contact(
+            plan.states, plan.controls, self.dt, self.spacing, scene, self.tube
+        )
         return None if along < 0.0 else (along, speed)
 
     def body_in(self, blocked: NDArray[np.bool_], frame: GridFrame) -> Scene:

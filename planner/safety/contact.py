@@ -12,6 +12,7 @@ from foresee.mapping.body import Scene, meets
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along, rollout
 from planner.safety.course import rejoins
+from planner.safety.tube import LEAST, grown, overshoot, widened
 
 CONTACT_SPACING = 0.02
 """Largest distance between the poses at which a plan is tested [m]."""
@@ -37,10 +38,11 @@ class Arcs(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def plan_contact(states, controls, dt, spacing, scene):  # type: ignore[no-untyped-def]
+def plan_contact(states, controls, dt, spacing, scene, tube):  # type: ignore[no-untyped-def]
     """Find where and how fast the body first meets a blocked cell on a plan.
 
-    The body is tested at the poses that `planner.motion.dynamics.swept` returns.
+    The body is tested at the poses that `planner.motion.dynamics.swept` returns, grown by the
+    radius of the plan's tube.
 
     Args:
         states: x, y, yaw, v of the plan, (N+1, 4).
@@ -48,26 +50,38 @@ def plan_contact(states, controls, dt, spacing, scene):  # type: ignore[no-untyp
         dt: step of the plan [s].
         spacing: largest distance between tested poses [m].
         scene: obstacles and body.
+        tube: `Tube` of the plan.
 
     Returns:
         Distance along the plan [m] and speed [m/s] at the first contact; both are -1 without one.
     """
-    if meets(scene, states[0, 0], states[0, 1], states[0, 2]):
+    radius, off, slip, speed = tube.radius, tube.yaw, tube.slip, tube.speed
+    if meets(grown(scene, radius, radius), states[0, 0], states[0, 1], states[0, 2]):
         return 0.0, states[0, 3]
-    along = 0.0
+    along, before, curvature = 0.0, tube.acceleration, tube.curvature
     for k in range(controls.shape[0]):
         a, kappa, v = controls[k, 0], controls[k, 1], states[k, 3]
         s = v * dt + 0.5 * a * dt * dt
-        if s <= 1e-6:
+        if s <= LEAST:
             continue
+        change, bend = abs(a - before), abs(kappa - curvature)
+        radius, off, slip, speed = widened(tube, radius, off, slip, speed, v, change, bend, s, dt)
+        before, curvature = a, kappa
         x, y, yaw = states[k, 0], states[k, 1], states[k, 2]
         count = math.ceil(s / spacing)
+        around = grown(scene, radius, radius)
         for j in range(1, count + 1):
             part = s * j / count
             px, py, turned = pose_along(x, y, yaw, kappa, part)
-            if meets(scene, px, py, turned):
+            if meets(around, px, py, turned):
                 return along + part, math.sqrt(max(v * v + 2.0 * a * part, 0.0))
         along += s
+    beyond, last = overshoot(tube, slip, speed), states[-1]
+    if beyond > 0.0:
+        # On the last curvature, which bends away from the body's sides.
+        aside = radius + abs(curvature) * beyond * (tube.reach + 0.5 * beyond)
+        if meets(grown(scene, radius + beyond, aside), last[0], last[1], last[2]):
+            return along, 0.0
     return -1.0, -1.0
 
 
@@ -107,7 +121,7 @@ def leads_on(pose, arcs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def first_free(  # type: ignore[no-untyped-def]
-    state, manoeuvres, dt, limits, spacing, scene, end, arcs, course
+    state, manoeuvres, dt, limits, spacing, scene, tube, end, arcs, course
 ):
     """Return the index of the first manoeuvre that stops the car without a contact, or -1.
 
@@ -118,22 +132,24 @@ def first_free(  # type: ignore[no-untyped-def]
         limits: the car's `DrivingLimits`.
         spacing: largest distance between tested poses [m].
         scene: obstacles and body.
+        tube: `Tube` of the manoeuvres.
         end: where the manoeuvre must end: `ANYWHERE`, `ONWARD` or `ON_COURSE`.
         arcs: `Arcs` on which the car may go on.
         course: `Course` that it may follow.
     """
+    around = grown(scene, tube.radius, tube.radius)
     for i in range(manoeuvres.shape[0]):
         states, controls = rollout(state, manoeuvres[i], dt, limits)
         if states[-1, 3] > 1e-6:
             continue
         # The cheapest tests come first: most manoeuvres fail, and most of these at their end.
-        if _meets_at_states(states, scene):
+        if _meets_at_states(states, around):
             continue
         if end == ONWARD and not leads_on(states[-1], arcs):
             continue
         if end == ON_COURSE and not rejoins(states[-1], course):
             continue
-        if plan_contact(states, controls, dt, spacing, scene)[0] < 0.0:
+        if plan_contact(states, controls, dt, spacing, scene, tube)[0] < 0.0:
             return i
     return -1
 

@@ -210,7 +210,7 @@ class LastResort:
                 half = 0.5 * self.window
                 reveal(certain, risk.barred, risk.safe, *risk.frame.lattice, x, y, half)
             scene = checker.body_in(~certain, risk.frame)
-            if plan_contact(states, controls, dt, spacing, scene)[0] < 0.0:
+            if plan_contact(states, controls, dt, spacing, scene, checker.tube)[0] < 0.0:
                 return True
             if tick:
                 rest = np.full((mpc.stages, 2), (-mpc.limits.braking, 0.0))
@@ -294,8 +294,10 @@ class LastResort:
         """Return the index of the first manoeuvre that passes the tests, or -1."""
         dt, limits = self.mpc.config.dt, self.mpc.limits.driving
         scene, arcs, course = tests
-        spacing = self.checker.spacing
-        return int(first_free(state, manoeuvres, dt, limits, spacing, scene, end, arcs, course))
+        spacing, tube = self.checker.spacing, self.checker.tube
+        return int(
+            first_free(state, manoeuvres, dt, limits, spacing, scene, tube, end, arcs, course)
+        )
 
     def brake(self, state: NDArray[np.float64], plan: Plan, risk: RiskMap) -> Plan:
         """Return the least bad manoeuvre to stop, and keep its rest as the last resort."""

@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from planner.fault import Fault
 from planner.motion.goal import ONWARD_GOAL_RADIUS, PLAN_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import Plan
 from planner.mpc.initial_guess import LOOK, shifted, stop_controls
-from planner.mpc.mpc import MPC, MPCConfig
+from planner.mpc.mpc import MPC, MPCConfig, Solution
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
+from planner.safety.tube import EXACT, Tube, planned, radii
 
 FRESH_GUESS_SPEED = 0.3
 """Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may
@@ -30,6 +32,10 @@ LEG_STOP = 0.05
 guide accepts a larger one, `GuideConfig.leg_end`."""
 STANDS_STILL = 0.1
 """A plan that ends within this distance of its start counts as standing still [m]."""
+STOPPED = 1e-6
+"""Speed below which a planned car stands [m/s]."""
+TUBES = 3
+"""Number of times that a plan is computed, each time with the tube of the one before."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
@@ -39,11 +45,12 @@ class Situation:
     """The situation of a tick, for which a plan is chosen.
 
     Attributes:
-        state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
+        state: x, y, yaw, v of the car when the control acts, mirrored in reverse, (4,).
         risk: newest risk map around the car.
         path: path to follow, or None.
         segment: index of the path's segment near which the car is.
         on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
+        tube: how far the car may be from plans that begin with this state.
     """
 
     state: NDArray[np.float64]
@@ -51,6 +58,7 @@ class Situation:
     path: Path | None
     segment: int
     on_leg: bool
+    tube: Tube = EXACT
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,22 +108,33 @@ class PlanChooser:
         config: settings of the MPC.
         goal: x, y of the goal [m].
         window: side of the square around the car in which a scan changes the map [m].
+        bounds: bounds of the errors of sensing and motion.
     """
 
     def __init__(
-        self, car: CarLimits, config: MPCConfig, goal: tuple[float, float], window: float
+        self,
+        car: CarLimits,
+        config: MPCConfig,
+        goal: tuple[float, float],
+        window: float,
+        bounds: ErrorBounds = NO_ERRORS,
     ) -> None:
         self.goal = goal
-        self.mpc, self.checker = MPC(car, config), CollisionChecker(car, config.dt)
+        # The MPC's body grows with the tube, see `_solutions`.
+        self.mpc = MPC(replace(planned(car, bounds), body=car.body), config)
+        self.checker = CollisionChecker(car, config.dt)
         self.resort = LastResort(self.mpc, self.checker, window)
-        self._intended: Plan | None = None
-        self._last_cautious: Plan | None = None
-        self._curvature = 0.0
+        self._bounded = not (bounds.senses_exactly and bounds.moves_exactly)
+        self.forget()
 
     def forget(self) -> None:
         """Forget the last plan, since the car has changed its gear."""
-        self._intended = self._last_cautious = self.resort.controls = None
+        self._intended: Plan | None = None
+        self._last_cautious: Plan | None = None
+        self.resort.controls = None
         self._curvature = 0.0
+        # A car at rest may stay at rest.
+        self._kept = stop_controls(self.mpc.stages, self.mpc.limits.braking, 0.0)
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.
@@ -124,6 +143,8 @@ class PlanChooser:
             now: situation of the tick.
             afresh: whether the MPC starts from a pure-pursuit guess, too.
         """
+        if now.tube != self.checker.tube:
+            self.checker = self.resort.checker = replace(self.checker, tube=now.tube)
         intended, faults = self._decide(now, afresh)
         intended = plan = self._without_waiting(now, intended)
         last = None if afresh else self._last_cautious
@@ -137,8 +158,40 @@ class PlanChooser:
             faults = (*faults, *more)
             if not survivable:
                 faults = (*faults, Fault.NO_LAST_RESORT)
+        if self._bounded and not {Fault.EMERGENCY, Fault.NO_LAST_RESORT}.isdisjoint(faults):
+            # What was kept has been tested for all errors within the bounds, from where the car was
+            # then. It remains safe, although the newest estimate does not show it.
+            plan = intended = self.mpc.roll(now.state, self._kept)
+            unsafe = Fault.EMERGENCY, Fault.NO_LAST_RESORT
+            faults = (*(fault for fault in faults if fault not in unsafe), Fault.OPEN_LOOP)
+            self.resort.controls = shifted(self._kept, self.mpc.limits.braking)
+        self._keep(plan)
         self._intended, self._curvature = intended, float(plan.controls[0, 1])
         return Choice(plan, intended, faults)
+
+    def skip(self) -> NDArray[np.float64]:
+        """Return the control a, κ (2,) of a tick without a choice, and go on to the next one.
+
+        It is the next one of the manoeuvre that was kept in the last tick, which stops the car.
+        """
+        control = self._kept[0].copy()
+        rest = shifted(self._kept, self.mpc.limits.braking)
+        self._kept, self._last_cautious = rest, None
+        self._curvature = float(control[1])
+        if self._intended is not None:
+            self._intended = replace(self._intended, controls=rest)
+        if self.resort.controls is not None:
+            self.resort.controls = rest
+        return control
+
+    def _keep(self, plan: Plan) -> None:
+        """Keep the manoeuvre that follows the first step of a plan and stops the car."""
+        braking = self.mpc.limits.braking
+        kept = shifted(plan.controls, braking)
+        # A car that is faster than planned brakes on after its planned stop.
+        stands = plan.states[1:, 3] < STOPPED
+        kept[:-1][stands[:-1] & stands[1:], 0] = -braking
+        self._kept = kept if self.resort.controls is None else self.resort.controls
 
     def goes_on(self, plan: Plan, risk: RiskMap) -> bool:
         """Return whether the car can go on from a plan's end, or need not since the goal is near.
@@ -317,9 +370,7 @@ class PlanChooser:
         solved, faults = list[Plan](), list[Fault]()
         for guess in guesses:
             try:
-                solution = self.mpc.solve(
-                    now.state, path, now.risk, guess, now.segment, self._curvature
-                )
+                solution = self._solution(now, path, guess)
             except Exception:
                 # A solver may raise anything; there is another plan, or the car stops.
                 faults.append(Fault.SOLVER_FAILED)
@@ -329,6 +380,28 @@ class PlanChooser:
             if self.checker.is_safe(solution.plan, now.risk):
                 solved.append(solution.plan)
         return _Solutions(solved, tuple(faults))
+
+    def _solution(self, now: Situation, path: Path, guess: NDArray[np.float64]) -> Solution:
+        """Return the MPC's plan from a guess, which keeps its tube in the safe set if possible.
+
+        The tube of a plan is known only with the plan: it is that of the guess at first.
+        """
+        if now.tube != EXACT:
+            self.mpc.growth = self._radii(now, self.mpc.roll(now.state, guess))
+        for again in range(TUBES):
+            solution = self.mpc.solve(
+                now.state, path, now.risk, guess, now.segment, self._curvature
+            )
+            plan = solution.plan
+            if now.tube == EXACT or again == TUBES - 1 or self.checker.is_safe(plan, now.risk):
+                break
+            self.mpc.growth = np.maximum(self.mpc.growth, self._radii(now, plan))
+            guess = plan.controls
+        return solution
+
+    def _radii(self, now: Situation, plan: Plan) -> NDArray[np.float64]:
+        """Return the radius of a plan's tube at each of its states [m], (N+1,)."""
+        return np.asarray(radii(now.tube, plan.states, plan.controls, self.mpc.config.dt))
 
     def _pursuit(
         self, now: Situation, path: Path, look: float = LOOK, free: float = math.inf

@@ -20,6 +20,7 @@ import numpy as np
 from foresee.infra.errors import LineError
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import TICK
+from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.grid import world_hash
 from planner.guide.guide import GuideConfig
 from planner.navigator import Navigator, NavigatorConfig
@@ -28,6 +29,7 @@ from predictor.data.squares import truth_codes
 from predictor.recording.settings import SimulatedConfig
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.families import generate
+from sim.lidar import CUT
 from sim.people import People
 from sim.task import LONGEST_LEG, NoTaskError, prolonged, sample_task
 from sim.variation import cluttered
@@ -157,12 +159,11 @@ def frames_of_drive(
     first = sample_task(world, seed, car.limits, max_length=LONGEST_LEG)
     task = prolonged(first, length, car.limits)
     start = np.array(task.start)
-    margin = 3 * config.noise + world.grid.frame.resolution if config.noise else 0.0
     settings = NavigatorConfig(
         window=2 * lidar.config.range_max,
         car=car.limits,
         guide=GuideConfig(every=PATH_EVERY),
-        margin=margin,
+        bounds=ErrorBounds(range=CUT * config.noise),
     )
     navigator = Navigator(
         settings, None, start, task.goal, task.blank(settings.window), task.waypoints, seed

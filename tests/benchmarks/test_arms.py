@@ -16,25 +16,25 @@ SETTINGS = Settings(reliance=0.05, level=0.02)
 
 @pytest.mark.parametrize("name", [*ARMS])
 def test_the_last_resort_relies_on_no_prediction_but_at_the_chosen_level_or_with_an_oracle(name):
-    config = navigator_config(SETTINGS, ARMS[name], 0.1)
+    config = navigator_config(SETTINGS, ARMS[name])
     assert config.level == {"predicted": 0.02, "oracle": 1e-9}.get(name, 0.0)
     assert config.adapt == (name == "predicted")
-    assert navigator_config(replace(SETTINGS, level=0.0), ARMS["predicted"], 0.1).level == 0.0
+    assert navigator_config(replace(SETTINGS, level=0.0), ARMS["predicted"]).level == 0.0
 
 
 def test_a_fixed_level_is_not_adapted():
-    assert not navigator_config(replace(SETTINGS, fixed_level=True), ARMS["predicted"], 0.1).adapt
+    assert not navigator_config(replace(SETTINGS, fixed_level=True), ARMS["predicted"]).adapt
 
 
 @pytest.mark.parametrize("reliance", [0.0, 1.0])
 def test_an_oracle_has_no_level_where_no_last_resort_is_needed(reliance):
     settings = Settings(reliance=reliance)
-    config = navigator_config(settings, ARMS["oracle"], 0.1)
+    config = navigator_config(settings, ARMS["oracle"])
     assert (config.reliance, config.level) == (reliance, 0.0)
 
 
 def test_the_reliance_is_at_least_the_level():
-    config = navigator_config(Settings(reliance=0.05, level=0.2), ARMS["predicted"], 0.1)
+    config = navigator_config(Settings(reliance=0.05, level=0.2), ARMS["predicted"])
     assert (config.reliance, config.level) == (0.2, 0.2)
 
 
@@ -53,7 +53,7 @@ def test_a_belief_without_a_level_leads_the_plan_and_never_the_last_resort(name)
 
 
 def test_only_arms_with_a_prediction_let_it_influence_the_route():
-    steering = {name for name in ARMS if navigator_config(SETTINGS, ARMS[name], 0.1).steer}
+    steering = {name for name in ARMS if navigator_config(SETTINGS, ARMS[name]).steer}
     predicting = {"known+route", "known+route+frontiers", "predicted", "perfect", "oracle"}
     predicting |= {"known+truth10", "known+truth20", "known+truth40"}
     assert steering == predicting

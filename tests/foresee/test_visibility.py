@@ -16,11 +16,14 @@ def scanned(world, pose, lidar, rng, bounds):
     """Return marks of a scan whose errors lie on the edge of their bounds."""
     scan = lidar.scan(world, pose, rng)
     bearing = rng.uniform(-math.pi, math.pi)
-    seems = np.array(pose) + [
-        bounds.position * math.cos(bearing),
-        bounds.position * math.sin(bearing),
-        rng.choice([-1, 1]) * bounds.yaw,
-    ]
+    seems = np.add(
+        pose,
+        [
+            bounds.position * math.cos(bearing),
+            bounds.position * math.sin(bearing),
+            rng.choice([-1, 1]) * bounds.yaw,
+        ],
+    )
     scan.ranges[:] += rng.choice([-1, 1]) * bounds.range
     frame = world.grid.frame.square(seems[0], seems[1], 5.0)
     return frame, mark_sure(scan, tuple(seems), frame, bounds)

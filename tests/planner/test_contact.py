@@ -25,6 +25,7 @@ from planner.safety.contact import (
 )
 from planner.safety.course import rejoins
 from planner.safety.last_resort import LastResort
+from planner.safety.tube import EXACT
 
 CAR = CarLimits()
 DRIVING = 0.1, CAR.driving
@@ -73,7 +74,7 @@ def manoeuvres_after(first):
 def test_the_first_meeting_is_that_of_the_swept_poses(seed):
     states, controls = some_plan(seed)
     blocked = scattered(seed)
-    along, speed = plan_contact(states, controls, 0.1, 0.02, scene(blocked))
+    along, speed = plan_contact(states, controls, 0.1, 0.02, scene(blocked), EXACT)
     poses = swept(states, controls, 0.1, 0.02)
     i = first_contact(scene(blocked), poses)
     if i < 0:
@@ -97,7 +98,7 @@ def test_a_body_that_stands_in_something_has_met_it():
     states, controls = some_plan(0)
     blocked = np.zeros((120, 160), dtype=bool)
     blocked[60, 20] = True
-    assert plan_contact(states, controls, 0.1, 0.02, scene(blocked)) == (0.0, states[0, 3])
+    assert plan_contact(states, controls, 0.1, 0.02, scene(blocked), EXACT) == (0.0, states[0, 3])
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -109,7 +110,7 @@ def test_the_first_free_manoeuvre_is_free_and_those_before_it_are_not(seed):
         poses = swept(*rollout(state, controls, *DRIVING), 0.1, 0.02)
         met.append(first_contact(cells, poses) >= 0)
     index = first_free(
-        state, manoeuvres, *DRIVING, CONTACT_SPACING, cells, ANYWHERE, NOWHERE, NO_COURSE
+        state, manoeuvres, *DRIVING, CONTACT_SPACING, cells, EXACT, ANYWHERE, NOWHERE, NO_COURSE
     )
     if index >= 0:
         assert not met[index]
@@ -129,15 +130,19 @@ def test_the_car_may_have_to_go_on_from_the_end_of_a_manoeuvre():
     arcs = Arcs(curvatures, 2 * CAR.turning_radius, 0.05, scene(barred))
     assert (
         first_free(
-            state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, ANYWHERE, NOWHERE, NO_COURSE
+            state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, EXACT, ANYWHERE, NOWHERE, NO_COURSE
         )
         == 0
     )
-    index = first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, ONWARD, arcs, NO_COURSE)
+    index = first_free(
+        state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, EXACT, ONWARD, arcs, NO_COURSE
+    )
     assert index > 0
     assert [leads_on(end, arcs) for end in ends].index(True) == index
     assert (
-        first_free(state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, ONWARD, NOWHERE, NO_COURSE)
+        first_free(
+            state, manoeuvres, *DRIVING, CONTACT_SPACING, empty, EXACT, ONWARD, NOWHERE, NO_COURSE
+        )
         == -1
     )
 
@@ -187,7 +192,11 @@ def test_a_last_resort_leads_on_if_one_does_after_the_step_that_is_driven(seed):
         checker.arcs_in(risk.barred, risk.frame),
     )
     spacing = checker.spacing
-    index = first_free(state, manoeuvres, 0.1, CAR.driving, spacing, scene, ONWARD, arcs, course)
+    index = first_free(
+        state, manoeuvres, 0.1, CAR.driving, spacing, scene, EXACT, ONWARD, arcs, course
+    )
     assert index < 0 or leads_on(last.states[-1], arcs)
-    index = first_free(state, manoeuvres, 0.1, CAR.driving, spacing, scene, ON_COURSE, arcs, course)
+    index = first_free(
+        state, manoeuvres, 0.1, CAR.driving, spacing, scene, EXACT, ON_COURSE, arcs, course
+    )
     assert index < 0 or rejoins(last.states[-1], course)

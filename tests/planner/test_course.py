@@ -10,6 +10,7 @@ from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.contact import ON_COURSE, first_free
 from planner.safety.course import rejoins
+from planner.safety.tube import EXACT
 
 CAR = CarLimits()
 CHECKER = CollisionChecker(CAR, 0.1)
@@ -96,6 +97,8 @@ def test_a_manoeuvre_may_have_to_end_where_the_car_finds_back():
     risk = RiskMap.from_prediction(Grid(FRAME, corridor(1.0)), None, 0.0)
     scene, arcs = CHECKER.body_in(~risk.safe, FRAME), CHECKER.arcs_in(risk.barred, risk.frame)
     both = np.array([swerve, straight])
-    assert first_free(state, both, 0.1, limits, 0.02, scene, 0, arcs, walls) == 0
-    assert first_free(state, both, 0.1, limits, 0.02, scene, ON_COURSE, arcs, walls) == 1
-    assert first_free(state, both[:1], 0.1, limits, 0.02, scene, ON_COURSE, arcs, walls) == -1
+    assert first_free(state, both, 0.1, limits, 0.02, scene, EXACT, 0, arcs, walls) == 0
+    assert first_free(state, both, 0.1, limits, 0.02, scene, EXACT, ON_COURSE, arcs, walls) == 1
+    assert (
+        first_free(state, both[:1], 0.1, limits, 0.02, scene, EXACT, ON_COURSE, arcs, walls) == -1
+    )

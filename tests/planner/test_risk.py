@@ -31,21 +31,21 @@ def believed(p_free, confidence) -> Prediction:
     return Prediction(FRAME, p_free, np.zeros_like(p_free), confidence)
 
 
-def safe(known, prediction, epsilon, margin=0.0):
-    return RiskMap.from_prediction(known, prediction, epsilon, margin).safe
+def safe(known, prediction, epsilon):
+    return RiskMap.from_prediction(known, prediction, epsilon).safe
 
 
 def full(value: float):
     return np.full(SHAPE, value, np.float32)
 
 
-@given(grids, shares_or_nan, shares_or_nan, risks, st.sampled_from([0.0, 0.1, 0.25]))
-def test_seen_occupied_is_never_safe(known, p_free, confidence, epsilon, margin):
-    assert not safe(known, believed(p_free, confidence), epsilon, margin)[known.occupied].any()
+@given(grids, shares_or_nan, shares_or_nan, risks)
+def test_seen_occupied_is_never_safe(known, p_free, confidence, epsilon):
+    assert not safe(known, believed(p_free, confidence), epsilon)[known.occupied].any()
 
 
 @given(grids, shares_or_nan, shares_or_nan, risks)
-def test_seen_free_is_always_safe_without_a_margin(known, p_free, confidence, epsilon):
+def test_seen_free_is_always_safe(known, p_free, confidence, epsilon):
     assert safe(known, believed(p_free, confidence), epsilon)[known.free].all()
 
 
@@ -58,10 +58,10 @@ def test_zero_confidence_equals_unknown(known, p_free, epsilon):
     assert np.array_equal(distrusted.clearance, unpredicted.clearance)
 
 
-@given(grids, shares_or_nan, shares, risks, risks, st.sampled_from([0.0, 0.15]))
-def test_the_safe_set_never_shrinks_as_the_risk_grows(known, p_free, confidence, a, b, margin):
+@given(grids, shares_or_nan, shares, risks, risks)
+def test_the_safe_set_never_shrinks_as_the_risk_grows(known, p_free, confidence, a, b):
     prediction = believed(p_free, confidence)
-    small, large = (safe(known, prediction, e, margin) for e in (min(a, b), max(a, b)))
+    small, large = (safe(known, prediction, e) for e in (min(a, b), max(a, b)))
     assert (small <= large).all()
 
 
@@ -112,20 +112,18 @@ def test_at_full_risk_no_prediction_takes_anything_away(known, p_free, confidenc
     st.one_of(shares_or_nan, st.just(full(1.0))),
     st.one_of(shares_or_nan, st.just(full(1.0))),
     risks,
-    st.sampled_from([0.0, 0.15]),
 )
 def test_at_level_zero_what_is_certain_was_seen_free_however_sure_the_prediction(
-    known, p, c, epsilon, margin
+    known, p, c, epsilon
 ):
-    risk = RiskMap.from_prediction(known, believed(p, c), epsilon, margin)
+    risk = RiskMap.from_prediction(known, believed(p, c), epsilon)
     assert (risk.certain <= risk.safe).all()
     assert risk.plan_suffices == (epsilon in (0.0, 1.0))
     if risk.plan_suffices:
         assert np.array_equal(risk.certain, risk.safe)
     else:
         assert not risk.certain[~known.free].any()
-        if margin == 0.0:
-            assert risk.certain[known.free].all()
+        assert risk.certain[known.free].all()
 
 
 @given(grids, shares_or_nan, shares_or_nan, st.floats(0.01, 0.99))

@@ -1,0 +1,107 @@
+"""The tube of a plan: the car stays inside it, whatever its errors are within their bounds."""
+
+import math
+
+import numpy as np
+import pytest
+
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.control import Control
+from foresee.mapping.error_bounds import ErrorBounds
+from planner.motion.dynamics import pose_along, rollout
+from planner.safety.sent_controls import SentControls
+from planner.safety.tube import planned, radii
+from sim import DubinsCar
+from sim.errors import Actuators, PoseEstimate
+
+CAR, DT = CarLimits(), 0.1
+BOUNDS = {
+    "delay": ErrorBounds(delay=0.2),
+    "part of a tick": ErrorBounds(delay=0.13),
+    "jitter": ErrorBounds(delay=0.1, jitter=0.05),
+    "lag": ErrorBounds(lag=0.1),
+    "long lag": ErrorBounds(lag=0.25),
+    "pose": ErrorBounds(position=0.05, yaw=0.02),
+    "all": ErrorBounds(delay=0.15, jitter=0.03, lag=0.1, position=0.05, yaw=0.02),
+}
+
+
+def corners(pose):
+    """Return the corners of the body at a pose, (4, 2) [m]."""
+    ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
+    left = np.array([-ahead[1], ahead[0]])
+    half, width = CAR.body.halves
+    return np.array(
+        [pose[:2] + a * half * ahead + b * width * left for a in (-1, 1) for b in (-1, 1)]
+    )
+
+
+def driven(actuators, car, state, control):
+    """Return the states along a tick, the last one at its end."""
+    states = []
+    for acting, span in actuators.during(control, DT, abs(state[3]) >= 0.02):
+        state = car.step(state, acting, span)
+        states.append(state)
+    return states
+
+
+@pytest.mark.parametrize("name", [*BOUNDS])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_car_stays_in_the_tube_of_every_plan(name, seed):
+    bounds, rng = BOUNDS[name], np.random.default_rng(seed)
+    limits = planned(CAR, bounds).driving
+    car, actuators = DubinsCar(CAR), Actuators(bounds, rng)
+    sent, estimate = SentControls(CAR, bounds, DT), PoseEstimate(bounds, rng)
+    state = np.zeros(4)
+    for _ in range(40):
+        ahead, tube = sent.at_effect(estimate.of(state))
+        # A plan that turns, brakes after a while, and holds the brake.
+        controls = np.column_stack(
+            [rng.uniform(-1.5, 1.5, 60), np.full(60, rng.uniform(-1.2, 1.2))]
+        )
+        changes = int(rng.integers(1, 20))
+        controls[:changes, 1] = rng.uniform(-1.2, 1.2)
+        controls[int(rng.integers(1, 15)) :, 0] = -CAR.braking
+        states, applied = rollout(ahead, controls, DT, limits)
+        # After its planned stop the car brakes on.
+        applied[(states[:-1, 3] < 1e-6) & (states[1:, 3] < 1e-6), 0] = -CAR.braking
+        _follows(bounds, tube, states, applied, car, state, actuators, rng)
+        control = Control(*map(float, applied[0]))
+        sent.add(control)
+        state = driven(actuators, car, state, control)[-1]
+    assert state[3] > 0.0 or seed
+
+
+def _follows(bounds, tube, states, controls, car, state, actuators, rng):
+    """Check that a car that carries out all of a plan stays in its tube."""
+    copy = Actuators(bounds, rng)
+    for field in ("_time", "_acting", "_acceleration", "_curvature"):
+        setattr(copy, field, getattr(actuators, field))
+    copy._coming = actuators._coming.copy()
+    path, times = [state], [0.0]
+    for a, kappa in controls:
+        for acting, span in copy.during(Control(a, kappa), DT, abs(path[-1][3]) >= 0.02):
+            path.append(car.step(path[-1], acting, span))
+            times.append(times[-1] + span)
+    # The poses of the plan, close together, and the radius of the tube at each.
+    radius = radii(tube, states, controls, DT)
+    ahead = radius[-1] - radius[-2]
+    poses, around = [], []
+    for k, (a, kappa) in enumerate(controls):
+        length = states[k, 3] * DT + 0.5 * a * DT * DT
+        for part in np.arange(0.0, length, 0.004):
+            poses.append(pose_along(*states[k, :3], kappa, part))
+            around.append(radius[k + 1] if k + 2 < len(radius) else radius[-2])
+    poses.append(states[-1, :3])
+    around.append(radius[-2])
+    poses, around = np.array(poses), np.array(around)
+    bodies = np.array([corners(pose) for pose in poses])
+    x, y, yaw = poses[-1]
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    for pose, time in zip(path, times, strict=True):
+        if time < bounds.shift + 0.5 * bounds.jitter:
+            continue
+        body = corners(pose)
+        off = np.hypot(*np.moveaxis(bodies - body, -1, 0)).max(axis=1) - around
+        beyond = np.abs((body - (x, y)) @ turn) - np.array(CAR.body.halves) - radius[-1]
+        assert min(off.min(), beyond.max()) <= 0.003, (off.min(), beyond.max(), ahead)
