@@ -379,6 +379,10 @@ class PlanChooser:
                 faults.append(Fault.SOLVER_FAILED)
             if self.checker.is_safe(solution.plan, now.risk):
                 solved.append(solution.plan)
+        if not solved and now.tube != EXACT:
+            # The MPC knows the tube only from plan to plan; a guess may stay inside the safe set.
+            rolled = (self.mpc.roll(now.state, guess) for guess in guesses)
+            solved = [plan for plan in rolled if self.checker.is_safe(plan, now.risk)]
         return _Solutions(solved, tuple(faults))
 
     def _solution(self, now: Situation, path: Path, guess: NDArray[np.float64]) -> Solution:
@@ -400,8 +404,10 @@ class PlanChooser:
         return solution
 
     def _radii(self, now: Situation, plan: Plan) -> NDArray[np.float64]:
-        """Return the radius of a plan's tube at each of its states [m], (N+1,)."""
-        return np.asarray(radii(now.tube, plan.states, plan.controls, self.mpc.config.dt))
+        """Return how much the circles of the MPC grow with a plan's tube [m], (N+1,)."""
+        # The corners of a body that grows on every side move out diagonally.
+        dt = self.mpc.config.dt
+        return math.sqrt(2.0) * np.asarray(radii(now.tube, plan.states, plan.controls, dt))
 
     def _pursuit(
         self, now: Situation, path: Path, look: float = LOOK, free: float = math.inf
