@@ -1,7 +1,7 @@
 """An MCAP file of a drive: what was observed, what was predicted, and where the robot was.
 
-The file is a bag of ROS 2 in the format MCAP, which Foxglove opens as it is, and `predictor.data.bags`
-reads. All poses and maps are given in the frame `MAP`.
+The file is a bag of ROS 2 in the format MCAP, which Foxglove opens as it is, and
+`predictor.data.bags` reads. All poses and maps are given in the frame `MAP`.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TYPES = {
     MOUNT: "tf2_msgs/msg/TFMessage",
 }
 """Topic → type of its messages."""
-APART = 0.2
+APART = 0.5
 """Distance from one pose of the driven path to the next [m]."""
 BELOW = -0.02
 """Height of predicted maps [m]. They are drawn below the observed one, which covers them."""
@@ -121,9 +121,7 @@ class McapFile:
     def plan(self, time: float, states: NDArray[np.float64]) -> None:
         """Write a plan, of which the states (n, 3 or more) begin with x, y, yaw [m, m, rad]."""
         header = self._header(time)
-        poses = [
-            self._make(POSE, header, self._pose(*map(float, state[:3]))) for state in states
-        ]
+        poses = [self._make(POSE, header, self._pose(*map(float, state[:3]))) for state in states]
         self._write(PLAN, time, self._make(PLAN, header, poses))
 
     def _grid(
@@ -137,7 +135,9 @@ class McapFile:
         rows, cols = frame.shape
         header = self._header(time)
         origin = self._pose(*frame.origin, 0.0, height)
-        info = self._of("nav_msgs/msg/MapMetaData", header.stamp, frame.resolution, cols, rows, origin)
+        info = self._of(
+            "nav_msgs/msg/MapMetaData", header.stamp, frame.resolution, cols, rows, origin
+        )
         self._write(topic, time, self._make(topic, header, info, cells.reshape(-1)))
 
     def _transform(

@@ -57,12 +57,12 @@ def scan_times(log: LaserLog) -> NDArray[np.float64]:
 
 
 def mapped_scans(times: NDArray[np.float64], every: int, rate: float) -> list[int]:
-    """Return the scans at which maps are written: every n-th one that is not too early, and the last.
+    """Return the numbers of the scans at which maps are written; the last is one of them.
 
     Args:
         times: times of the scans, (n,) [s].
-        every: number of scans from one to the next, at least.
-        rate: most maps a second.
+        every: maps are written at every n-th scan,
+        rate: unless there would be more than this many a second.
     """
     period = (1.0 - EARLY) / rate
     chosen: list[int] = []
