@@ -43,8 +43,9 @@ TYPES = {
 """Topic → type of its messages."""
 APART = 0.5
 """Distance from one pose of the driven path to the next [m]."""
-BELOW = -0.02
-"""Height of predicted maps [m]. They are drawn below the observed one, which covers them."""
+HEIGHTS = {OBSERVED: -0.02, PREDICTED: -0.04, CONFIDENCE: -0.06}
+"""Height of each map [m]: all are drawn below path and scan, and predicted cells below observed
+ones."""
 LATEST = 2**31
 """Time from which on a stamp of ROS cannot hold it [s]."""
 
@@ -115,8 +116,8 @@ class McapFile:
         never = 1.0 - prediction.p_free - prediction.p_occupied
         shown = (prediction.confidence > 0.0) & (never <= 0.5)
         cells = np.where(shown, _percent(prediction.p_occupied), np.int8(UNKNOWN))
-        self._grid(PREDICTED, time, prediction.frame, cells, BELOW)
-        self._grid(CONFIDENCE, time, prediction.frame, _percent(prediction.confidence), 2 * BELOW)
+        self._grid(PREDICTED, time, prediction.frame, cells)
+        self._grid(CONFIDENCE, time, prediction.frame, _percent(prediction.confidence))
 
     def plan(self, time: float, states: NDArray[np.float64]) -> None:
         """Write a plan, of which the states (n, 3 or more) begin with x, y, yaw [m, m, rad]."""
@@ -124,17 +125,10 @@ class McapFile:
         poses = [self._make(POSE, header, self._pose(*map(float, state[:3]))) for state in states]
         self._write(PLAN, time, self._make(PLAN, header, poses))
 
-    def _grid(
-        self,
-        topic: str,
-        time: float,
-        frame: GridFrame,
-        cells: NDArray[np.int8],
-        height: float = 0.0,
-    ) -> None:
+    def _grid(self, topic: str, time: float, frame: GridFrame, cells: NDArray[np.int8]) -> None:
         rows, cols = frame.shape
         header = self._header(time)
-        origin = self._pose(*frame.origin, 0.0, height)
+        origin = self._pose(*frame.origin, 0.0, HEIGHTS[topic])
         info = self._of(
             "nav_msgs/msg/MapMetaData", header.stamp, frame.resolution, cols, rows, origin
         )
