@@ -4,7 +4,9 @@
 
 For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
 trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one
-tick). For several DIRs also speed_profiles.png: all runs in one speed profile.
+tick). With --mcap also the drive as a file for Foxglove: its scans and predictions, which are not
+saved, are made again from the saved states, and compared with what was saved. For several DIRs also
+speed_profiles.png: all runs in one speed profile.
 
 Without --out, the figures of a run are written into its DIR, and speed_profiles.png into the first
 DIR. With --out, the figures of one run are written into OUT, those of several runs into OUT/NAME,
@@ -28,10 +30,12 @@ class PlotSettings(Options):
     runs: tuple[Path, ...] = argument("folder of a saved run", "DIR")
     episode: int | None = option(None, "draw episode K; by default each figure chooses", "K")
     arm: str | None = option(
-        None, "arm that moment.png and the video show; by default one that uses a prediction"
+        None,
+        "arm of moment.png, the video and the MCAP file; by default one that uses a prediction",
     )
     out: Path | None = option(None, "folder for the figures", "OUT")
     animate: bool = option(False, "also write the drive as a video, in real time")
+    mcap: bool = option(False, "also write the drive as an MCAP file, with a layout, for Foxglove")
     format: str = option(
         "auto",
         "format of the video; auto: MP4 if there is ffmpeg, else GIF",
@@ -53,6 +57,7 @@ def _run(settings: PlotSettings) -> None:
     runs = [Run.load(directory) for directory in dict.fromkeys(settings.runs)]
     # Imported after loading, so that a bad run is reported without waiting for slow imports.
     from benchmarks.figures.animation import Animation
+    from benchmarks.figures.drive_mcap import write_drive
     from benchmarks.figures.run_figures import draw_run
     from benchmarks.figures.speed_profile import speed_profile
     from benchmarks.figures.video import kind_for, write_video
@@ -70,6 +75,8 @@ def _run(settings: PlotSettings) -> None:
             drive = Animation(run, episode, arm, settings.stride)
             paths.append(folder / f"drive-{drive.index}-{drive.arm}.{kind}")
             write_video(drive.frame, len(drive), drive.rate, paths[-1])
+        if settings.mcap:
+            paths += write_drive(run, folder, episode, arm)
     if len(runs) > 1:
         together = ("speed_profiles.png", lambda: speed_profile(runs, episode))
         paths += save_figures([together], out or runs[0].directory)

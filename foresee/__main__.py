@@ -21,6 +21,7 @@ COMMANDS = {
     "train-frontiers": ("predictor.train_frontiers", "train the network of frontiers"),
     "study": ("predictor.study", "train all of the paper's networks"),
     "evaluate": ("predictor.evaluate", "score predictors along drives"),
+    "replay": ("predictor.replay", "predict along a robot's log, and write it for Foxglove"),
 }
 """Command → module, and description for the list of commands."""
 STUDIES = {

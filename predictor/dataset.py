@@ -20,6 +20,7 @@ from typing import Annotated
 from foresee.infra.command_line import Command, Section, UsageError
 from foresee.infra.options import Options, jobs_option, option
 from predictor.data import LOG_FORMATS, PHYSICAL, SIMULATED
+from predictor.data.bag_config import BagConfig
 from predictor.recording.settings import SimulatedConfig
 
 
@@ -35,37 +36,28 @@ class Place(Options):
 
 @dataclass(frozen=True)
 class PhysicalConfig(Options):
-    """Logs that a data set is made of, and what to read from them."""
+    """Logs that a data set is made of."""
 
     log: tuple[Path, ...] = option(
         (), f"logs with corrected poses, or folders of them: {LOG_FORMATS}", "PATH"
     )
-    scans: str | None = option(None, "topic of a bag's LaserScans (default: the only one)", "TOPIC")
-    poses: str | None = option(
-        None,
-        "topic of a bag's poses: /tf, PoseStamped, PoseWithCovarianceStamped or Odometry "
-        "(default: /tf where it knows the map, else the only topic of poses)",
-        "TOPIC",
-    )
-    map_frame: str = option("map", "map frame in /tf", "FRAME")
 
 
 def _run(
     place: Place,
     simulated: Annotated[SimulatedConfig, Section("simulated; by default as the paper's set")],
     physical: Annotated[PhysicalConfig, Section("physical")],
+    topics: Annotated[BagConfig, Section("physical")],
 ) -> None:
-    wrong = simulated.changed() if physical.log else physical.changed()
+    wrong = simulated.changed() if physical.log else physical.changed() + topics.changed()
     if wrong:
         raise UsageError(f"{wrong[0]} {'cannot be given with' if physical.log else 'needs'} --log")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from predictor.data.bags import BagConfig
     from predictor.data.log_files import logs_in
     from predictor.recording.data_sets import make_physical, make_simulated
 
     folder = place.out or (PHYSICAL if physical.log else SIMULATED)
     if physical.log:
-        topics = BagConfig(physical.scans, physical.poses, physical.map_frame)
         make_physical(folder, logs_in(list(physical.log)), topics, place.jobs)
     else:
         make_simulated(folder, simulated, place.jobs)

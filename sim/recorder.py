@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.grid import OccupancyGrid, paste
+from foresee.mapping.grid import GridFrame, OccupancyGrid, paste
 from sim.driver_protocol import Decision
 from sim.world import World
 
@@ -88,7 +88,7 @@ class Recorder:
                 "times": list(times.values()),
             }
         )
-        self._see(tick, state, known)
+        see(self._first_seen, self.world.grid.frame, tick, state, known)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of the trace by name, see `SHAPES`, without the states."""
@@ -126,11 +126,25 @@ class Recorder:
         broken = bool((~inside).any()) or bool(solid[tuple(cells[inside].T)].any())
         return cells, int(not broken)
 
-    def _see(self, tick: int, state: NDArray[np.float64], known: OccupancyGrid) -> None:
-        """Write the tick to cells of the LIDAR's window that are observed for the first time."""
-        frame = self.world.grid.frame
-        window = known.frame.square(state[0], state[1], known.window)
-        here, there = frame.overlap(window)
-        part = self._first_seen[here]
-        seen = paste(known.frame, known.log_odds, window, np.int8(0))[there] != 0
-        part[seen & (part == 0)] = tick + 1
+
+def see(
+    first_seen: NDArray[np.int16],
+    frame: GridFrame,
+    tick: int,
+    state: NDArray[np.float64],
+    known: OccupancyGrid,
+) -> None:
+    """Write a tick to cells of the LIDAR's window that are observed for the first time, in place.
+
+    Args:
+        first_seen: tick, from 1, in which each cell was first observed; 0: not yet.
+        frame: frame of these cells.
+        tick: number of the tick, from 0.
+        state: x, y, ... of the car.
+        known: map of all that was observed, after the scan of the tick.
+    """
+    window = known.frame.square(state[0], state[1], known.window)
+    here, there = frame.overlap(window)
+    part = first_seen[here]
+    seen = paste(known.frame, known.log_odds, window, np.int8(0))[there] != 0
+    part[seen & (part == 0)] = tick + 1

@@ -26,6 +26,7 @@ COMMANDS = {
     "predictor.dataset": "predictor",
     "predictor.drives": "predictor",
     "predictor.evaluate": "predictor",
+    "predictor.replay": "predictor",
     "predictor.study": "predictor",
     "predictor.train": "predictor",
     "predictor.train_frontiers": "predictor",

@@ -4,7 +4,7 @@ In the order of the data:
 
 - `laser_log`: the scans of a real robot, and the pose of each.
 - `carmen`: reads such a log from a text of the CARMEN toolkit.
-- `bags`: reads such a log from a bag of ROS.
+- `bags`: reads such a log from a bag of ROS; `bag_config` names its topics.
 - `transforms`: gives the poses in a bag.
 - `log_files`: tells which files are such logs, and reads each with its reader.
 - `survey`: makes the map of a log, and its frames with this map as truth.
@@ -12,6 +12,8 @@ In the order of the data:
 - `frames`: reads the frames of a data set.
 - `packed_samples`: writes and reads samples, packed.
 - `samples`, `frontier_samples`: the samples of drives, and those of frontiers.
+- `mcap_file`: writes scans, maps and predictions of a drive as a bag, which Foxglove shows in the
+  layout of `foxglove_layout`.
 - `squares`: codes of the observed and the true map, in frames and samples alike.
 """
 

@@ -25,6 +25,7 @@ from foresee.infra.input_file import check_input, read_input
 from foresee.infra.plain_yaml import read_yaml
 from foresee.mapping.scan import Scan
 from predictor.data import BAGS, PACKED
+from predictor.data.bag_config import BagConfig
 from predictor.data.laser_log import LaserLog, LogError, cleaned
 from predictor.data.transforms import Transforms
 
@@ -46,21 +47,6 @@ LARGEST_BAG = 2**40
 """Largest file of a bag that is read [bytes]."""
 LEVEL = math.cos(math.radians(10.0))
 """Cosine of the largest tilt at which a laser counts as level."""
-
-
-@dataclass(frozen=True)
-class BagConfig:
-    """Topics to read from a bag.
-
-    Attributes:
-        scans: topic of the scans; None: the only one.
-        poses: topic of the poses; None: /tf if it knows the map frame, else the only pose topic.
-        map_frame: frame of /tf that poses are given in.
-    """
-
-    scans: str | None = None
-    poses: str | None = None
-    map_frame: str = "map"
 
 
 def is_bag(path: Path) -> bool:
@@ -335,7 +321,7 @@ class _Bag:
         if len(fitting) > 1:
             raise LogError(
                 f"{self.path} has several topics of {what}: {', '.join(fitting)}; "
-                f"choose one by {flag} of predictor.dataset"
+                f"choose one by {flag}"
             )
         return fitting[0]
 

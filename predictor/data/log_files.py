@@ -7,7 +7,8 @@ from pathlib import Path
 
 from foresee.infra.errors import one_line
 from predictor.data import CARMEN, LOG_FORMATS, PACKED
-from predictor.data.bags import BagConfig, is_bag, read_bag
+from predictor.data.bag_config import BagConfig
+from predictor.data.bags import is_bag, read_bag
 from predictor.data.carmen import log_name, read_carmen, sidecar_path
 from predictor.data.frames import checksum
 from predictor.data.laser_log import LaserLog, LogError

@@ -20,7 +20,7 @@ from scipy.ndimage import binary_dilation
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import GridFrame, OccupancyGrid, mark_beams, world_hash
 from foresee.mapping.scan import Scan
-from predictor.data.bags import BagConfig
+from predictor.data.bag_config import BagConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.laser_log import LaserLog, LogError
 from predictor.data.log_files import read_log, site_name

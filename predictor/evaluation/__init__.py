@@ -3,4 +3,5 @@
 - `settings`: settings and options of an evaluation.
 - `scored_drive`: the scores of predictors along one drive, which is replayed for them.
 - `drive_scores`: the scores of all drives, and their table.
+- `replayed_log`: the predictions along the log of a real robot, written to an MCAP file.
 """

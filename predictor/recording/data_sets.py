@@ -11,7 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 from foresee.infra.workers import finished
-from predictor.data.bags import BagConfig
+from predictor.data.bag_config import BagConfig
 from predictor.data.frame_set import FrameSet
 from predictor.data.log_files import log_sources, site_name
 from predictor.data.splits import check_apart

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from predictor.data.bags import BagConfig, is_bag, read_bag
+from predictor.data.bag_config import BagConfig
+from predictor.data.bags import is_bag, read_bag
 from predictor.data.frames import Frames
 from predictor.data.laser_log import LogError
 from predictor.data.log_files import read_log

@@ -107,7 +107,7 @@ def _run(settings: PredictionSettings) -> None:
 
 def _logs(settings: PredictionSettings) -> Path | None:
     """Return the folder of the physical data set, made here if logs are given; None without one."""
-    from predictor.data.bags import BagConfig
+    from predictor.data.bag_config import BagConfig
     from predictor.data.frames import MANIFEST
     from predictor.data.log_files import logs_in
     from predictor.recording.data_sets import make_physical
