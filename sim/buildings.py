@@ -74,6 +74,16 @@ def map_hash(grid: Grid) -> str:
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
 
 
+def building(place: str, seed: int) -> World:
+    """Return one of `sources`.
+
+    Args:
+        place: family of generated buildings, or path of a map file.
+        seed: seed of a generated building.
+    """
+    return generate(place, seed) if place in FAMILIES else sealed(load_world(place))
+
+
 def task_in(place: str, seed: int) -> Task:
     """Return a task in one of `sources`.
 
@@ -84,8 +94,7 @@ def task_in(place: str, seed: int) -> Task:
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
-    world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
-    return task_in_world(world, seed)
+    return task_in_world(building(place, seed), seed)
 
 
 def task_in_world(world: World, seed: int) -> Task:

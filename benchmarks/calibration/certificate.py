@@ -172,9 +172,10 @@ def at_risk(
         return replace(settings, uncertified=False)
     if settings.level > 0.0:
         raise UsageError("--level is in place of --risk: give one of them")
-    if settings.tasks is not None and not settings.uncertified:
+    if not settings.draws_tasks and not settings.uncertified:
+        given = "--start" if settings.tasks is None else "--tasks"
         raise UsageError(
-            "--risk: calibrations are for drawn tasks, not for those of --tasks: drive without a "
+            f"--risk: calibrations are for drawn tasks, not for those of {given}: drive without a "
             "certificate, with --uncertified"
         )
     strange = [arm for arm in settings.arms if _strange(arm)]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from argparse import Namespace
+from dataclasses import dataclass, fields, replace
 from json import dumps, loads
-from typing import Any, get_type_hints
+from typing import Any, Self, get_type_hints
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, option
@@ -116,6 +117,8 @@ ARMS = {
 }
 CALIBRATED_ARM = "predicted"
 """The arm that calibrations are of; no other may drive at a level that one certifies."""
+FARTHEST = 1e6
+"""Largest coordinate of a start or a goal [m]."""
 VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
 """Car → top speed in reverse [m/s]; 0: no reverse gear."""
 
@@ -151,13 +154,32 @@ class Settings(Options):
         "Their top speed limits --v-max",
         "FILE",
     )
+    start: tuple[float, float, float] | None = option(
+        None,
+        "x, y [m] and yaw [rad] at the start of one task, in the only building of --world; a "
+        "generated building is that of --seed (default: tasks are drawn)",
+        "X Y YAW",
+        low=-FARTHEST,
+        high=FARTHEST,
+    )
+    goal: tuple[float, float] | None = option(
+        None,
+        "x, y of the goal of the task that begins at --start [m]",
+        "X Y",
+        low=-FARTHEST,
+        high=FARTHEST,
+    )
     route: str = option(
         "free",
         "free: each arm finds its own way; fixed: all arms follow the same prescribed route",
         choices=("free", "fixed"),
     )
     episodes: int = option(
-        12, "number of tasks; each arm drives all of them", "N", low=1, high=1_000_000
+        12,
+        "number of tasks; each arm drives all of them (default: 12, or 1 with --start)",
+        "N",
+        low=1,
+        high=1_000_000,
     )
     seed: int = option(
         0, "seed of the first task; the next tasks use the seeds after it", "N", low=0, high=2**31
@@ -252,6 +274,15 @@ class Settings(Options):
                 f"--braking {self.braking:g}: a stop from --v-max {self.v_max:g} takes {stop:.0f} "
                 f"m, at most {LONGEST_STOP:g} m are planned"
             )
+        for name, form in (("start", "X Y YAW"), ("goal", "X Y")):
+            place = getattr(self, name)
+            if place is not None and len(place) != len(form.split()):
+                raise UsageError(f"--{name} is {place}, it must be {form}")
+        if (self.start is None) != (self.goal is None):
+            given, missing = ("goal", "start") if self.start is None else ("start", "goal")
+            raise UsageError(f"--{given} needs --{missing}: the two are one task")
+        if self.start is not None and self.tasks is not None:
+            raise UsageError("--start and --goal are one task, --tasks gives others: give only one")
         for arm in self.arms:
             if arm_kind(arm) not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
@@ -261,6 +292,19 @@ class Settings(Options):
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms needs at least one arm, and each only once")
+
+    @classmethod
+    def of(cls, args: Namespace, *names: str) -> Self:
+        """Make the settings from the parsed arguments of a command line; see `Options.of`."""
+        # The one task between --start and --goal is driven once, unless --episodes says otherwise.
+        once = getattr(args, "start", None) is not None and not hasattr(args, "episodes")
+        settings = super().of(args, *names)
+        return replace(settings, episodes=1) if once else settings
+
+    @property
+    def draws_tasks(self) -> bool:
+        """Whether the tasks are drawn, not given by --tasks or by --start and --goal."""
+        return self.tasks is None and self.start is None
 
     @property
     def families(self) -> tuple[str, ...]:

@@ -149,6 +149,9 @@ def title(settings: dict[str, Any]) -> str:
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     if settings["tasks"] is not None:
         places += f", tasks {settings['tasks']}"
+    if settings["start"] is not None:
+        start, goal = (", ".join(f"{v:g}" for v in settings[end]) for end in ("start", "goal"))
+        places += f", from ({start}) to ({goal})"
     return (
         f"{places}, route {settings['route']}, {settings['vehicle']} car; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "

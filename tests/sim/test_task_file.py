@@ -86,7 +86,7 @@ WRONG |= {
         (TASK | {"top_speed_m_s": "2"}, "top_speed_m_s is '2'"),
         (TASK | {"time_limit_s": 0}, "time_limit_s is 0"),
         (TASK | {"path_length_m": -1}, "path_length_m is -1"),
-        (TASK | {"goal": [2.1, 1.5]}, "starts within 0.5 m of its goal"),
+        (TASK | {"goal": [2.1, 1.5]}, r"task 0: start .* within 0\.5 m of the goal"),
         (TASK | {"map": 3}, "map is 3"),
         (TASK | {"tasks": []}, r"tasks is \[\]"),
         (TASK | {"tasks": {"a": 1}}, "tasks is"),

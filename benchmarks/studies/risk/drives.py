@@ -76,7 +76,8 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
 
 def _series(run: Run, arm: str) -> Series:
     settings = {k.name: run.settings[k.name] for k in fields(Settings) if k.name in run.settings}
-    settings |= {"world": tuple(run.settings["world"]), "arms": (arm,)}
+    settings = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+    settings |= {"arms": (arm,)}
     reliance = ARMS[arm].reliance
     reliance = run.settings["reliance"] if reliance is None else reliance
     # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.
