@@ -11,17 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.calibration.settings import OF_DRIVES
+from benchmarks.runs.arms import ARMS, CALIBRATED_ARM, arm_at, arm_kind
 from benchmarks.runs.drive import navigator_config
-from benchmarks.runs.settings import (
-    ARMS,
-    CALIBRATED_ARM,
-    CONDITIONS,
-    NO_CONDITIONS,
-    OLDER,
-    Settings,
-    arm_at,
-    arm_kind,
-)
+from benchmarks.runs.settings import CONDITIONS, NO_CONDITIONS, OLDER, Settings
 from foresee.infra.command_line import UsageError
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
@@ -204,7 +196,7 @@ def arms_at(
 ) -> dict[str, Settings]:
     """Return the settings of the drives of each arm; `CALIBRATED_ARM` drives at each of the risks.
 
-    The keys are the names of the arms, see `benchmarks.runs.settings.arm_at`. All settings name all
+    The keys are the names of the arms, see `benchmarks.runs.arms.arm_at`. All settings name all
     of these arms.
 
     Args:

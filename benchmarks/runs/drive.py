@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.optimal.shortest_path import time_bound
+from benchmarks.runs.arms import ARMS, Arm, arm_kind
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
-from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings, arm_kind
+from benchmarks.runs.settings import VEHICLES, Settings
 from benchmarks.runs.tasks import (
     limit_speed,
     make_task,

@@ -10,8 +10,9 @@ from typing import Any, Self
 
 from numpy.typing import NDArray
 
+from benchmarks.runs.arms import ARMS, arm_kind
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import ARMS, Settings, arm_kind, checked, up_to_date
+from benchmarks.runs.settings import Settings, checked, up_to_date
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import read_object

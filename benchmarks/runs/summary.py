@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.runs import statistics
+from benchmarks.runs.arms import CALIBRATED_ARM, arm_kind
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import CALIBRATED_ARM, arm_kind, up_to_date
+from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import figure, interval, markdown, span
 from sim.episode import Outcome

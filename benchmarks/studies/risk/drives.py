@@ -9,10 +9,11 @@ from typing import Any
 
 from tqdm import tqdm
 
+from benchmarks.runs.arms import ARMS
 from benchmarks.runs.drive import attempt
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.settings import Settings
 from benchmarks.runs.trace import Drive
 from benchmarks.studies.contact_test import touches
 from benchmarks.studies.risk.series import Series
