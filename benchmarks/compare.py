@@ -36,7 +36,8 @@ def drive(
         calibration: calibration.json of `benchmarks.calibrate` for a `risk` above 0; None: the
             shipped one that is for the family that `world` names. A `World` cannot have one.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
-            `risk`, `uncertified`, `reliance`, `v_max`, `vehicle`, `start` and `goal`.
+            `risk`, `uncertified`, `reliance`, `v_max`, `vehicle`, `car`, `start` and
+            `goal`.
 
     Returns:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
@@ -46,11 +47,12 @@ def drive(
         NoTaskError: if the building has no route of 10 m or more, or none from `start` to `goal`.
         TaskFileError: if `start` or `goal` is not free.
         PredictorError: if the predictor cannot be loaded.
+        CarFileError: if `car` cannot be read.
         UsageError: if a setting cannot be used, or no shipped calibration is for these drives.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     name = world if isinstance(world, str) else world.name
-    chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    chosen = Settings.with_defaults(world=(name,), seed=seed, episodes=1, **settings)
     if chosen.tasks is not None:
         raise UsageError("tasks: a file of tasks is driven by the command foresee corridor")
     if isinstance(world, str):

@@ -97,6 +97,8 @@ def _run(
 ) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
+    if place.optimum is not None and settings.car is not None:
+        raise UsageError("--optimum: its times are those of the default car, not of --car")
     if place.optimum is not None and not settings.draws_tasks:
         raise UsageError("--optimum: its times are those of drawn tasks, not of given ones")
     # Imported here, so that --help and bad arguments do not wait for slow imports.

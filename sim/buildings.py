@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 
 from foresee.infra.command_line import UsageError
+from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import Grid, world_hash
 from sim.families import generate
@@ -97,13 +98,18 @@ def task_in(place: str, seed: int) -> Task:
     return task_in_world(building(place, seed), seed)
 
 
-def task_in_world(world: World, seed: int) -> Task:
+def task_in_world(world: World, seed: int, car: CarLimits | None = None) -> Task:
     """Return a task in a building, of at least 20 m, or of at least 10 m if there is none.
+
+    Args:
+        world: the building.
+        seed: seed of start and goal.
+        car: the car's body and turning radius; None: the defaults.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
     try:
-        return sample_task(world, seed)
+        return sample_task(world, seed, car)
     except NoTaskError:
-        return sample_task(world, seed, min_length=10.0)
+        return sample_task(world, seed, car, min_length=10.0)

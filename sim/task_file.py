@@ -18,8 +18,7 @@ import numpy as np
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.input_file import read_input
 from foresee.infra.plain_json import fits, loads
-from foresee.mapping.body import Scene, first_contact
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.conventions import GOAL_RADIUS
 from sim.task import Rules
 from sim.world import World
@@ -72,17 +71,18 @@ class GivenTask:
                 f"{list(self.goal)}, where the drive ends"
             )
 
-    def check_ends(self, world: World) -> None:
+    def check_ends(self, world: World, body: Body) -> None:
         """Check that the car fits at the start, and that the goal is free.
 
         Args:
             world: the task's map.
+            body: body of the car.
 
         Raises:
             TaskFileError: if not.
         """
         frame = world.grid.frame
-        scene = Scene(world.solid, *frame.lattice, *CarLimits().body.halves)
+        scene = Scene(world.solid, *frame.lattice, *body.halves)
         if first_contact(scene, np.array([self.start])) >= 0:
             raise TaskFileError(
                 f"start {list(self.start)} in {world.name}: there the car's body is in a wall, in "

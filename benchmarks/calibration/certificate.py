@@ -260,9 +260,10 @@ def _fitting(
 def _command(settings: Settings) -> str:
     """Return the command that makes a calibration for drives with some settings at their risk."""
     words = ["foresee", "calibrate", "--risks", f"{settings.risk:g}"]
-    for name in OF_DRIVES:
+    usual = Settings.with_defaults(car=settings.car)
+    for name in [f.name for f in fields(Settings) if f.name in OF_DRIVES and f.metadata]:
         value = getattr(settings, name)
-        if value != getattr(Settings, name):
+        if value != getattr(Settings if name == "car" else usual, name):
             words.append(f"--{name.replace('_', '-')}")
             if not isinstance(value, bool):
                 words += map(str, value if isinstance(value, tuple) else (value,))

@@ -13,7 +13,7 @@ SEED = 5_000_000
 
 GIVEN = ("tasks", "start", "goal")
 """Settings that give tasks; those of a calibration are drawn."""
-OF_DRIVES = ("world", "predictor", *(name for name in CONDITIONS if name not in GIVEN))
+OF_DRIVES = ("world", "predictor", "car", *(name for name in CONDITIONS if name not in GIVEN))
 """Settings of a comparison that are also options of `benchmarks.calibrate`."""
 
 

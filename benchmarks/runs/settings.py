@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from json import dumps, loads
 from typing import Any, Self, get_type_hints
 
@@ -11,14 +11,17 @@ from benchmarks.runs.arms import ARMS, arm_kind
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, option
 from foresee.infra.plain_json import fits
+from foresee.mapping.car_file import PRESETS, CarFile
 from foresee.mapping.conventions import LONGEST_STOP
 from foresee.mapping.family_names import FAMILIES
 from planner.revision import FIRST
 
 FARTHEST = 1e6
 """Largest coordinate of a start or a goal [m]."""
-VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
-"""Car → top speed in reverse [m/s]; 0: no reverse gear."""
+VEHICLES = ("dubins", "reeds-shepp")
+"""Kinds of cars: without and with a reverse gear."""
+REVERSE = 0.5
+"""Top speed in reverse of a car whose file does not give it [m/s]."""
 
 
 def _arms(text: str) -> tuple[str, ...]:
@@ -124,6 +127,12 @@ class Settings(Options):
         low=0,
         high=1,
     )
+    car: str | None = option(
+        None,
+        f"YAML file of a car, or {', '.join(PRESETS)}: its body and limits. --v-max, --braking and "
+        "--vehicle override those of the file (default: the car of the published results)",
+        "CAR",
+    )
     v_max: float = option(4.0, "top speed [m/s]", "V", low=0.5, high=10)
     braking: float = option(1.5, "hardest braking [m/s²]", "A", low=0.3, high=10)
     window: float = option(
@@ -147,10 +156,22 @@ class Settings(Options):
     )
     vehicle: str = option(
         "dubins",
-        f"dubins: forward only; reeds-shepp: with a reverse gear, at most "
-        f"{VEHICLES['reeds-shepp']:g} m/s",
-        choices=tuple(VEHICLES),
+        f"dubins: forward only; reeds-shepp: with a reverse gear, at most {REVERSE:g} m/s or the "
+        "speed that --car gives",
+        choices=VEHICLES,
     )
+    length: float = 0.5
+    """Length of the car's body [m]; this and the next five come from `car`, see `with_defaults`."""
+    width: float = 0.3
+    """Width of the body [m]."""
+    turning_radius: float = 0.8
+    """Radius of the tightest arc [m]."""
+    acceleration: float = 1.5
+    """Maximum acceleration [m/s²]."""
+    lateral_acceleration: float = 3.0
+    """Maximum lateral acceleration [m/s²]."""
+    reverse: float = REVERSE
+    """Top speed in reverse of `reeds-shepp` [m/s]."""
     calibrated: int = FIRST
     """Revision of the driving that the calibration for `risk` was measured with."""
 
@@ -184,10 +205,27 @@ class Settings(Options):
     @classmethod
     def of(cls, args: Namespace, *names: str) -> Self:
         """Make the settings from the parsed arguments of a command line; see `Options.of`."""
-        # The one task between --start and --goal is driven once, unless --episodes says otherwise.
-        once = getattr(args, "start", None) is not None and not hasattr(args, "episodes")
-        settings = super().of(args, *names)
-        return replace(settings, episodes=1) if once else settings
+        return cls.with_defaults(**cls.parsed(args, *names))
+
+    @classmethod
+    def with_defaults(cls, **given: Any) -> Self:
+        """Make the settings from some that are given; a car and a start change other defaults.
+
+        Args:
+            given: settings by name. A car gives its body and limits; one task from `start` to
+                `goal` is driven once.
+
+        Raises:
+            CarFileError: if the car cannot be read.
+        """
+        defaults = dict[str, Any]()
+        if given.get("car") is not None:
+            defaults |= vars(CarFile.read(given["car"]))
+            backs = defaults["reverse"] > 0.0
+            defaults |= {"vehicle": "reeds-shepp"} if backs else {"reverse": REVERSE}
+        if given.get("start") is not None:
+            defaults["episodes"] = 1
+        return cls(**defaults | given)
 
     @property
     def draws_tasks(self) -> bool:
@@ -206,10 +244,11 @@ class Settings(Options):
 
 NO_CONDITIONS = (
     *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
-    *("uncertified", "calibrated"),
+    *("uncertified", "calibrated", "car"),
 )
 """Settings that a calibration need not share with the drives that use it; the predictor and the
-buildings are compared in `benchmarks.calibration.certificate`."""
+buildings are compared in `benchmarks.calibration.certificate`. The car must be the same, whatever
+its file is called."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
 """Settings that a calibration must share with the drives that use it."""
 OLDER: dict[str, Any] = loads(dumps({field.name: field.default for field in fields(Settings)}))

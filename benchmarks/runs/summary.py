@@ -153,8 +153,9 @@ def title(settings: dict[str, Any]) -> str:
     if settings["start"] is not None:
         start, goal = (", ".join(f"{v:g}" for v in settings[end]) for end in ("start", "goal"))
         places += f", from ({start}) to ({goal})"
+    car = "car" if settings["car"] is None else f"car {settings['car']}"
     return (
-        f"{places}, route {settings['route']}, {settings['vehicle']} car; "
+        f"{places}, route {settings['route']}, {settings['vehicle']} {car}; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
         f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"

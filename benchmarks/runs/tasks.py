@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.optimal.shortest_path import NoPathError, path_length, shortest_path
+from benchmarks.runs.car import limits_for
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.workers import WorkersError
@@ -26,7 +27,9 @@ from sim.world import World
 
 
 def make_task(settings: Settings, index: int) -> Task:
-    """Return the task (building, start, goal, route) of an episode, the same for all arms and cars.
+    """Return the task (building, start, goal, route) of an episode, the same for all arms.
+
+    It depends on the car's body and turning radius, not on its speeds and accelerations.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m, or the given task no route; or
@@ -51,10 +54,10 @@ def make_task_in(world: World, settings: Settings) -> Task:
         NoTaskError: if the building has no route of at least 10 m, or the given task no route.
         TaskFileError: if the given start or goal is not free.
     """
-    given = _start_to_goal(settings)
+    given, car = _start_to_goal(settings), limits_for(settings)
     if given is None:
-        return task_in_world(world, settings.seed)
-    return _given_task(world, settings.seed, given)
+        return task_in_world(world, settings.seed, car)
+    return _given_task(world, settings.seed, given, car)
 
 
 class _Source(NamedTuple):
@@ -65,34 +68,36 @@ class _Source(NamedTuple):
         building: seed of a generated building.
         seed: seed of the task.
         given: the task, if it is not drawn.
+        car: limits and body of the car.
     """
 
     place: str
     building: int
     seed: int
     given: GivenTask | None
+    car: CarLimits
 
 
 @lru_cache(maxsize=2)
 def _task(source: _Source) -> Task:
     world = building(source.place, source.building)
     if source.given is None:
-        return task_in_world(world, source.seed)
-    return _given_task(world, source.seed, source.given)
+        return task_in_world(world, source.seed, source.car)
+    return _given_task(world, source.seed, source.given, source.car)
 
 
-def _given_task(world: World, seed: int, given: GivenTask) -> Task:
+def _given_task(world: World, seed: int, given: GivenTask, car: CarLimits) -> Task:
     """Return a given task in its building.
 
     Its route is one that the car can drive forwards, else the shortest path: a car with a reverse
     gear may still reach the goal.
     """
-    given.check_ends(world)
-    way = find_way(world, given.start, given.goal, given.rules.goal_radius)
+    given.check_ends(world, car.body)
+    way = find_way(world, given.start, given.goal, given.rules.goal_radius, car)
     if way is None:
         try:
-            radius = CarLimits().body.half_width
-            way = np.asarray(shortest_path(world, given.start[:2], given.goal, radius))
+            width = car.body.half_width
+            way = np.asarray(shortest_path(world, given.start[:2], given.goal, width))
         except NoPathError as error:
             raise NoTaskError(str(error)) from None
     length = float(arc_length(way)[-1])
@@ -133,7 +138,7 @@ def input_hashes(settings: Settings) -> dict[str, str]:
         for place, group in groupby(sorted(_given_tasks(settings), key=of_place), of_place):
             world = building(place, settings.seed)
             for _, task in group:
-                task.check_ends(world)
+                task.check_ends(world, limits_for(settings).body)
     return hashes
 
 
@@ -162,14 +167,15 @@ def refuse_edited_inputs(settings: Settings, index: int, hashes: Mapping[str, st
 
 def _episode_source(settings: Settings, index: int) -> _Source:
     """Return what the task of an episode is made from."""
+    car = limits_for(settings)
     if settings.draws_tasks:
         places = sources(settings.world)
         seed = settings.seed + index // len(places)
-        return _Source(places[index % len(places)], seed, seed, None)
+        return _Source(places[index % len(places)], seed, seed, None, car)
     tasks = _given_tasks(settings)
     place, given = tasks[index % len(tasks)]
     # Later drives of a task are in the same building, with other noise.
-    return _Source(place, settings.seed, settings.seed + index // len(tasks), given)
+    return _Source(place, settings.seed, settings.seed + index // len(tasks), given, car)
 
 
 def _start_to_goal(settings: Settings) -> GivenTask | None:
@@ -216,16 +222,19 @@ def _tasks_of_file(path: str, places: list[str]) -> list[tuple[str, GivenTask]]:
 
 
 @lru_cache(maxsize=2)
-def shortest_length(task: Task) -> float | None:
+def shortest_length(task: Task, half_width: float) -> float | None:
     """Return the length of the shortest path of a task with the whole map known [m].
+
+    Args:
+        task: start, goal and map.
+        half_width: half the width of the car [m].
 
     Returns:
         None if no path was found: `benchmarks.optimal.shortest_path` may miss a gap that is hardly
         wider than the car.
     """
-    radius = CarLimits().body.half_width
     try:
-        return path_length(shortest_path(task.world, task.start[:2], task.goal, radius))
+        return path_length(shortest_path(task.world, task.start[:2], task.goal, half_width))
     except NoPathError:
         return None
 

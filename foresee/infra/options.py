@@ -111,9 +111,14 @@ class Options:
             args: parsed arguments.
             names: names of the fields to take from them; all if none is given.
         """
+        return cls(**cls.parsed(args, *names))
+
+    @classmethod
+    def parsed(cls, args: argparse.Namespace, *names: str) -> dict[str, Any]:
+        """Return the settings that a command line gives, by name; arguments as in `of`."""
         wanted = [f.name for f in fields(cls) if not names or f.name in names]
-        parsed = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in parsed.items()})
+        found = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
+        return {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
 
     def changed(self) -> list[str]:
         """Return the options, such as "--v-max", whose values are not their defaults."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from foresee.mapping.body import Body
-from foresee.mapping.conventions import LONGEST_STOP
+from foresee.mapping.car_file import CarFile
+from foresee.mapping.conventions import LONGEST_STOP, TIGHTEST
 
 CONTACT_MARGIN = 0.015
 """Margin by which the planner grows the body in collision tests [m], at every resolution."""
@@ -17,8 +18,6 @@ JUDGE_MARGIN = 0.001
 Both test poses that lie apart, and the margin covers what the body sweeps between them. The
 planner's margin covers the simulator's as well, so that what the planner calls free never counts as
 a collision."""
-TIGHTEST = 4.0
-"""Largest ratio of the body's half diagonal to the turning radius."""
 
 
 class DrivingLimits(NamedTuple):
@@ -81,6 +80,27 @@ class CarLimits:
                 f"turning_radius is {self.turning_radius} m, it must be at least "
                 f"{self.body.radius / TIGHTEST:g} m for this body"
             )
+
+    @classmethod
+    def read(cls, name: str) -> Self:
+        """Return the car of a YAML file, or a preset; see `foresee.mapping.car_file`.
+
+        Args:
+            name: path of the file, or name of the preset.
+
+        Raises:
+            CarFileError: if it is neither, or the file breaks a rule of the format.
+        """
+        car = CarFile.read(name)
+        return cls(
+            v_max=car.v_max,
+            acceleration=car.acceleration,
+            braking=car.braking,
+            lateral_acceleration=car.lateral_acceleration,
+            turning_radius=car.turning_radius,
+            body=Body(car.length, car.width),
+            reverse=car.reverse,
+        )
 
     @property
     def planned_cornering(self) -> float:

@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from foresee.mapping.body import Body
 from foresee.mapping.conventions import GOAL_RADIUS
 from sim import empty_straight
 from sim.task import Rules, find_way, waypoints_along
@@ -123,9 +124,9 @@ def test_a_path_that_no_file_can_have_is_refused(tmp_path):
     ],
 )
 def test_a_start_or_goal_that_is_not_free_is_refused(ends, message):
-    given().check_ends(STRAIGHT)
+    given().check_ends(STRAIGHT, Body())
     with pytest.raises(TaskFileError, match=message):
-        given(**ends).check_ends(STRAIGHT)
+        given(**ends).check_ends(STRAIGHT, Body())
 
 
 def test_a_way_leads_to_the_goal_itself():

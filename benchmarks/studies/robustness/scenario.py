@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks.runs.drive import limits_for
+from benchmarks.runs.car import limits_for
 from benchmarks.runs.settings import VEHICLES, Settings
 from benchmarks.studies.robustness.hostile_buildings import (
     in_pocket,
@@ -18,8 +18,8 @@ from benchmarks.studies.robustness.hostile_buildings import (
 )
 from benchmarks.studies.robustness.hostile_predictors import KINDS
 from foresee.mapping.body import Body
-from foresee.mapping.car_limits import TIGHTEST, CarLimits
-from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import RESOLUTION, TIGHTEST
 from foresee.mapping.family_names import FAMILIES
 from sim import Lidar, LidarConfig
 from sim.buildings import task_in_world

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.runs.arms import ARMS
-from benchmarks.runs.drive import limits_for, navigator_for
+from benchmarks.runs.car import limits_for
+from benchmarks.runs.drive import navigator_for
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
