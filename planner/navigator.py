@@ -239,26 +239,35 @@ class Navigator:
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg)
-        choice = self.chooser.choose(now, self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new)
+        turn = self.guide.turn_rate(state, risk)
+        afresh = self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new
+        choice = self.chooser.stand(driven) if turn else self.chooser.choose(now, afresh)
         faults += choice.faults
         clock.lap("mpc")
         clock.total("cycle", first_path)
 
-        faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
+        if turn:
+            self._rested = self._lingered = 0
+        else:
+            faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
         clock.times["path"] = first_path + self.guide.plan_ms
         handled = tuple(dict.fromkeys(faults))
         self.faults.update(handled)
-        return self._decision(choice, risk, prediction, handled, clock.times)
+        return self._decision(choice, turn, risk, prediction, handled, clock.times)
 
     def _decision(
         self,
         choice: Choice,
+        turn: float,
         risk: RiskMap,
         prediction: Prediction | None,
         faults: tuple[Fault, ...],
         times: dict[str, float],
     ) -> Decision:
-        """Return the decision for a choice: the control in the current gear, and its reasons."""
+        """Return the decision for a choice: the control in the current gear, and its reasons.
+
+        `turn` is the yaw rate of a turn on the spot, on which the car stands otherwise [rad/s].
+        """
         plan, config = choice.plan, self.config
         rows, cols = swept_cells(
             plan, config.mpc.dt, config.car.body, risk.frame, risk.known.unknown
@@ -272,7 +281,7 @@ class Navigator:
             plan = plan.mirrored()
         acceleration, curvature = plan.controls[0].tolist()
         return Decision(
-            control=Control(acceleration, curvature, plan.gear),
+            control=Control(acceleration, curvature, plan.gear, turn),
             plan=plan,
             limit=limit,
             faults=faults,
@@ -339,7 +348,7 @@ class Navigator:
         self._rested = 0 if moves else self._rested + 1
         stuck = self._rested and self._rested % REST_TICKS == 0
         if stuck or self._lingered % LINGER_TICKS == 0:
-            return self.guide.unstick(self._tick, state, self.known, steering)
+            return self.guide.unstick(self._tick, state, self.known, risk, steering)
         return self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
 
     def _predict(

@@ -16,5 +16,6 @@ def limits_for(settings: Settings) -> CarLimits:
         lateral_acceleration=settings.lateral_acceleration,
         turning_radius=settings.turning_radius,
         body=Body(settings.length, settings.width),
-        reverse=settings.reverse if settings.vehicle == "reeds-shepp" else 0.0,
+        reverse=0.0 if settings.vehicle == "dubins" else settings.reverse,
+        turn_rate=settings.turn_rate if settings.vehicle == "differential" else 0.0,
     )

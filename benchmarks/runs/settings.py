@@ -18,10 +18,12 @@ from planner.revision import FIRST
 
 FARTHEST = 1e6
 """Largest coordinate of a start or a goal [m]."""
-VEHICLES = ("dubins", "reeds-shepp")
-"""Kinds of cars: without and with a reverse gear."""
+VEHICLES = ("dubins", "reeds-shepp", "differential")
+"""Kinds of cars: without and with a reverse gear, and one that also turns on the spot."""
 REVERSE = 0.5
 """Top speed in reverse of a car whose file does not give it [m/s]."""
+TURN_RATE = 1.5
+"""Yaw rate of turns on the spot of a car whose file does not give it [rad/s]."""
 
 
 def _arms(text: str) -> tuple[str, ...]:
@@ -157,11 +159,12 @@ class Settings(Options):
     vehicle: str = option(
         "dubins",
         f"dubins: forward only; reeds-shepp: with a reverse gear, at most {REVERSE:g} m/s or the "
-        "speed that --car gives",
+        "speed that --car gives; differential: the same, and it turns on the spot, at "
+        f"{TURN_RATE:g} rad/s or the rate that --car gives",
         choices=VEHICLES,
     )
     length: float = 0.5
-    """Length of the car's body [m]; this and the next five come from `car`, see `with_defaults`."""
+    """Length of the car's body [m]; this and the next six come from `car`, see `with_defaults`."""
     width: float = 0.3
     """Width of the body [m]."""
     turning_radius: float = 0.8
@@ -171,7 +174,9 @@ class Settings(Options):
     lateral_acceleration: float = 3.0
     """Maximum lateral acceleration [m/s²]."""
     reverse: float = REVERSE
-    """Top speed in reverse of `reeds-shepp` [m/s]."""
+    """Top speed in reverse of `reeds-shepp` and `differential` [m/s]."""
+    turn_rate: float = TURN_RATE
+    """Yaw rate of turns on the spot of `differential` [rad/s]."""
     calibrated: int = FIRST
     """Revision of the driving that the calibration for `risk` was measured with."""
 
@@ -221,8 +226,11 @@ class Settings(Options):
         defaults = dict[str, Any]()
         if given.get("car") is not None:
             defaults |= vars(CarFile.read(given["car"]))
-            backs = defaults["reverse"] > 0.0
-            defaults |= {"vehicle": "reeds-shepp"} if backs else {"reverse": REVERSE}
+            kind = "differential" if defaults["turn_rate"] else "reeds-shepp"
+            defaults["vehicle"] = kind if defaults["reverse"] else "dubins"
+            # Of a car that lacks them, for --vehicle.
+            defaults["reverse"] = defaults["reverse"] or REVERSE
+            defaults["turn_rate"] = defaults["turn_rate"] or TURN_RATE
         if given.get("start") is not None:
             defaults["episodes"] = 1
         return cls(**defaults | given)

@@ -265,10 +265,13 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         "handled faults": lambda e: str(sum(e["faults"].values())),
         "paths by source": lambda e: " / ".join(str(e["paths"].get(s, 0)) for s in SOURCES),
         "reversals": lambda e: str(e["paths"].get("reversal", 0)),
+        "turns on the spot": lambda e: str(e["paths"].get("turn", 0)),
         "recovery manoeuvres": lambda e: str(e["paths"].get("manoeuvre", 0)),
     }
     if all(entry["over_optimum"] is None for entry in entries):
         del rows["time over T_opt, where reached"]
+    if not any(entry["paths"].get("turn") for entry in entries):
+        del rows["turns on the spot"]
     return rows
 
 

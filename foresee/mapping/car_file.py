@@ -36,7 +36,11 @@ TURNING = {"turning_radius_m": (0.05, 20.0)}
 """The same of the key of a car whose turning radius is known."""
 STEERING = {"wheelbase_m": (0.05, 5.0), "steering_limit_rad": (0.05, 1.3)}
 """The same of the keys from which the turning radius of a car with front steering follows."""
-OPTIONAL = {"reverse_speed_m_s": (0.0, 10.0), "rear_overhang_m": (0.0, 5.0)}
+OPTIONAL = {
+    "reverse_speed_m_s": (0.0, 10.0),
+    "rear_overhang_m": (0.0, 5.0),
+    "turn_rate_rad_s": (0.0, 10.0),
+}
 RANGES = REQUIRED | TURNING | STEERING | OPTIONAL
 
 
@@ -57,6 +61,7 @@ class CarFile:
         braking: maximum deceleration, positive [m/s²].
         lateral_acceleration: maximum lateral acceleration [m/s²].
         reverse: top speed in reverse [m/s]; 0: no reverse gear.
+        turn_rate: yaw rate at which it turns on the spot [rad/s]; 0: it cannot.
     """
 
     length: float
@@ -67,6 +72,7 @@ class CarFile:
     braking: float
     lateral_acceleration: float
     reverse: float
+    turn_rate: float
 
     @classmethod
     def read(cls, name: str) -> Self:
@@ -106,6 +112,7 @@ class CarFile:
             braking=values["braking_m_s2"],
             lateral_acceleration=values["lateral_acceleration_m_s2"],
             reverse=values.get("reverse_speed_m_s", 0.0),
+            turn_rate=values.get("turn_rate_rad_s", 0.0),
         )
 
     def __post_init__(self) -> None:
@@ -159,4 +166,11 @@ def _checked(content: Any) -> dict[str, float]:
             f"rear_overhang_m is {content['rear_overhang_m']:g}, it must be at most the length, "
             f"{content['length_m']:g}"
         )
+    if content.get("turn_rate_rad_s") and not content.get("reverse_speed_m_s"):
+        raise CarFileError(
+            "it has turn_rate_rad_s, so it must have reverse_speed_m_s: a robot that turns on the "
+            "spot drives some wheels backwards"
+        )
+    if content.get("turn_rate_rad_s") and "wheelbase_m" in content:
+        raise CarFileError("a car with front steering cannot turn on the spot: give only one")
     return {key: float(value) for key, value in content.items()}

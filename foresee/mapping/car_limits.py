@@ -50,9 +50,10 @@ class CarLimits:
         turning_radius: radius of the tightest arc [m].
         body: rectangle around (x, y).
         reverse: top speed in reverse [m/s]; 0: the car has no reverse gear.
+        turn_rate: yaw rate at which the car turns on the spot [rad/s]; 0: it cannot.
 
     Raises:
-        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if a stop from
+        ValueError: if a limit is not finite, or not positive; the last two may be 0; if a stop from
             top speed takes more than `LONGEST_STOP`; if the car turns on a radius below a quarter
             of the body's half diagonal.
     """
@@ -64,12 +65,13 @@ class CarLimits:
     turning_radius: float = 0.8
     body: Body = field(default_factory=Body)
     reverse: float = 0.0
+    turn_rate: float = 0.0
 
     def __post_init__(self) -> None:
         check_finite(
             self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
         )
-        check_finite(self, "reverse", zero=True)
+        check_finite(self, "reverse", "turn_rate", zero=True)
         if self.stopping_distance > LONGEST_STOP:
             raise ValueError(
                 f"braking is {self.braking} m/s²: a stop from {self.v_max} m/s takes "
@@ -100,6 +102,7 @@ class CarLimits:
             turning_radius=car.turning_radius,
             body=Body(car.length, car.width),
             reverse=car.reverse,
+            turn_rate=car.turn_rate,
         )
 
     @property

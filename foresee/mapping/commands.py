@@ -57,6 +57,8 @@ def twist_of(control: Control, speed: float, car: CarLimits, dt: float = TICK) -
         ValueError: if the speed is not finite.
     """
     end = _end_speed(control, speed, car, dt)
+    if control.turn_rate != 0.0 and abs(speed) < REST:
+        return TwistCommand(0.0, min(max(control.turn_rate, -car.turn_rate), car.turn_rate))
     return TwistCommand(end, end * control.curvature)
 
 
@@ -84,8 +86,13 @@ def steering_of(
 
     Raises:
         ValueError: if the speed is not finite, the wheelbase is not positive, or no steering angle
-            gives the arc.
+            gives the arc, or the car is to turn on the spot.
     """
+    if control.turn_rate != 0.0:
+        raise ValueError(
+            f"turn_rate is {control.turn_rate} rad/s, but a car with front steering cannot turn on "
+            "the spot: use twist_of"
+        )
     if not wheelbase > 0.0:
         raise ValueError(f"wheelbase is {wheelbase} m, it must be positive")
     square = 1.0 - (control.curvature * ahead) ** 2

@@ -113,9 +113,21 @@ class PlanChooser:
         self._curvature = 0.0
 
     def forget(self) -> None:
-        """Forget the last plan, since the car has changed its gear."""
+        """Forget the last plan, since the car has changed its gear or its heading."""
         self._intended = self._last_cautious = self.resort.controls = None
         self._curvature = 0.0
+
+    def stand(self, state: NDArray[np.float64]) -> Choice:
+        """Return the choice to stand, as on a turn on the spot, and forget the last plan.
+
+        Standing is itself the last resort.
+
+        Args:
+            state: current x, y, yaw, v of the car, which is at rest, (4,).
+        """
+        self.forget()
+        plan = self.mpc.roll(state, np.zeros((self.mpc.stages, 2)))
+        return Choice(plan, plan, ())
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.
