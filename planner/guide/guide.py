@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.conventions import TICK
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction
 from planner.fault import Fault
@@ -23,7 +22,7 @@ from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.guide.subgoals import with_frontiers
-from planner.guide.turn import angle_to, can_turn
+from planner.guide.turn import angle_to, can_turn, rate_towards
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
@@ -37,9 +36,9 @@ PRESCRIBED_TETHER = 8.0
 
 A line that cuts the route's corners there may lead towards a wall, observed too late to turn."""
 
-TURN_FROM, TURN_FROM_STUCK, TURNED = 1.2, 0.4, 0.02
-"""Angle between the heading and the route from which a car at rest turns on the spot; the same for
-a car that is stuck; and the angle within which a turn has ended [rad]."""
+TURN_FROM, TURN_FROM_STUCK = 1.2, 0.4
+"""Angle between the heading and the route from which a car at rest turns on the spot, and the same
+for a car that is stuck [rad]."""
 BACK_LENGTH = 4.0
 """Length of the way by whose direction a path leads back or not [m]."""
 
@@ -171,20 +170,17 @@ class Guide:
     def turn_rate(self, state: NDArray[np.float64], risk: RiskMap) -> float:
         """Return the yaw rate of the turn on the spot under way [rad/s]; 0: there is none.
 
-        A turn ends at its yaw, or as soon as the rest of it is not observed to be free.
-
         Args:
             state: current x, y, yaw, v of the car, (4,).
             risk: newest risk map around the car.
         """
         if self.turn_to is None:
             return 0.0
-        left = math.remainder(self.turn_to - float(state[2]), 2.0 * math.pi)
-        goes_on = abs(left) > TURNED and abs(state[3]) <= REST
-        if not (goes_on and can_turn(state, left, risk, self.car)):
+        rate = rate_towards(self.turn_to, state, risk, self.car)
+        if rate == 0.0:
+            # A path is due at once.
             self.turn_to, self._requested = None, -(10**9)
-            return 0.0
-        return min(max(left / TICK, -self.car.turn_rate), self.car.turn_rate)
+        return rate
 
     def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
         """Advance by a tick: adopt a path that is due, and cut it off before an obstacle.

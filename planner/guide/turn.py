@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
+from foresee.mapping.conventions import TICK
 from planner.risk.risk_map import RiskMap
 
 LOOK = 1.0
 """Distance along a route of the point that the car turns towards [m]."""
+TURNED, REST = 0.02, 1e-6
+"""Angle within which a turn has ended [rad], and speed below which a car stands [m/s]."""
 
 
 def angle_to(route: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
@@ -47,3 +50,20 @@ def can_turn(pose: NDArray[np.float64], angle: float, risk: RiskMap, car: CarLim
     poses = np.tile(np.asarray(pose, dtype=np.float64)[:3], (count + 1, 1))
     poses[:, 2] += angle * np.arange(count + 1) / count
     return bool(first_contact(scene, poses) < 0)
+
+
+def rate_towards(yaw: float, state: NDArray[np.float64], risk: RiskMap, car: CarLimits) -> float:
+    """Return the yaw rate of the next tick of a turn on the spot [rad/s]; 0: the turn has ended.
+
+    It ends at its yaw, or as soon as the car moves or the rest of it is not observed to be free.
+
+    Args:
+        yaw: yaw at which the turn ends [rad].
+        state: current x, y, yaw, v of the car, (4,).
+        risk: newest risk map around the car.
+        car: limits and body of the car.
+    """
+    left = math.remainder(yaw - float(state[2]), 2.0 * math.pi)
+    if abs(left) <= TURNED or abs(state[3]) > REST or not can_turn(state, left, risk, car):
+        return 0.0
+    return min(max(left / TICK, -car.turn_rate), car.turn_rate)

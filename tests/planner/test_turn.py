@@ -12,7 +12,7 @@ from short_drive import LIDAR
 from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from planner.guide.turn import angle_to, can_turn
+from planner.guide.turn import TURNED, angle_to, can_turn, rate_towards
 from planner.navigator import Navigator, NavigatorConfig
 from sim import DubinsCar, Task
 from sim.episode import EpisodeConfig, Outcome, run_episode
@@ -59,6 +59,26 @@ def test_a_cell_between_the_first_and_the_last_yaw_forbids_the_turn(value):
     assert not can_turn(pose, math.pi, risk, CAR)
     assert can_turn(pose, 0.1, risk, CAR)
     assert can_turn(pose, math.pi, Room(4.0, 4.0).near(2.0, 2.0), CAR)
+
+
+@given(angles, angles)
+def test_a_turn_ends_at_its_yaw_after_the_least_number_of_ticks(yaw, to):
+    risk, state, ticks = Room(4.0, 4.0).near(2.0, 2.0), np.array([2.0, 2.0, yaw, 0.0]), 0
+    left = abs(math.remainder(to - yaw, 2 * math.pi))
+    while (rate := rate_towards(to, state, risk, CAR)) != 0.0:
+        assert abs(rate) <= CAR.turn_rate
+        state[2] += 0.1 * rate
+        ticks += 1
+    assert abs(math.remainder(to - state[2], 2 * math.pi)) <= TURNED
+    assert ticks <= math.ceil(left / 0.15)
+
+
+def test_a_turn_ends_if_the_car_moves_or_the_rest_is_no_longer_free():
+    state, free = np.array([2.0, 2.0, 0.0, 0.0]), Room(4.0, 4.0)
+    assert rate_towards(1.5, state, free.near(2.0, 2.0), CAR) == CAR.turn_rate
+    assert rate_towards(1.5, state + [0, 0, 0, 0.1], free.near(2.0, 2.0), CAR) == 0.0
+    blocked = free.fill((2.1, 2.15), (2.2, 2.25))
+    assert rate_towards(1.5, state, blocked.near(2.0, 2.0), CAR) == 0.0
 
 
 def driven(room, start, goal, car=CAR):
