@@ -31,6 +31,8 @@ def parsed(*words):
 def test_without_a_file_the_car_is_that_of_the_published_results():
     assert limits_for(Settings()) == CarLimits()
     assert limits_for(Settings(vehicle="reeds-shepp")) == CarLimits(reverse=0.5)
+    turning = CarLimits(reverse=0.5, turn_rate=1.5)
+    assert limits_for(Settings(vehicle="differential")) == turning
     assert OLDER["car"] is None
 
 
@@ -51,6 +53,11 @@ def test_explicit_options_override_the_file_even_with_a_default_value():
     assert limits_for(parsed(*words, "--braking", 1.5)) == replace(car, braking=1.5)
     assert limits_for(parsed(*words, "--vehicle", "dubins")) == replace(car, reverse=0.0)
     assert limits_for(parsed(*words, "--vehicle", "reeds-shepp")) == car
+    turning = limits_for(parsed(*words, "--vehicle", "differential"))
+    assert turning == replace(car, turn_rate=1.5)
+    jackal = parsed("--car", "jackal")
+    assert jackal.vehicle == "differential"
+    assert limits_for(parsed("--car", "jackal", "--vehicle", "reeds-shepp")).turn_rate == 0.0
     paper = limits_for(parsed("--car", "paper", "--vehicle", "reeds-shepp"))
     assert paper.reverse == 0.5
 

@@ -39,7 +39,8 @@ def test_a_file_gives_the_limits_and_the_body_of_a_car(tmp_path):
         body=Body(0.6, 0.4),
         reverse=0.7,
     )
-    assert read(tmp_path, CAR).reverse == 0.0
+    assert read(tmp_path, CAR).reverse == read(tmp_path, CAR).turn_rate == 0.0
+    assert read(tmp_path, CAR | {"reverse_speed_m_s": 0.7, "turn_rate_rad_s": 2}).turn_rate == 2.0
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -88,6 +89,8 @@ def test_a_body_around_the_rear_axle_covers_the_real_one(overhang, tmp_path):
         ({k: v for k, v in CAR.items() if k != "turning_radius_m"}, "it has neither"),
         (CAR | {"top_speed_m_s": 10, "braking_m_s2": 0.5}, "takes 100 m, it must take at most 35"),
         (CAR | {"length_m": 2.0, "turning_radius_m": 0.1}, "it must be at least 0.255 m"),
+        (CAR | {"turn_rate_rad_s": 1.0}, "so it must have reverse_speed_m_s"),
+        (STEERED | {"turn_rate_rad_s": 1.0, "reverse_speed_m_s": 0.5}, "cannot turn on the spot"),
         (CAR | {"rear_overhang_m": 0.7}, "rear_overhang_m is 0.7, it must be at most the length"),
     ],
 )

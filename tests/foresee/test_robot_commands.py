@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.commands import steering_of, twist_of
+from foresee.mapping.commands import TwistCommand, steering_of, twist_of
 from foresee.mapping.control import Control
 from sim import DubinsCar
 
@@ -68,6 +68,16 @@ def test_left_is_positive_in_both_gears():
     assert steering_of(left, 1.0, CAR, 0.3).steering_angle > 0.0
     assert steering_of(left, -0.4, CAR, 0.3).steering_angle > 0.0
     assert steering_of(left, -0.4, CAR, 0.3).speed < 0.0
+
+
+@given(st.floats(-5, 5).filter(bool), curvatures)
+def test_a_turn_on_the_spot_is_a_yaw_rate_at_standstill_alone(rate, curvature):
+    car = CarLimits(reverse=0.5, turn_rate=1.5)
+    control = Control(0.0, curvature, 1, rate)
+    assert twist_of(control, 0.0, car) == TwistCommand(0.0, min(max(rate, -1.5), 1.5))
+    assert twist_of(control, 1.0, car) == twist_of(Control(0.0, curvature), 1.0, car)
+    with pytest.raises(ValueError, match="a car with front steering cannot turn on the spot"):
+        steering_of(control, 0.0, car, 0.3)
 
 
 def test_what_no_car_can_drive_is_refused():

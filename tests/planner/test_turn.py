@@ -76,7 +76,8 @@ def test_a_turn_ends_at_its_yaw_after_the_least_number_of_ticks(yaw, to):
 def test_a_turn_ends_if_the_car_moves_or_the_rest_is_no_longer_free():
     state, free = np.array([2.0, 2.0, 0.0, 0.0]), Room(4.0, 4.0)
     assert rate_towards(1.5, state, free.near(2.0, 2.0), CAR) == CAR.turn_rate
-    assert rate_towards(1.5, state + [0, 0, 0, 0.1], free.near(2.0, 2.0), CAR) == 0.0
+    moving = np.array([2.0, 2.0, 0.0, 0.1])
+    assert rate_towards(1.5, moving, free.near(2.0, 2.0), CAR) == 0.0
     blocked = free.fill((2.1, 2.15), (2.2, 2.25))
     assert rate_towards(1.5, state, blocked.near(2.0, 2.0), CAR) == 0.0
 
