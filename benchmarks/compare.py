@@ -12,11 +12,12 @@ from benchmarks.runs.drive import drive as drive_episode
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
+from benchmarks.runs.tasks import make_task_in
 from foresee.infra.command_line import UsageError
 from foresee.infra.drawing import own_style
 from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.conventions import TICK
-from sim.buildings import task_in, task_in_world
+from sim.buildings import building
 from sim.world import World
 
 if TYPE_CHECKING:
@@ -35,20 +36,23 @@ def drive(
         calibration: calibration.json of `benchmarks.calibrate` for a `risk` above 0; None: the
             shipped one that is for the family that `world` names. A `World` cannot have one.
         settings: fields of `benchmarks.runs.settings.Settings`, such as `arms`, `predictor`,
-            `risk`, `uncertified`, `reliance`, `v_max` and `vehicle`.
+            `risk`, `uncertified`, `reliance`, `v_max`, `vehicle`, `car`, `start` and
+            `goal`.
 
     Returns:
         The drives: `episodes` holds a `DriveResult` for each arm, `trace(0, arm)` gives its arrays.
 
     Raises:
         MapError: if `world` is a string that names neither a family nor a readable map file.
-        NoTaskError: if the building has no route of 10 m or more, or none to prescribe.
+        NoTaskError: if the building has no route of 10 m or more, or none from `start` to `goal`.
+        TaskFileError: if `start` or `goal` is not free.
         PredictorError: if the predictor cannot be loaded.
+        CarFileError: if `car` cannot be read.
         UsageError: if a setting cannot be used, or no shipped calibration is for these drives.
         CalibrationError: if the calibration is for other settings, or only for larger risks.
     """
     name = world if isinstance(world, str) else world.name
-    chosen = Settings(world=(name,), seed=seed, episodes=1, **settings)
+    chosen = Settings.with_defaults(world=(name,), seed=seed, episodes=1, **settings)
     if chosen.tasks is not None:
         raise UsageError("tasks: a file of tasks is driven by the command foresee corridor")
     if isinstance(world, str):
@@ -58,7 +62,8 @@ def drive(
             "risk: a calibration is for a family or a map file: pass the family's name or the "
             "file's path"
         )
-    task = task_in(world, seed) if isinstance(world, str) else task_in_world(world, seed)
+    place = building(world, seed) if isinstance(world, str) else world
+    task = make_task_in(place, chosen)
     drives = [drive_episode(chosen, 0, arm, task) for arm in chosen.arms]
     results = [drive.result for drive in drives]
     saved, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)

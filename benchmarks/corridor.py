@@ -97,8 +97,10 @@ def _run(
 ) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
-    if place.optimum is not None and settings.tasks is not None:
-        raise UsageError("--optimum: its times are those of drawn tasks, not of --tasks")
+    if place.optimum is not None and settings.car is not None:
+        raise UsageError("--optimum: its times are those of the default car, not of --car")
+    if place.optimum is not None and not settings.draws_tasks:
+        raise UsageError("--optimum: its times are those of drawn tasks, not of given ones")
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import arms_at
     from benchmarks.figures.run_figures import draw_all

@@ -182,7 +182,11 @@ class Navigator:
             backwards = replace(car, v_max=car.reverse)
             self._choosers[-1] = PlanChooser(backwards, config.mpc, goal, config.window, bounds)
         self.chooser = self._choosers[1]
-        self.guide = Guide(goal, waypoints, planned(car, bounds), config.guide, seed, frontiers)
+        guided = planned(car, bounds)
+        if bounds != NO_ERRORS:
+            # A turn on the spot would not end where it is told to.
+            guided = replace(guided, turn_rate=0.0)
+        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers)
         self._sent = SentControls(car, bounds, config.mpc.dt)
         self._last: Decision | None = None
         self.faults: Counter[Fault] = Counter()
@@ -247,16 +251,21 @@ class Navigator:
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
-        choice = self.chooser.choose(now, self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new)
+        turn = self.guide.turn_rate(state, risk)
+        afresh = self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new
+        choice = self.chooser.stand(driven) if turn else self.chooser.choose(now, afresh)
         faults += choice.faults
         clock.lap("mpc")
         clock.total("cycle", first_path)
 
-        faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
+        if turn:
+            self._rested = self._lingered = 0
+        else:
+            faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
         clock.times["path"] = first_path + self.guide.plan_ms
         handled = tuple(dict.fromkeys(faults))
         self.faults.update(handled)
-        decision = self._last = self._decision(choice, risk, prediction, handled, clock.times)
+        decision = self._last = self._decision(choice, turn, risk, prediction, handled, clock.times)
         self._sent.add(decision.control)
         return decision
 
@@ -285,12 +294,16 @@ class Navigator:
     def _decision(
         self,
         choice: Choice,
+        turn: float,
         risk: RiskMap,
         prediction: Prediction | None,
         faults: tuple[Fault, ...],
         times: dict[str, float],
     ) -> Decision:
-        """Return the decision for a choice: the control in the current gear, and its reasons."""
+        """Return the decision for a choice: the control in the current gear, and its reasons.
+
+        `turn` is the yaw rate of a turn on the spot, on which the car stands otherwise [rad/s].
+        """
         plan, config = choice.plan, self.config
         rows, cols = swept_cells(
             plan, config.mpc.dt, config.car.body, risk.frame, risk.known.unknown
@@ -307,7 +320,7 @@ class Navigator:
             # A car that is faster than planned brakes on.
             acceleration = -config.car.braking
         return Decision(
-            control=Control(acceleration, curvature, plan.gear),
+            control=Control(acceleration, curvature, plan.gear, turn),
             plan=plan,
             limit=limit,
             faults=faults,
@@ -328,14 +341,7 @@ class Navigator:
             # The driver of a LIDAR may deliver anything; the car goes on with the map that it has.
             faults = (Fault.BAD_SCAN,)
         # Cells under the body are free whatever a scan says: the car must be able to leave them.
-        body, bounds = self.config.car.body, self.config.bounds
-        if bounds.senses_exactly:
-            self.known.mark_free(state, body, 0.0)
-            return faults
-        # Only those that are under it wherever in its bounds the pose is.
-        lost = bounds.apart(body.radius) + math.sqrt(2.0) * self.known.frame.resolution
-        if lost < min(body.halves):
-            self.known.mark_free(state, body.inflated(-lost), 0.0)
+        self.known.mark_under(state, self.config.car.body, self.config.bounds)
         return faults
 
     def _risk_map(self, driven: NDArray[np.float64], prediction: Prediction | None) -> RiskMap:
@@ -381,7 +387,7 @@ class Navigator:
         self._rested = 0 if moves else self._rested + 1
         stuck = self._rested and self._rested % REST_TICKS == 0
         if stuck or self._lingered % LINGER_TICKS == 0:
-            return self.guide.unstick(self._tick, state, self.known, steering)
+            return self.guide.unstick(self._tick, state, self.known, risk, steering)
         return self.guide.plan_if_due(self._tick, ahead, self.known, risk, steering)
 
     def _predict(

@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 
 from foresee.infra.command_line import UsageError
+from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import Grid, world_hash
 from sim.families import generate
@@ -74,6 +75,16 @@ def map_hash(grid: Grid) -> str:
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
 
 
+def building(place: str, seed: int) -> World:
+    """Return one of `sources`.
+
+    Args:
+        place: family of generated buildings, or path of a map file.
+        seed: seed of a generated building.
+    """
+    return generate(place, seed) if place in FAMILIES else sealed(load_world(place))
+
+
 def task_in(place: str, seed: int) -> Task:
     """Return a task in one of `sources`.
 
@@ -84,17 +95,21 @@ def task_in(place: str, seed: int) -> Task:
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
-    world = generate(place, seed) if place in FAMILIES else sealed(load_world(place))
-    return task_in_world(world, seed)
+    return task_in_world(building(place, seed), seed)
 
 
-def task_in_world(world: World, seed: int) -> Task:
+def task_in_world(world: World, seed: int, car: CarLimits | None = None) -> Task:
     """Return a task in a building, of at least 20 m, or of at least 10 m if there is none.
+
+    Args:
+        world: the building.
+        seed: seed of start and goal.
+        car: the car's body and turning radius; None: the defaults.
 
     Raises:
         NoTaskError: if the building has no route of at least 10 m.
     """
     try:
-        return sample_task(world, seed)
+        return sample_task(world, seed, car)
     except NoTaskError:
-        return sample_task(world, seed, min_length=10.0)
+        return sample_task(world, seed, car, min_length=10.0)

@@ -42,8 +42,12 @@ class DubinsCar:
 
         Raises:
             ValueError: if an argument is not finite, `dt` is negative, the gear is neither 1 nor
-                -1, or a car without a reverse gear is asked to reverse.
+                -1, or a car is asked to reverse or to turn on the spot that cannot.
         """
+        angle = self._turn(state, control, dt)
+        if angle != 0.0:
+            x, y, yaw, _ = (float(value) for value in np.asarray(state, dtype=np.float64))
+            return np.array([x, y, wrap(yaw + angle), 0.0])
         x, y, yaw, length, v_end, curvature = self._arc(state, control, dt)
         return np.array([*along_arc(x, y, yaw, curvature, length), v_end])
 
@@ -59,6 +63,11 @@ class DubinsCar:
         """
         if not spacing > 0:
             raise ValueError(f"spacing is {spacing} m, it must be positive")
+        angle = self._turn(state, control, dt)
+        if angle != 0.0:
+            x, y, yaw = (float(value) for value in np.asarray(state, dtype=np.float64)[:3])
+            count = max(1, math.ceil(abs(angle) * self.limits.body.radius / spacing))
+            return np.array([(x, y, yaw + angle * i / count) for i in range(1, count + 1)])
         x, y, yaw, length, _, curvature = self._arc(state, control, dt)
         # A point of the body moves at most (1 + |κ|·radius) times as far as its centre.
         swept = abs(length) * (1.0 + abs(curvature) * self.limits.body.radius)
@@ -70,6 +79,22 @@ class DubinsCar:
         """Return whether the body meets a solid cell anywhere along a step."""
         poses = self.motion(state, control, dt, 2.0 * JUDGE_MARGIN)
         return collides(world, poses, self.limits.body, JUDGE_MARGIN)
+
+    def _turn(self, state: ArrayLike, control: Control, dt: float) -> float:
+        """Return the angle by which the car turns on the spot in a step [rad], 0 if it does not."""
+        if control.turn_rate == 0.0:
+            return 0.0
+        state = np.asarray(state, dtype=np.float64)
+        if not (np.isfinite(state).all() and math.isfinite(control.turn_rate + dt) and dt >= 0):
+            raise ValueError(f"state {state!r}, {control}, dt {dt} must be finite, dt not negative")
+        most = self.limits.turn_rate
+        if most == 0.0:
+            raise ValueError(
+                f"turn_rate is {control.turn_rate} rad/s, but the car cannot turn on the spot"
+            )
+        if abs(float(state[3])) >= REST:
+            return 0.0
+        return min(max(control.turn_rate, -most), most) * dt
 
     def _arc(
         self, state: ArrayLike, control: Control, dt: float

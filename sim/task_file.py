@@ -18,8 +18,7 @@ import numpy as np
 from foresee.infra.errors import LineError, one_line
 from foresee.infra.input_file import read_input
 from foresee.infra.plain_json import fits, loads
-from foresee.mapping.body import Scene, first_contact
-from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.conventions import GOAL_RADIUS
 from sim.task import Rules
 from sim.world import World
@@ -43,18 +42,21 @@ FIELDS = ("map", *COORDINATES, *RULES)
 
 
 class TaskFileError(LineError):
-    """A file of tasks that cannot be used; the message is one line that says why."""
+    """A given task or a file of tasks cannot be used; the message is one line that says why."""
 
 
 @dataclass(frozen=True)
 class GivenTask:
-    """A task of a file.
+    """A task that was not drawn.
 
     Attributes:
         map: name of its map; None: that of the only map.
         start: x, y, yaw at the start [m, m, rad].
         goal: x, y of the goal [m].
         rules: when a drive ends, how fast the car may be, and what its time is compared with.
+
+    Raises:
+        TaskFileError: if it starts within the goal's radius.
     """
 
     map: str | None
@@ -62,17 +64,25 @@ class GivenTask:
     goal: tuple[float, float]
     rules: Rules
 
-    def check_ends(self, world: World) -> None:
+    def __post_init__(self) -> None:
+        if math.dist(self.start[:2], self.goal) <= self.rules.goal_radius:
+            raise TaskFileError(
+                f"start {list(self.start)} lies within {self.rules.goal_radius:g} m of the goal "
+                f"{list(self.goal)}, where the drive ends"
+            )
+
+    def check_ends(self, world: World, body: Body) -> None:
         """Check that the car fits at the start, and that the goal is free.
 
         Args:
             world: the task's map.
+            body: body of the car.
 
         Raises:
             TaskFileError: if not.
         """
         frame = world.grid.frame
-        scene = Scene(world.solid, *frame.lattice, *CarLimits().body.halves)
+        scene = Scene(world.solid, *frame.lattice, *body.halves)
         if first_contact(scene, np.array([self.start])) >= 0:
             raise TaskFileError(
                 f"start {list(self.start)} in {world.name}: there the car's body is in a wall, in "
@@ -177,7 +187,7 @@ def _task(facts: Mapping[str, Any], name: str | None, where: str) -> GivenTask:
         rules.setdefault("score_speed", rules["top_speed"])
     x, y, yaw = map(float, facts["start"])
     goal_x, goal_y = map(float, facts["goal"])
-    task = GivenTask(name, (x, y, yaw), (goal_x, goal_y), Rules(**rules))
-    if math.dist((x, y), task.goal) <= task.rules.goal_radius:
-        raise TaskFileError(f"{where} starts within {task.rules.goal_radius:g} m of its goal")
-    return task
+    try:
+        return GivenTask(name, (x, y, yaw), (goal_x, goal_y), Rules(**rules))
+    except TaskFileError as error:
+        raise TaskFileError(f"{where}: {error}") from None

@@ -11,17 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.calibration.settings import OF_DRIVES
+from benchmarks.runs.arms import ARMS, CALIBRATED_ARM, arm_at, arm_kind
 from benchmarks.runs.drive import navigator_config
-from benchmarks.runs.settings import (
-    ARMS,
-    CALIBRATED_ARM,
-    CONDITIONS,
-    NO_CONDITIONS,
-    OLDER,
-    Settings,
-    arm_at,
-    arm_kind,
-)
+from benchmarks.runs.settings import CONDITIONS, NO_CONDITIONS, OLDER, Settings
 from foresee.infra.command_line import UsageError
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
@@ -172,9 +164,10 @@ def at_risk(
         return replace(settings, uncertified=False)
     if settings.level > 0.0:
         raise UsageError("--level is in place of --risk: give one of them")
-    if settings.tasks is not None and not settings.uncertified:
+    if not settings.draws_tasks and not settings.uncertified:
+        given = "--start" if settings.tasks is None else "--tasks"
         raise UsageError(
-            "--risk: calibrations are for drawn tasks, not for those of --tasks: drive without a "
+            f"--risk: calibrations are for drawn tasks, not for those of {given}: drive without a "
             "certificate, with --uncertified"
         )
     strange = [arm for arm in settings.arms if _strange(arm)]
@@ -203,7 +196,7 @@ def arms_at(
 ) -> dict[str, Settings]:
     """Return the settings of the drives of each arm; `CALIBRATED_ARM` drives at each of the risks.
 
-    The keys are the names of the arms, see `benchmarks.runs.settings.arm_at`. All settings name all
+    The keys are the names of the arms, see `benchmarks.runs.arms.arm_at`. All settings name all
     of these arms.
 
     Args:
@@ -267,9 +260,10 @@ def _fitting(
 def _command(settings: Settings) -> str:
     """Return the command that makes a calibration for drives with some settings at their risk."""
     words = ["foresee", "calibrate", "--risks", f"{settings.risk:g}"]
-    for name in OF_DRIVES:
+    usual = Settings.with_defaults(car=settings.car)
+    for name in [f.name for f in fields(Settings) if f.name in OF_DRIVES and f.metadata]:
         value = getattr(settings, name)
-        if value != getattr(Settings, name):
+        if value != getattr(Settings if name == "car" else usual, name):
             words.append(f"--{name.replace('_', '-')}")
             if not isinstance(value, bool):
                 words += map(str, value if isinstance(value, tuple) else (value,))

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from benchmarks.calibration.certificate import absent_in, conditions_for
 from benchmarks.calibration.settings import CalibrateSettings
+from benchmarks.runs.arms import CALIBRATED_ARM
 from benchmarks.runs.drive import attempt, run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile
-from benchmarks.runs.settings import CALIBRATED_ARM, OLDER, Settings
+from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.statistics import rate_interval
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import machine

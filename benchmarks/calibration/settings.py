@@ -11,8 +11,10 @@ from foresee.infra.options import Options, option
 SEED = 5_000_000
 """Seed of the first building; no training and no published result uses buildings of such seeds."""
 
-OF_DRIVES = ("world", "predictor", *(name for name in CONDITIONS if name != "tasks"))
-"""Settings of a comparison that are also options of `benchmarks.calibrate`: its tasks are drawn."""
+GIVEN = ("tasks", "start", "goal")
+"""Settings that give tasks; those of a calibration are drawn."""
+OF_DRIVES = ("world", "predictor", "car", *(name for name in CONDITIONS if name not in GIVEN))
+"""Settings of a comparison that are also options of `benchmarks.calibrate`."""
 
 
 @dataclass(frozen=True)

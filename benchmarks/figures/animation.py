@@ -102,7 +102,7 @@ class Animation:
     ) -> None:
         self.index = run.showcase if index is None else index
         self.arm = run.pick_arm(self.index, arm)
-        self.dt = run.setting("dt")
+        self.dt, self.body = run.setting("dt"), run.body
         self.trace = trace = run.trace(self.index, self.arm)
         self.truth, self.plans = trace.truth, trace.plans
         self.v_max = run.setting("v_max")
@@ -168,7 +168,7 @@ class _Near:
         self._driven = speed_line(ax, show.v_max, 2.0)
         self._rim = ax.plot([], [], color="white", linewidth=5.0, zorder=4)[0]
         self._plan = speed_line(ax, show.v_max, 3.0)
-        self._body = draw_body(ax, np.zeros(3), show.arm)
+        self._body = draw_body(ax, np.zeros(3), show.body, show.arm)
         ax.plot(*show.goal, **MARKS["goal"] | {"markersize": 14, "zorder": 5})
         bare(ax)
 
@@ -191,7 +191,7 @@ class _Near:
         plan = roll_out(states[tick], show.plans[tick], show.dt, show.trace.gears[tick])
         self._rim.set_data(plan[:, 0], plan[:, 1])
         set_line(self._plan, plan[:, :2], plan[:, 3])
-        self._body.set_xy(body_outline(states[tick]))
+        self._body.set_xy(body_outline(states[tick], show.body))
 
 
 class _Far:

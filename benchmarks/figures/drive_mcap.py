@@ -95,11 +95,16 @@ class _Drive:
         known = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
         rules = Rules(top_speed=result.top_speed)
         settings = limit_speed(Settings(**known), [rules])
+        if max(settings.pose_error, settings.yaw_error, settings.jitter, settings.missed) > 0.0:
+            raise RunError(
+                f"{run.directory}: the estimated poses of drives with --pose-error, --yaw-error, "
+                "--jitter or --missed are not saved; only drives without them can be exported"
+            )
         x, y, yaw = result.start
         goal = (result.goal[0], result.goal[1])
         world = World(result.world, trace.truth)
         task = Task(world, (x, y, yaw), goal, trace.waypoints, result.shortest, result.seed, rules)
-        config = navigator_config(settings, arm, trace.truth.frame.resolution)
+        config = navigator_config(settings, arm)
         return cls(run, trace, settings, arm, task, config)
 
     def write(self, file: McapFile, name: str) -> None:
@@ -111,6 +116,7 @@ class _Drive:
         """
         trace, dt, body = self.trace, self.run.setting("dt"), self.config.car.body
         lidar = Lidar(LidarConfig(range_noise=self.settings.noise, dropout=self.settings.dropout))
+        bounds = self.config.bounds
         # As in the drive.
         rng = np.random.default_rng([self.task.seed, 2])
         caller = self._caller()
@@ -119,8 +125,8 @@ class _Drive:
         for tick, state in enumerate(tqdm(trace.states[:-1], desc=name, unit="tick")):
             time = dt * (tick + 1)
             scan = lidar.scan(self.task.world, state, rng)
-            known.integrate(scan, state)
-            known.mark_free(state, body, 0.0)
+            known.integrate(scan, state, bounds)
+            known.mark_under(state, body, bounds)
             see(first_seen, trace.truth.frame, tick, state, known)
             file.place(time, state, ROBOT)
             file.scan(time, scan)

@@ -86,11 +86,11 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
             note(ax, text, (0.5, 0.5), fontsize=10, zorder=9, bbox=box, **style)
     _safe(axes[1, 0], now)
     _planned(axes[1, 1], now, v_max)
-    _stop(axes[1, 2], now, v_max)
+    _stop(axes[1, 2], now, run.body, v_max)
     view = _view(now)
     for ax in axes.flat[:5]:
         outline(ax, truth, TRUTH_COLOUR, 0.7, zorder=3)
-        draw_body(ax, now.plan[0, :3], arm)
+        draw_body(ax, now.plan[0, :3], run.body, arm)
         ax.axis(view)
         bare(ax)
     scale_bar(axes[0, 0], 2.0)
@@ -215,12 +215,12 @@ def _planned(ax: Axes, now: RecordedMoment, v_max: float) -> None:
     ax.set_facecolor("#EAEAEA")
 
 
-def _stop(ax: Axes, now: RecordedMoment, v_max: float) -> None:
+def _stop(ax: Axes, now: RecordedMoment, body: Body, v_max: float) -> None:
     """Draw the speed along the plan, and whether the car's front is then on observed cells."""
     x, y, yaw, speed = now.plan.T
     distance = arc_length(now.plan)
     reverse = bool(speed.min() < 0)
-    ahead = -Body().half_length if reverse else Body().half_length
+    ahead = -body.half_length if reverse else body.half_length
     ends = np.column_stack([x + ahead * np.cos(yaw), y + ahead * np.sin(yaw)])
     seen, rows, cols = now.known.frame.locate(ends)
     seen[seen] = now.known.free[rows, cols]

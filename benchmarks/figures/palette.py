@@ -228,18 +228,18 @@ def draw_speed(
     return line
 
 
-def body_outline(pose: NDArray[Any]) -> NDArray[np.float64]:
+def body_outline(pose: NDArray[Any], body: Body) -> NDArray[np.float64]:
     """Return the corners of the car's body at x, y, yaw, (4, 2) [m]."""
-    corner = np.array([Body().half_length, Body().half_width])
+    corner = np.array(body.halves)
     local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * corner
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return np.asarray(local @ np.array([[cos, sin], [-sin, cos]]) + pose[:2], dtype=np.float64)
 
 
-def draw_body(ax: Axes, pose: NDArray[Any], arm: str) -> Polygon:
+def draw_body(ax: Axes, pose: NDArray[Any], body: Body, arm: str) -> Polygon:
     """Draw the car in an arm's colour, and return its shape."""
     style: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.8, "zorder": 6}
-    patch = Polygon(body_outline(pose), facecolor=arm_colour(arm), **style)
+    patch = Polygon(body_outline(pose, body), facecolor=arm_colour(arm), **style)
     ax.add_patch(patch)
     return patch
 

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.optimal.shortest_path import time_bound
+from benchmarks.runs.arms import ARMS, Arm, arm_kind
+from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
-from benchmarks.runs.settings import ARMS, VEHICLES, Arm, Settings, arm_kind
+from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import (
     limit_speed,
     make_task,
@@ -159,13 +161,6 @@ def attempt_arm(
     return attempt(arms[item[1]], weights, item, maps)
 
 
-def limits_for(settings: Settings) -> CarLimits:
-    """Return the limits of the car that a run's settings describe."""
-    return CarLimits(
-        v_max=settings.v_max, braking=settings.braking, reverse=VEHICLES[settings.vehicle]
-    )
-
-
 def navigator_config(settings: Settings, arm: Arm) -> NavigatorConfig:
     """Return the settings of an arm's navigator.
 
@@ -271,7 +266,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     _give_back()
     trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}
-    shortest = shortest_length(task)
+    shortest = shortest_length(task, car.body.half_width)
     measured |= score(
         episode.outcome, episode.time, episode.path_length, shortest, car, rules.goal_radius
     )

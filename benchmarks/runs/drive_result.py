@@ -21,9 +21,9 @@ class DriveResult:
     Fields with a default are missing in the results of older versions.
 
     Attributes:
-        vehicle: car, a key of `benchmarks.runs.settings.VEHICLES`.
+        vehicle: kind of car, one of `benchmarks.runs.settings.VEHICLES`.
         t_opt: time of the fastest drive that `benchmarks.optimum` found for the task [s].
-        arm: arm, a key of `benchmarks.runs.settings.ARMS`, with its risk if that is above 0, as in
+        arm: arm, a key of `benchmarks.runs.arms.ARMS`, with its risk if that is above 0, as in
             "predicted 2 %".
         index: number of the episode.
         world: name of the building.

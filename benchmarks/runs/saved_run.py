@@ -10,13 +10,15 @@ from typing import Any, Self
 
 from numpy.typing import NDArray
 
+from benchmarks.runs.arms import ARMS, arm_kind
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import ARMS, Settings, arm_kind, checked, up_to_date
+from benchmarks.runs.settings import Settings, checked, up_to_date
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import read_object
 from foresee.infra.plain_npz import NpzError, PlainNpz
 from foresee.infra.results_file import MOST_BYTES
+from foresee.mapping.body import Body
 from foresee.mapping.conventions import TICK
 
 RESULTS, TRACES = "results.json", "traces.npz"
@@ -173,6 +175,11 @@ class Run:
             name: field of `Settings`, or "dt", the control period.
         """
         return float(self.settings.get(name, TICK if name == "dt" else getattr(Settings, name)))
+
+    @property
+    def body(self) -> Body:
+        """Body of the car."""
+        return Body(self.setting("length"), self.setting("width"))
 
     @cached_property
     def drives(self) -> dict[tuple[int, str], DriveResult]:

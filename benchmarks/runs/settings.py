@@ -1,135 +1,31 @@
-"""The settings of a comparison, and its arms."""
+"""The settings of a comparison."""
 
 from __future__ import annotations
 
+from argparse import Namespace
 from dataclasses import dataclass, fields, replace
 from json import dumps, loads
-from typing import Any, get_type_hints
+from typing import Any, Self, get_type_hints
 
+from benchmarks.runs.arms import ARMS, arm_kind
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, given, option
 from foresee.infra.plain_json import fits
+from foresee.mapping.car_file import PRESETS, CarFile
 from foresee.mapping.conventions import LONGEST_STOP
 from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.family_names import FAMILIES
 from planner.revision import FIRST
 from sim.lidar import CUT
 
-
-@dataclass(frozen=True)
-class Arm:
-    """One arm (variant) of a comparison: how much of the map its planner may know and rely on.
-
-    Attributes:
-        predictor: "none", "chosen" (the predictor of --predictor), "free" (all unobserved cells of
-            the predicted square are free) or "oracle" (its true map).
-        reliance: reliance ε; None: the value of --reliance.
-        steer: whether the prediction influences the route.
-        whole_map: whether the whole map is known from the start.
-        frontiers: whether a prediction of where each frontier leads influences the route, which
-            must be free (--route free).
-        level: level λ of the last resort, which is not adapted; None: the value of --level, or the
-            one certified for --risk, which is adapted.
-        side: side of the square of the true map that "oracle" gives [m]; 0: the predicted square.
-    """
-
-    predictor: str
-    reliance: float | None
-    steer: bool
-    whole_map: bool
-    frontiers: bool = False
-    level: float | None = 0.0
-    side: float = 0.0
-
-    @property
-    def takes_risk(self) -> bool:
-        """Whether --risk and --level apply to this arm."""
-        return self.level is None
-
-    @property
-    def may_collide(self) -> bool:
-        """Whether the arm may collide at a risk of 0: unobserved cells count as free."""
-        return self.reliance == 1.0
-
-    @property
-    def has_predictor(self) -> bool:
-        """Whether the drives depend on a predictor, whose code may change between two runs."""
-        return self.predictor == "chosen" or self.frontiers
-
-    def drives_alike(self, differing: set[str]) -> bool:
-        """Return whether this arm makes the same drives in two runs with different settings.
-
-        False for an arm with a predictor, see `has_predictor`.
-
-        Args:
-            differing: names of the settings in which the two runs differ.
-        """
-        heedless = {
-            "predictor",
-            "weights",
-            "frontiers",
-            "risk",
-            "level",
-            "uncertified",
-            "calibrated",
-            "fixed_level",
-        }
-        if self.predictor == "none":
-            heedless.add("expansion")
-        if self.reliance is not None:
-            heedless.add("reliance")
-        return not self.has_predictor and differing <= heedless
-
-
-ARMS = {
-    # Only cells that were observed free; no prediction.
-    "known": Arm(predictor="none", reliance=0.0, steer=False, whole_map=False),
-    # Only cells that were observed free; the prediction influences the route.
-    "known+route": Arm(predictor="chosen", reliance=0.0, steer=True, whole_map=False),
-    # All cells that were not observed occupied, as if they were predicted free; its last resort
-    # enters cells that were observed free alone. Any reliance between 0 and 1 does the same.
-    "backup": Arm(predictor="free", reliance=0.5, steer=False, whole_map=False),
-    # Also predicted cells, at the given reliance and level; the prediction influences the route.
-    "predicted": Arm(predictor="chosen", reliance=None, steer=True, whole_map=False, level=None),
-    # As known; and a prediction of where each frontier leads influences the free route.
-    "known+frontiers": Arm(
-        predictor="none", reliance=0.0, steer=False, whole_map=False, frontiers=True
-    ),
-    "known+route+frontiers": Arm(
-        predictor="chosen", reliance=0.0, steer=True, whole_map=False, frontiers=True
-    ),
-    # As known; and the true map of a square influences the route: the most that a predictor of that
-    # square can be worth to it.
-    **{
-        f"known+truth{side}": Arm(
-            predictor="oracle", reliance=0.0, steer=True, whole_map=False, side=float(side)
-        )
-        for side in (10, 20, 40)
-    },
-    # All cells that were not observed occupied, without a last resort.
-    "optimistic": Arm(predictor="none", reliance=1.0, steer=False, whole_map=False),
-    # As predicted at a risk of 0, but the prediction is the true map of the predicted square.
-    "perfect": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False),
-    # The upper bound: as perfect, and its last resort relies on the true map as well. The
-    # probabilities of that map are 0 and 1, so that any level above 0 does.
-    "oracle": Arm(predictor="oracle", reliance=None, steer=True, whole_map=False, level=1e-9),
-    # All free cells; the whole map is known from the start.
-    "full": Arm(predictor="none", reliance=0.0, steer=False, whole_map=True),
-}
-CALIBRATED_ARM = "predicted"
-"""The arm that calibrations are of; no other may drive at a level that one certifies."""
-VEHICLES = {"dubins": 0.0, "reeds-shepp": 0.5}
-"""Car → top speed in reverse [m/s]; 0: no reverse gear."""
-
-
-def arm_at(risk: float) -> str:
-    """Return the name of `CALIBRATED_ARM` at a risk, such as "predicted 2 %"; at 0 its own."""
-    return f"{CALIBRATED_ARM} {100 * risk:g} %" if risk > 0 else CALIBRATED_ARM
-
-
-def arm_kind(name: str) -> str:
-    """Return the key in `ARMS` of an arm that may be named with its risk, see `arm_at`."""
-    return name.partition(" ")[0]
+FARTHEST = 1e6
+"""Largest coordinate of a start or a goal [m]."""
+VEHICLES = ("dubins", "reeds-shepp", "differential")
+"""Kinds of cars: without and with a reverse gear, and one that also turns on the spot."""
+REVERSE = 0.5
+"""Top speed in reverse of a car whose file does not give it [m/s]."""
+TURN_RATE = 1.5
+"""Yaw rate of turns on the spot of a car whose file does not give it [rad/s]."""
 
 
 def _arms(text: str) -> tuple[str, ...]:
@@ -153,13 +49,32 @@ class Settings(Options):
         "Their top speed limits --v-max",
         "FILE",
     )
+    start: tuple[float, float, float] | None = option(
+        None,
+        "x, y [m] and yaw [rad] at the start of one task, in the only building of --world; a "
+        "generated building is that of --seed (default: tasks are drawn)",
+        "X Y YAW",
+        low=-FARTHEST,
+        high=FARTHEST,
+    )
+    goal: tuple[float, float] | None = option(
+        None,
+        "x, y of the goal of the task that begins at --start [m]",
+        "X Y",
+        low=-FARTHEST,
+        high=FARTHEST,
+    )
     route: str = option(
         "free",
         "free: each arm finds its own way; fixed: all arms follow the same prescribed route",
         choices=("free", "fixed"),
     )
     episodes: int = option(
-        12, "number of tasks; each arm drives all of them", "N", low=1, high=1_000_000
+        12,
+        "number of tasks; each arm drives all of them (default: 12, or 1 with --start)",
+        "N",
+        low=1,
+        high=1_000_000,
     )
     seed: int = option(
         0, "seed of the first task; the next tasks use the seeds after it", "N", low=0, high=2**31
@@ -215,6 +130,12 @@ class Settings(Options):
         "ε",
         low=0,
         high=1,
+    )
+    car: str | None = option(
+        None,
+        f"YAML file of a car, or {', '.join(PRESETS)}: its body and limits. --v-max, --braking and "
+        "--vehicle override those of the file (default: the car of the published results)",
+        "CAR",
     )
     v_max: float = option(4.0, "top speed [m/s]", "V", low=0.5, high=10)
     braking: float = option(1.5, "hardest braking [m/s²]", "A", low=0.3, high=10)
@@ -286,10 +207,25 @@ class Settings(Options):
     )
     vehicle: str = option(
         "dubins",
-        f"dubins: forward only; reeds-shepp: with a reverse gear, at most "
-        f"{VEHICLES['reeds-shepp']:g} m/s",
-        choices=tuple(VEHICLES),
+        f"dubins: forward only; reeds-shepp: with a reverse gear, at most {REVERSE:g} m/s or the "
+        "speed that --car gives; differential: the same, and it turns on the spot, at "
+        f"{TURN_RATE:g} rad/s or the rate that --car gives",
+        choices=VEHICLES,
     )
+    length: float = 0.5
+    """Length of the car's body [m]; this and the next six come from `car`, see `with_defaults`."""
+    width: float = 0.3
+    """Width of the body [m]."""
+    turning_radius: float = 0.8
+    """Radius of the tightest arc [m]."""
+    acceleration: float = 1.5
+    """Maximum acceleration [m/s²]."""
+    lateral_acceleration: float = 3.0
+    """Maximum lateral acceleration [m/s²]."""
+    reverse: float = REVERSE
+    """Top speed in reverse of `reeds-shepp` and `differential` [m/s]."""
+    turn_rate: float = TURN_RATE
+    """Yaw rate of turns on the spot of `differential` [rad/s]."""
     calibrated: int = FIRST
     """Revision of the driving that the calibration for `risk` was measured with."""
 
@@ -301,6 +237,15 @@ class Settings(Options):
                 f"--braking {self.braking:g}: a stop from --v-max {self.v_max:g} takes {stop:.0f} "
                 f"m, at most {LONGEST_STOP:g} m are planned"
             )
+        for name, form in (("start", "X Y YAW"), ("goal", "X Y")):
+            place = getattr(self, name)
+            if place is not None and len(place) != len(form.split()):
+                raise UsageError(f"--{name} is {place}, it must be {form}")
+        if (self.start is None) != (self.goal is None):
+            given, missing = ("goal", "start") if self.start is None else ("start", "goal")
+            raise UsageError(f"--{given} needs --{missing}: the two are one task")
+        if self.start is not None and self.tasks is not None:
+            raise UsageError("--start and --goal are one task, --tasks gives others: give only one")
         for arm in self.arms:
             if arm_kind(arm) not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
@@ -310,6 +255,39 @@ class Settings(Options):
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
             raise UsageError("--arms needs at least one arm, and each only once")
+
+    @classmethod
+    def of(cls, args: Namespace, *names: str) -> Self:
+        """Make the settings from the parsed arguments of a command line; see `Options.of`."""
+        return cls.with_defaults(**cls.parsed(args, *names))
+
+    @classmethod
+    def with_defaults(cls, **given: Any) -> Self:
+        """Make the settings from some that are given; a car and a start change other defaults.
+
+        Args:
+            given: settings by name. A car gives its body and limits; one task from `start` to
+                `goal` is driven once.
+
+        Raises:
+            CarFileError: if the car cannot be read.
+        """
+        defaults = dict[str, Any]()
+        if given.get("car") is not None:
+            defaults |= vars(CarFile.read(given["car"]))
+            kind = "differential" if defaults["turn_rate"] else "reeds-shepp"
+            defaults["vehicle"] = kind if defaults["reverse"] else "dubins"
+            # Of a car that lacks them, for --vehicle.
+            defaults["reverse"] = defaults["reverse"] or REVERSE
+            defaults["turn_rate"] = defaults["turn_rate"] or TURN_RATE
+        if given.get("start") is not None:
+            defaults["episodes"] = 1
+        return cls(**defaults | given)
+
+    @property
+    def draws_tasks(self) -> bool:
+        """Whether the tasks are drawn, not given by --tasks or by --start and --goal."""
+        return self.tasks is None and self.start is None
 
     @property
     def bounds(self) -> ErrorBounds:
@@ -347,10 +325,11 @@ class Settings(Options):
 
 NO_CONDITIONS = (
     *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
-    *("uncertified", "calibrated"),
+    *("uncertified", "calibrated", "car"),
 )
 """Settings that a calibration need not share with the drives that use it; the predictor and the
-buildings are compared in `benchmarks.calibration.certificate`."""
+buildings are compared in `benchmarks.calibration.certificate`. The car must be the same, whatever
+its file is called."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
 """Settings that a calibration must share with the drives that use it."""
 OLDER: dict[str, Any] = loads(dumps({field.name: field.default for field in fields(Settings)}))

@@ -11,9 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from benchmarks.runs.arms import ARMS, arm_kind
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import RESULTS, TRACES, Archive, Run
-from benchmarks.runs.settings import ARMS, OLDER, Settings, arm_kind
+from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.summary import gap, summarise
 from benchmarks.runs.time_optimal import Key, task_key
 from benchmarks.runs.trace import Drive, RunError, Trace

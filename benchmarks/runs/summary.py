@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.runs import statistics
+from benchmarks.runs.arms import CALIBRATED_ARM, arm_kind
 from benchmarks.runs.drive_result import DriveResult
-from benchmarks.runs.settings import CALIBRATED_ARM, arm_kind, up_to_date
+from benchmarks.runs.settings import up_to_date
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.markdown import figure, interval, markdown, span
 from sim.episode import Outcome
@@ -149,8 +150,12 @@ def title(settings: dict[str, Any]) -> str:
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     if settings["tasks"] is not None:
         places += f", tasks {settings['tasks']}"
+    if settings["start"] is not None:
+        start, goal = (", ".join(f"{v:g}" for v in settings[end]) for end in ("start", "goal"))
+        places += f", from ({start}) to ({goal})"
+    car = "car" if settings["car"] is None else f"car {settings['car']}"
     return (
-        f"{places}, route {settings['route']}, {settings['vehicle']} car; "
+        f"{places}, route {settings['route']}, {settings['vehicle']} {car}; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
         f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"
@@ -260,10 +265,13 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         "handled faults": lambda e: str(sum(e["faults"].values())),
         "paths by source": lambda e: " / ".join(str(e["paths"].get(s, 0)) for s in SOURCES),
         "reversals": lambda e: str(e["paths"].get("reversal", 0)),
+        "turns on the spot": lambda e: str(e["paths"].get("turn", 0)),
         "recovery manoeuvres": lambda e: str(e["paths"].get("manoeuvre", 0)),
     }
     if all(entry["over_optimum"] is None for entry in entries):
         del rows["time over T_opt, where reached"]
+    if not any(entry["paths"].get("turn") for entry in entries):
+        del rows["turns on the spot"]
     return rows
 
 

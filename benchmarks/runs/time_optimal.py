@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmarks.optimal.search import time_optimal
 from benchmarks.optimal.shortest_path import time_bound
+from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task, shortest_length, task_facts
@@ -16,7 +17,6 @@ from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
 from foresee.infra.plain_json import fits
-from foresee.mapping.car_limits import CarLimits
 from sim.episode import EpisodeConfig
 from sim.task import NoTaskError
 
@@ -56,13 +56,13 @@ def _rounded(numbers: Sequence[float]) -> tuple[float, ...]:
 def attempt(settings: Settings, index: int) -> dict[str, Any] | str:
     """Return an episode's entry in the results file, or one line that says why it has no task."""
     started = time.perf_counter()
-    car = CarLimits(v_max=settings.v_max, braking=settings.braking)
+    car = limits_for(settings)
     radius = EpisodeConfig().goal_radius
     try:
         task = make_task(settings, index)
     except NoTaskError as error:
         return str(error)
-    length = shortest_length(task)
+    length = shortest_length(task, car.body.half_width)
     # None if no path was found; a drive may still exist, through a gap hardly wider than the car.
     shortest = None if length is None else round(length, 4)
     drive, tried = time_optimal(task, car, radius)

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
+from types import UnionType
 from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from foresee.infra.command_line import UsageError
@@ -26,13 +27,14 @@ def option(
     """Declare a field of a subclass of `Options` that is a command-line option.
 
     The type of the field is that of the value: a bool makes a flag, a tuple an option of one or
-    more words.
+    more words, or of as many as the tuple has types.
 
     Args:
         default: default value; `dataclasses.MISSING` if the option must be given.
         help: description of the setting, for --help and for readers of the code. The default value
             is appended, unless the description says "(default: …)" itself.
-        metavar: placeholder of the value in the help.
+        metavar: placeholder of the value in the help; of a tuple with a fixed number of words, one
+            placeholder for each.
         low: smallest number allowed.
         high: largest number allowed.
         choices: values allowed.
@@ -109,9 +111,14 @@ class Options:
             args: parsed arguments.
             names: names of the fields to take from them; all if none is given.
         """
+        return cls(**cls.parsed(args, *names))
+
+    @classmethod
+    def parsed(cls, args: argparse.Namespace, *names: str) -> dict[str, Any]:
+        """Return the settings that a command line gives, by name; arguments as in `of`."""
         wanted = [f.name for f in fields(cls) if not names or f.name in names]
-        parsed = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in parsed.items()})
+        found = {name: getattr(args, name) for name in wanted if hasattr(args, name)}
+        return {k: tuple(v) if isinstance(v, list) else v for k, v in found.items()}
 
     def changed(self) -> list[str]:
         """Return the options, such as "--v-max", whose values are not their defaults."""
@@ -126,18 +133,22 @@ def _add(parser: argparse._ActionsContainer, setting: Field[Any], hint: Any) -> 
         return
     parse = metadata.get("parse")
     words: dict[str, Any] = {"metavar": metadata["metavar"], "choices": metadata.get("choices")}
-    kind = next(iter(get_args(hint)), hint)
-    words["type"] = parse or (_path if kind is Path else kind)
+    hint = get_args(hint)[0] if get_origin(hint) is UnionType else hint
+    kinds = get_args(hint) or (hint,)
+    words["type"] = parse or (_path if kinds[0] is Path else kinds[0])
     if get_origin(hint) is tuple and not parse:
-        words["nargs"] = "+"
+        words["nargs"] = "+" if kinds[-1] is Ellipsis else len(kinds)
+    if isinstance(words.get("nargs"), int):
+        words["metavar"] = tuple(metadata["metavar"].split())
     if "positional" in metadata:
         parser.add_argument(setting.name, help=text, **words)
         return
     if default not in (None, (), MISSING) and "(default: " not in text:
         values = default if isinstance(default, tuple) else (default,)
         text += f" (default: {(',' if parse else ' ').join(map(str, values))})"
-    required = default is MISSING
-    parser.add_argument(_flag(setting), default=default, required=required, help=text, **words)
+    # What is not given is absent from the parsed arguments: `of` then takes the field's default.
+    words |= {"default": argparse.SUPPRESS, "required": default is MISSING}
+    parser.add_argument(_flag(setting), help=text, **words)
 
 
 def _path(word: str) -> Path:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from foresee.mapping.body import Body
-from foresee.mapping.conventions import LONGEST_STOP
+from foresee.mapping.car_file import CarFile
+from foresee.mapping.conventions import LONGEST_STOP, TIGHTEST
 
 CONTACT_MARGIN = 0.015
 """Margin by which the planner grows the body in collision tests [m], at every resolution."""
@@ -17,8 +18,6 @@ JUDGE_MARGIN = 0.001
 Both test poses that lie apart, and the margin covers what the body sweeps between them. The
 planner's margin covers the simulator's as well, so that what the planner calls free never counts as
 a collision."""
-TIGHTEST = 4.0
-"""Largest ratio of the body's half diagonal to the turning radius."""
 
 
 class DrivingLimits(NamedTuple):
@@ -51,9 +50,10 @@ class CarLimits:
         turning_radius: radius of the tightest arc [m].
         body: rectangle around (x, y).
         reverse: top speed in reverse [m/s]; 0: the car has no reverse gear.
+        turn_rate: yaw rate at which the car turns on the spot [rad/s]; 0: it cannot.
 
     Raises:
-        ValueError: if a limit is not finite, or not positive; `reverse` may be 0; if a stop from
+        ValueError: if a limit is not finite, or not positive; the last two may be 0; if a stop from
             top speed takes more than `LONGEST_STOP`; if the car turns on a radius below a quarter
             of the body's half diagonal.
     """
@@ -65,12 +65,13 @@ class CarLimits:
     turning_radius: float = 0.8
     body: Body = field(default_factory=Body)
     reverse: float = 0.0
+    turn_rate: float = 0.0
 
     def __post_init__(self) -> None:
         check_finite(
             self, "v_max", "acceleration", "braking", "lateral_acceleration", "turning_radius"
         )
-        check_finite(self, "reverse", zero=True)
+        check_finite(self, "reverse", "turn_rate", zero=True)
         if self.stopping_distance > LONGEST_STOP:
             raise ValueError(
                 f"braking is {self.braking} m/s²: a stop from {self.v_max} m/s takes "
@@ -81,6 +82,28 @@ class CarLimits:
                 f"turning_radius is {self.turning_radius} m, it must be at least "
                 f"{self.body.radius / TIGHTEST:g} m for this body"
             )
+
+    @classmethod
+    def read(cls, name: str) -> Self:
+        """Return the car of a YAML file, or a preset; see `foresee.mapping.car_file`.
+
+        Args:
+            name: path of the file, or name of the preset.
+
+        Raises:
+            CarFileError: if it is neither, or the file breaks a rule of the format.
+        """
+        car = CarFile.read(name)
+        return cls(
+            v_max=car.v_max,
+            acceleration=car.acceleration,
+            braking=car.braking,
+            lateral_acceleration=car.lateral_acceleration,
+            turning_radius=car.turning_radius,
+            body=Body(car.length, car.width),
+            reverse=car.reverse,
+            turn_rate=car.turn_rate,
+        )
 
     @property
     def planned_cornering(self) -> float:

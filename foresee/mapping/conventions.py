@@ -12,3 +12,5 @@ CROP_CELLS = round(CROP_SIDE / RESOLUTION)
 """Side of the crop [cells]."""
 LONGEST_STOP = 35.0
 """Longest stopping distance of a car [m]: a drive's memory and time grow with its square."""
+TIGHTEST = 4.0
+"""Largest ratio of the half diagonal of a car's body to its turning radius."""

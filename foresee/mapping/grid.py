@@ -347,6 +347,21 @@ class OccupancyGrid:
         inside = tuple(cells.T)
         self.log_odds[inside] = np.where(self.log_odds[inside] == 0, MISS, self.log_odds[inside])
 
+    def mark_under(self, pose: ArrayLike, body: Body, bounds: ErrorBounds = NO_ERRORS) -> None:
+        """Mark the unobserved cells as free that are under a body wherever in its bounds it is.
+
+        Args:
+            pose: estimated x, y, yaw of the body [m, m, rad].
+            body: the body.
+            bounds: bounds of the errors of the pose.
+        """
+        if bounds.senses_exactly:
+            self.mark_free(pose, body, 0.0)
+            return
+        lost = bounds.apart(body.radius) + math.sqrt(2.0) * self.frame.resolution
+        if lost < min(body.halves):
+            self.mark_free(pose, body.inflated(-lost), 0.0)
+
     def cover(self, wanted: GridFrame) -> GridFrame:
         """Grow the map, if needed, by about whole windows until a frame fits; return that frame."""
         # A multiple of 60, so that maps of 2, 3, 4 or 5 times coarser cells keep their lattice.

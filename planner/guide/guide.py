@@ -22,6 +22,7 @@ from planner.guide.ompl_search import PathConfig, plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.guide.subgoals import with_frontiers
+from planner.guide.turn import angle_to, can_turn, rate_towards
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
@@ -35,6 +36,9 @@ PRESCRIBED_TETHER = 8.0
 
 A line that cuts the route's corners there may lead towards a wall, observed too late to turn."""
 
+TURN_FROM, TURN_FROM_STUCK = 1.2, 0.4
+"""Angle between the heading and the route from which a car at rest turns on the spot, and the same
+for a car that is stuck [rad]."""
 BACK_LENGTH = 4.0
 """Length of the way by whose direction a path leads back or not [m]."""
 
@@ -113,6 +117,7 @@ class Guide:
         plan_ms: duration of the last planning, which is no part of the control cycle [ms].
         gear: gear to drive in, 1 or -1.
         on_leg: whether the path is a leg of a recovery manoeuvre, at whose end the car stops.
+        turn_to: yaw at which a turn on the spot ends [rad]; None: the car does not turn.
     """
 
     def __init__(
@@ -140,6 +145,7 @@ class Guide:
         self._requested = -(10**9)
         self._legs: list[tuple[int, Path]] = []
         self.on_leg = False
+        self.turn_to: float | None = None
         self._stuck = np.empty((0, 2))
 
     def begin_leg(self, state: NDArray[np.float64]) -> None:
@@ -160,6 +166,21 @@ class Guide:
         # The last leg is an ordinary path.
         if not self.on_leg:
             self._legs = []
+
+    def turn_rate(self, state: NDArray[np.float64], risk: RiskMap) -> float:
+        """Return the yaw rate of the turn on the spot under way [rad/s]; 0: there is none.
+
+        Args:
+            state: current x, y, yaw, v of the car, (4,).
+            risk: newest risk map around the car.
+        """
+        if self.turn_to is None:
+            return 0.0
+        rate = rate_towards(self.turn_to, state, risk, self.car)
+        if rate == 0.0:
+            # A path is due at once.
+            self.turn_to, self._requested = None, -(10**9)
+        return rate
 
     def update(self, tick: int, state: NDArray[np.float64], risk: RiskMap) -> None:
         """Advance by a tick: adopt a path that is due, and cut it off before an obstacle.
@@ -220,6 +241,8 @@ class Guide:
         try:
             costs = self._costs(known, steering, (float(begin[0]), float(begin[1])))
             faults += costs.faults
+            if self._turns(ahead[0], risk, costs, TURN_FROM):
+                return tuple(faults)
             path = self._plan(tick, begin, known, risk, costs)
         except Exception:
             # OMPL may raise anything. Without a new path the car goes on along the last one.
@@ -234,14 +257,18 @@ class Guide:
         tick: int,
         state: NDArray[np.float64],
         known: OccupancyGrid,
+        risk: RiskMap,
         steering: Prediction | None,
     ) -> tuple[Fault, ...]:
         """Search for a recovery manoeuvre for a car at rest, in both gears if it has two.
+
+        A car that can turn on the spot turns towards its route, if there is room.
 
         Args:
             tick: number of this tick.
             state: current x, y, yaw, v of the car, mirrored in reverse, (4,).
             known: observed map.
+            risk: newest risk map around the car.
             steering: prediction that may change the route, or None.
 
         Returns:
@@ -256,6 +283,9 @@ class Guide:
         try:
             costs = self._costs(known, steering, (float(pose[0]), float(pose[1])))
             faults += costs.faults
+            if self._turns(pose, risk, costs, TURN_FROM_STUCK):
+                self._stuck = stuck
+                return tuple(faults)
             manoeuvre = self._manoeuvre(costs.map, known, pose, stuck)
         except Exception:
             return (*faults, Fault.PATH_FAILED)
@@ -265,6 +295,30 @@ class Guide:
         self.counts["manoeuvre"] += bool(self._legs)
         self.plan_ms = 1e3 * (time.perf_counter() - started)
         return tuple(faults)
+
+    def _turns(
+        self, state: NDArray[np.float64], risk: RiskMap, costs: _Costs, least: float
+    ) -> bool:
+        """Begin a turn on the spot towards the route, and return whether the car turns.
+
+        Args:
+            state: current x, y, yaw, v of the car, (4,).
+            risk: newest risk map around the car.
+            costs: what the search for a route minimises.
+            least: angle to the route below which the car does not turn [rad].
+        """
+        if self.car.turn_rate == 0.0 or abs(state[3]) > REST:
+            return False
+        route = self._find_route(costs, (float(state[0]), float(state[1])))
+        if route is None:
+            return False
+        angle = angle_to(route, state)
+        if abs(angle) < least or not can_turn(state, angle, risk, self.car):
+            return False
+        self.turn_to, self.gear, self.on_leg = float(state[2]) + angle, 1, False
+        self._legs, self._pending, self.path, self._whole = [], None, None, None
+        self.counts["turn"] += 1
+        return True
 
     def _manoeuvre(
         self,
@@ -340,9 +394,7 @@ class Guide:
         """Return a path from a state, or None if the car should keep the one it has."""
         position, speed = (float(state[0]), float(state[1])), float(state[3])
         cost, prescribed = costs.map, costs.prescribed
-        route = None if prescribed is None else self._join_prescribed(prescribed, cost, position)
-        if route is None:
-            route = find_route(cost, position, self.goal)
+        route = self._find_route(costs, position)
         if route is None:
             return None
         pose = np.array([*position, np.remainder(state[2] + np.pi, 2 * np.pi) - np.pi])
@@ -368,6 +420,15 @@ class Guide:
         prices = [smoother.price(path, speed) for path in (fresh, present)]
         # This preference for the present path keeps the car from switching back and forth.
         return fresh if prices[0] < self.config.better * prices[1] else present
+
+    def _find_route(
+        self, costs: _Costs, position: tuple[float, float]
+    ) -> NDArray[np.float64] | None:
+        """Return a route (n, 2) [m] to the goal, along the prescribed one if there is one."""
+        route = None
+        if costs.prescribed is not None:
+            route = self._join_prescribed(costs.prescribed, costs.map, position)
+        return find_route(costs.map, position, self.goal) if route is None else route
 
     def _present_path(self, smoother: Smoother, pose: NDArray[np.float64]) -> Path | None:
         """Return the present path, smoothed again from a pose; None if it can no longer be used."""

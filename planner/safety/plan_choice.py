@@ -128,13 +128,25 @@ class PlanChooser:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the last plan, since the car has changed its gear."""
+        """Forget the last plan, since the car has changed its gear or its heading."""
         self._intended: Plan | None = None
         self._last_cautious: Plan | None = None
         self.resort.controls = None
         self._curvature = 0.0
         # A car at rest may stay at rest.
         self._kept = stop_controls(self.mpc.stages, self.mpc.limits.braking, 0.0)
+
+    def stand(self, state: NDArray[np.float64]) -> Choice:
+        """Return the choice to stand, as on a turn on the spot, and forget the last plan.
+
+        Standing is itself the last resort.
+
+        Args:
+            state: current x, y, yaw, v of the car, which is at rest, (4,).
+        """
+        self.forget()
+        plan = self.mpc.roll(state, np.zeros((self.mpc.stages, 2)))
+        return Choice(plan, plan, ())
 
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.

@@ -18,7 +18,8 @@ from benchmarks.calibration.certificate import (
     load_calibration,
     planner_hash,
 )
-from benchmarks.runs.settings import ARMS, CONDITIONS, OLDER, Settings
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.settings import CONDITIONS, OLDER, Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.options import option
 from foresee.mapping.grid import Grid

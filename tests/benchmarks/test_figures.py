@@ -18,8 +18,8 @@ from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
 from benchmarks.figures.run_figures import draw_all
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
+from benchmarks.runs.arms import ARMS
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.settings import ARMS
 from benchmarks.runs.trace import RunError
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control

@@ -36,6 +36,7 @@ from benchmarks.runs.time_optimal import ENTRY, KIND, read_t_opt
 from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
+from foresee.mapping.body import Body
 from foresee.mapping.context import CELLS
 from planner.risk.calibration import CalibrationError
 from predictor.data.carmen import read_carmen
@@ -331,7 +332,7 @@ def write_tasks(folder):
 def read_tasks(folder):
     world = empty_straight(20.0, 3.0)
     for task in TaskFile.read(folder / "tasks.json").tasks:
-        task.check_ends(world)
+        task.check_ends(world, Body())
 
 
 def read_calibration(folder):

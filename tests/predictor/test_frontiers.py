@@ -10,7 +10,8 @@ from rooms import CAR, Room
 from short_drive import drive, navigator, straight
 
 from benchmarks.compare import drive as compare
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.settings import Settings
 from foresee.frontiers import FrontierValues
 from foresee.infra.command_line import UsageError
 from foresee.mapping.grid import OCCUPIED, UNKNOWN, GridFrame

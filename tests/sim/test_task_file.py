@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from foresee.mapping.body import Body
 from foresee.mapping.conventions import GOAL_RADIUS
 from sim import empty_straight
 from sim.task import Rules, find_way, waypoints_along
@@ -86,7 +87,7 @@ WRONG |= {
         (TASK | {"top_speed_m_s": "2"}, "top_speed_m_s is '2'"),
         (TASK | {"time_limit_s": 0}, "time_limit_s is 0"),
         (TASK | {"path_length_m": -1}, "path_length_m is -1"),
-        (TASK | {"goal": [2.1, 1.5]}, "starts within 0.5 m of its goal"),
+        (TASK | {"goal": [2.1, 1.5]}, r"task 0: start .* within 0\.5 m of the goal"),
         (TASK | {"map": 3}, "map is 3"),
         (TASK | {"tasks": []}, r"tasks is \[\]"),
         (TASK | {"tasks": {"a": 1}}, "tasks is"),
@@ -123,9 +124,9 @@ def test_a_path_that_no_file_can_have_is_refused(tmp_path):
     ],
 )
 def test_a_start_or_goal_that_is_not_free_is_refused(ends, message):
-    given().check_ends(STRAIGHT)
+    given().check_ends(STRAIGHT, Body())
     with pytest.raises(TaskFileError, match=message):
-        given(**ends).check_ends(STRAIGHT)
+        given(**ends).check_ends(STRAIGHT, Body())
 
 
 def test_a_way_leads_to_the_goal_itself():

@@ -48,11 +48,14 @@ def reliable_distances(run: Run) -> dict[str, Any]:
 
     Raises:
         RunError: if the run is damaged.
-        UsageError: if it has no drives of the arm `known`, or its LIDAR was noisy.
+        UsageError: if it has no drives of the arm `known`, its LIDAR was noisy, or its car is
+            not the default one.
     """
     indices = [index for index in run.indices if (index, "known") in run.drives]
     if not indices or run.setting("noise") > 0.0:
         raise UsageError(f"{run.directory}: it must have the arm known, and no noise")
+    if run.settings["car"] is not None:
+        raise UsageError(f"{run.directory}: it must be of the default car, not of --car")
     caller = Caller(load_predictor(str(run.settings["predictor"])))
     window, expansion = run.setting("window"), run.setting("expansion")
     car = CarLimits(v_max=run.setting("v_max"), braking=run.setting("braking"))

@@ -39,12 +39,13 @@ def causes(run: Run) -> dict[str, Any]:
 
     Raises:
         RunError: if the run is damaged.
-        UsageError: if its car has a reverse gear, which the search lacks.
+        UsageError: if its car is not the default one without a reverse gear.
     """
-    if run.settings["vehicle"] != "dubins":
+    if run.settings["vehicle"] != "dubins" or run.settings["car"] is not None:
         raise UsageError(
-            f"{run.directory} holds drives of the car {run.settings['vehicle']}; the search is for "
-            "the dubins car only"
+            f"{run.directory} holds drives of the car "
+            f"{run.settings['car'] or run.settings['vehicle']}; the search is for the default "
+            "dubins car only"
         )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}

@@ -79,7 +79,7 @@ def closed_loop(arm: str, drives: int, seed: int) -> dict[str, list[float]]:
     """Time each stage in each tick of drives through corridors.
 
     Args:
-        arm: arm, a key of `benchmarks.runs.settings.ARMS`.
+        arm: arm, a key of `benchmarks.runs.arms.ARMS`.
         drives: number of drives that are counted; one before them is not.
         seed: seed of the first drive.
 

@@ -9,10 +9,12 @@ from typing import Any
 
 from tqdm import tqdm
 
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive import attempt
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.settings import Settings
 from benchmarks.runs.trace import Drive
 from benchmarks.studies.contact_test import touches
 from benchmarks.studies.risk.series import Series
@@ -32,13 +34,13 @@ def driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any
     driven = attempt(settings, weights, (index, arm))
     if isinstance(driven, str):
         return {"index": index, "outcome": NO_TASK, "note": driven}
-    return _tested(driven)
+    return _tested(driven, limits_for(settings).body)
 
 
-def _tested(drive: Drive) -> dict[str, Any]:
-    """Return the result of a drive, and whether the car touched something, `touched`."""
+def _tested(drive: Drive, body: Body) -> dict[str, Any]:
+    """Return the result of a drive, and whether the car's body touched something, `touched`."""
     truth = drive.trace.truth
-    touched = touches(drive.trace.states, truth.cells != FREE, truth.frame, Body())
+    touched = touches(drive.trace.states, truth.cells != FREE, truth.frame, body)
     return asdict(drive.result) | {"touched": touched}
 
 
@@ -68,7 +70,7 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
             all_series.append(series)
             results = [result for result in run.episodes if result.arm == arm]
             drives[series.name] = [
-                _tested(Drive(result, run.trace(result.index, arm)))
+                _tested(Drive(result, run.trace(result.index, arm)), run.body)
                 for result in tqdm(results, desc=f"{run.label}, {arm}", unit="drive")
             ]
     return all_series, drives
@@ -76,7 +78,8 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
 
 def _series(run: Run, arm: str) -> Series:
     settings = {k.name: run.settings[k.name] for k in fields(Settings) if k.name in run.settings}
-    settings |= {"world": tuple(run.settings["world"]), "arms": (arm,)}
+    settings = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+    settings |= {"arms": (arm,)}
     reliance = ARMS[arm].reliance
     reliance = run.settings["reliance"] if reliance is None else reliance
     # Arms that treat unobserved space as free promise nothing, nor do cars with a noisy LIDAR.

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.calibration.certificate import conditions_for
-from benchmarks.runs.settings import ARMS, CONDITIONS, Settings
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.settings import CONDITIONS, Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
 from foresee.mapping.family_names import FAMILIES

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks.runs.drive import limits_for
-from benchmarks.runs.settings import VEHICLES, Settings
+from benchmarks.runs.car import limits_for
+from benchmarks.runs.settings import Settings
 from benchmarks.studies.robustness.hostile_buildings import (
     in_pocket,
     on_lattice,
@@ -18,8 +18,8 @@ from benchmarks.studies.robustness.hostile_buildings import (
 )
 from benchmarks.studies.robustness.hostile_predictors import KINDS
 from foresee.mapping.body import Body
-from foresee.mapping.car_limits import TIGHTEST, CarLimits
-from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import RESOLUTION, TIGHTEST
 from foresee.mapping.family_names import FAMILIES
 from sim import Lidar, LidarConfig
 from sim.buildings import task_in_world
@@ -30,6 +30,8 @@ RELIANCES = (0.0, 0.05, 0.2, 0.5, 0.99)
 SPEEDS = (2.0, 4.0, 6.0)
 FINEST, COARSEST = 0.01, 0.5
 """Range of the sides of cells [m]."""
+CARS = ("dubins", "reeds-shepp")
+"""Kinds of cars that are drawn."""
 ODDITIES = ("cells", "thin walls", "body", "pocket", "lattice", "process")
 """What may be unusual: the size of the cells; walls of one cell; the car's body and turning radius;
 a start that the car must leave in reverse; a start and beams in the corners of cells; a predictor
@@ -76,7 +78,7 @@ class Scenario:
         # other settings are drawn at random.
         kind = list(KINDS)[index % len(KINDS)]
         family = FAMILIES[(index // len(KINDS) + index) % len(FAMILIES)]
-        route, vehicle = str(rng.choice(("free", "fixed"))), str(rng.choice(tuple(VEHICLES)))
+        route, vehicle = str(rng.choice(("free", "fixed"))), str(rng.choice(CARS))
         situation = str(rng.choice(SITUATIONS))
         odd = tuple(
             oddity

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.calibration.certificate import SHIPPED, at_risk
-from benchmarks.runs.settings import ARMS, CALIBRATED_ARM, Settings
+from benchmarks.runs.arms import ARMS, CALIBRATED_ARM
+from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
 
 MIXTURE = ("corridor", "narrow", "office", "paper", "floor_plan")

@@ -7,9 +7,11 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from benchmarks.runs.drive import limits_for, navigator_for
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.car import limits_for
+from benchmarks.runs.drive import navigator_for
 from benchmarks.runs.drive_file import NO_TASK
-from benchmarks.runs.settings import ARMS, Settings
+from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness import attack
 from benchmarks.studies.robustness.hostile_drives import attacked, failures

@@ -23,7 +23,8 @@ from benchmarks.studies.robustness.scenario import (
 )
 from benchmarks.studies.robustness.witness import Witness
 from foresee.mapping.body import Scene, first_contact
-from foresee.mapping.car_limits import TIGHTEST, CarLimits
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import TIGHTEST
 from foresee.mapping.grid import FREE, OCCUPIED, OccupancyGrid
 from sim import Lidar, empty_straight
 from sim.families import generate
