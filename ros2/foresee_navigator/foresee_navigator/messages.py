@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import array
 import math
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Pose, PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import Pose, PoseStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import OccupancyGrid, Path
 from numpy.typing import NDArray
 from std_msgs.msg import Float64, Header
 
 from foresee.mapping.grid import GridFrame
+from foresee_navigator.poses import Pose as PlanarPose
 from foresee_navigator.poses import quaternion_of
 from foresee_navigator.report import Report
 
@@ -100,6 +102,23 @@ def pose_at(x: float, y: float, yaw: float) -> Pose:
     turn = pose.orientation
     turn.x, turn.y, turn.z, turn.w = quaternion_of(yaw)
     return pose
+
+
+def transforms_message(stamp: Time, frames: Sequence[str], poses: Sequence[PlanarPose]) -> Any:
+    """Return the tf2_msgs/TFMessage of a chain of frames.
+
+    Args:
+        stamp: stamp.
+        frames: names of the n frames, the outermost first.
+        poses: pose of each frame but the first in the one before it, n - 1.
+    """
+    message = optional("tf2_msgs", "TFMessage")()
+    for outer, frame, (x, y, yaw) in zip(frames, frames[1:], poses, strict=False):
+        transform = TransformStamped(header=header_of(stamp, outer), child_frame_id=frame)
+        transform.transform.translation.x, transform.transform.translation.y = x, y
+        transform.transform.rotation = pose_at(x, y, yaw).orientation
+        message.transforms.append(transform)
+    return message
 
 
 def path_message(header: Header, points: NDArray[np.float64]) -> Path:

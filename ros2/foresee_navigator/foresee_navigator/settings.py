@@ -187,7 +187,7 @@ class SimulatorSettings(CarSettings):
     """Parameters of the node `foresee_simulator`."""
 
     world: str = parameter("corridor", "family of generated buildings, or file of a map (.yaml)")
-    seed: int = parameter(0, "seed of the building, of its start and goal, and of noise", low=0)
+    seed: int = parameter(1, "seed of the building, of its start and goal, and of noise", low=0)
     length: float = parameter(20.0, "least distance to the goal along the way", "m", low=2.0)
     range_noise: float = parameter(0.01, "standard deviation of a range", "m", low=0.0)
     beams: int = parameter(541, "number of beams of a scan", low=2)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.control import Control
+from foresee.mapping.conventions import GOAL_RADIUS
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.scan import Scan
 from foresee_navigator.settings import SimulatorSettings
@@ -44,23 +45,20 @@ class SimulatedRobot:
     Attributes:
         time: simulated time [s].
         state: x, y, yaw, v, (4,) [m, m, rad, m/s].
+        yaw_rate: turning rate [rad/s].
         has_collided: whether the car has met a wall, where it stays.
+        has_reached: whether it has been within `GOAL_RADIUS` of the goal.
     """
 
     def __init__(self, settings: SimulatorSettings, task: Task) -> None:
-        self.time, self.has_collided = 0.0, False
+        self.time, self.has_collided, self.has_reached = 0.0, False, False
         self.state = np.array([*task.start, 0.0])
         self._settings, self._task = settings, task
         self._car, self._lidar = DubinsCar(settings.car), Lidar(settings.lidar)
         self._rng = np.random.default_rng([settings.seed, 3])
         self._speed = self._curvature = 0.0
         self._commanded = -math.inf
-        self._yaw_rate = 0.0
-
-    @property
-    def yaw_rate(self) -> float:
-        """Turning rate [rad/s]."""
-        return self._yaw_rate
+        self.yaw_rate = 0.0
 
     @property
     def to_goal(self) -> float:
@@ -95,11 +93,12 @@ class SimulatedRobot:
         control = Control(acceleration, self._curvature, gear)
         if self._car.collides(self._task.world, self.state, control, STEP):
             self.has_collided = True
-            self.state[3] = self._yaw_rate = 0.0
+            self.state[3] = self.yaw_rate = 0.0
         else:
             after = self._car.step(self.state, control, STEP)
             turned = math.remainder(after[2] - self.state[2], 2.0 * math.pi)
-            self.state, self._yaw_rate = after, turned / STEP
+            self.state, self.yaw_rate = after, turned / STEP
+        self.has_reached |= self.to_goal <= GOAL_RADIUS
         self.time += STEP
 
     def scan(self) -> Scan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 import time
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -17,8 +18,13 @@ from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import LaserScan
 
-from foresee.mapping.conventions import GOAL_RADIUS
-from foresee_navigator.messages import diagnostics_message, header_of, pose_at
+from foresee_navigator.messages import (
+    diagnostics_message,
+    header_of,
+    optional,
+    pose_at,
+    transforms_message,
+)
 from foresee_navigator.parameters import declared
 from foresee_navigator.report import Report, Severity
 from foresee_navigator.running import run
@@ -53,6 +59,9 @@ class SimulatorNode(Node):  # type: ignore[misc]
         # Stamps without a clock of its own count from here [ns].
         self._epoch = 0 if settings.clock else time.time_ns()
         self.create_timer(STEP, self._advance, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._transforms: Any = None
+        if optional("tf2_msgs", "TFMessage"):
+            self._transforms = self.create_publisher(optional("tf2_msgs", "TFMessage"), "/tf", 10)
         x, y = self._task.goal
         self.get_logger().info(
             f"ready: {self._task.world.name}, {self._task.path_length:.0f} m to the goal "
@@ -101,13 +110,18 @@ class SimulatorNode(Node):  # type: ignore[misc]
             self._report(stamp)
 
     def _publish_odometry(self, stamp: Time) -> None:
+        settings = self._settings
         x, y, yaw, speed = map(float, self._robot.state)
-        message = Odometry(header=header_of(stamp, self._settings.odometry_frame))
-        message.child_frame_id = self._settings.base_frame
+        message = Odometry(header=header_of(stamp, settings.odometry_frame))
+        message.child_frame_id = settings.base_frame
         message.pose.pose = pose_at(x, y, yaw)
         message.twist.twist.linear.x = speed
         message.twist.twist.angular.z = self._robot.yaw_rate
         self._odometry.publish(message)
+        if self._transforms is not None:
+            frames = settings.odometry_frame, settings.base_frame, settings.scan_frame
+            poses = (x, y, yaw), settings.mount
+            self._transforms.publish(transforms_message(stamp, frames, poses))
 
     def _publish_scan(self, stamp: Time) -> None:
         scan = self._robot.scan()
@@ -122,7 +136,7 @@ class SimulatorNode(Node):  # type: ignore[misc]
         robot = self._robot
         if robot.has_collided:
             severity, message = Severity.ERROR, "collided"
-        elif robot.to_goal <= GOAL_RADIUS:
+        elif robot.has_reached:
             severity, message = Severity.OK, "reached the goal"
         else:
             severity, message = Severity.OK, "on the way"
