@@ -137,4 +137,6 @@ def fastest(distance: float, car: CarLimits, delay: float) -> float:
         delay: time before it begins to brake [s].
     """
     lost = car.braking * delay
-    return min(car.v_max, math.sqrt(lost**2 + 2.0 * car.braking * distance) - lost)
+    speed = math.sqrt(lost**2 + 2.0 * car.braking * distance) - lost
+    # Rounding may lead below 0.
+    return min(car.v_max, max(0.0, speed))

@@ -35,7 +35,7 @@ NAME = "foresee_navigator"
 """Name of the node, and of its diagnostics."""
 
 
-class NavigatorNode(Node):  # type: ignore[misc]
+class NavigatorNode(Node):
     """Turns scans and poses into commands, once a tick."""
 
     def __init__(self) -> None:
@@ -149,19 +149,19 @@ class NavigatorNode(Node):  # type: ignore[misc]
         """Drive or predict; without a motion, stop."""
         started = time.monotonic()
         header = header_of(self.get_clock().now().to_msg(), self._map_frame)
-        scan = None
+        seen = None
         if taken is not None and motion is not None:
             scan = seen_from(scan_of(message, self._settings.mount), taken.pose, motion.pose)
-            scan = without_ranges(scan) if self._has_read else scan
+            seen = motion, without_ranges(scan) if self._has_read else scan
             self._has_read = True
         if self._settings.predict_only:
-            forecast = self._forecaster.look(motion, scan) if scan is not None else None
+            forecast = self._forecaster.look(*seen) if seen else None
             self._reins.limit(header.stamp, forecast.speed_limit if forecast else 0.0)
             self._timed(started)
             prediction = forecast.prediction if forecast else None
             self._maps.publish(header, self._forecaster.known, prediction)
             return report_on_forecast(forecast, self._around)
-        action = self._pilot.act(motion.state, scan) if scan is not None else self._pilot.stop()
+        action = self._pilot.act(seen[0].state, seen[1]) if seen else self._pilot.stop()
         self._reins.command(header.stamp, action.speed, action.yaw_rate)
         self._timed(started)
         decision = action.decision

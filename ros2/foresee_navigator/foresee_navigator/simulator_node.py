@@ -37,7 +37,7 @@ LONGEST_LAG = 0.5
 """Time by which the simulation may be late before it lets the rest go [s]."""
 
 
-class SimulatorNode(Node):  # type: ignore[misc]
+class SimulatorNode(Node):
     """Moves the simulated robot in real time, or at another speed with a clock of its own."""
 
     def __init__(self) -> None:
