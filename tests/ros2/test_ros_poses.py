@@ -6,6 +6,7 @@ from types import SimpleNamespace as Message
 import numpy as np
 import pytest
 from foresee_navigator.poses import (
+    AHEAD,
     Motion,
     Track,
     composed,
@@ -73,6 +74,13 @@ def test_between_two_poses_a_track_is_straight_and_turns_the_short_way():
     assert abs(yaw) == pytest.approx(math.pi)
     assert found.at(0.3).pose[0] == pytest.approx(-0.3, abs=2e-2)
     assert found.at(-0.1) is None
+
+
+def test_a_motion_is_not_guessed_for_long():
+    found = track()
+    found.add(Motion(1.0, (0.0, 0.0, 0.0), 1.0, 0.0))
+    assert found.at(1.0 + AHEAD).pose[0] == pytest.approx(AHEAD)
+    assert found.at(1.01 + AHEAD) is None
 
 
 def test_a_track_that_follows_the_motion_never_breaks_off():

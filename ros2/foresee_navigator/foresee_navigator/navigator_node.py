@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import replace
 from typing import Any
@@ -67,7 +68,8 @@ class NavigatorNode(Node):
         self._last_message, self._ticked = "", time.monotonic()
         self.create_subscription(LaserScan, "scan", self._take_scan, qos_profile_sensor_data)
         self.create_subscription(Odometry, "odom", self._take_odometry, qos_profile_sensor_data)
-        self.create_subscription(PoseStamped, "goal_pose", self._take_goal, 1)
+        if not settings.predict_only:
+            self.create_subscription(PoseStamped, "goal_pose", self._take_goal, 1)
         self.create_timer(TICK, self._tick)
         # The node's clock may be that of a simulator, which stops when the simulator ends.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -137,9 +139,11 @@ class NavigatorNode(Node):
         scan, taken, motion = self._scan, None, None
         if not complaints and scan is not None:
             taken = self._track.at(seconds(scan.header.stamp))
-            motion = self._track.at(now + self._settings.latency)
+            motion = self._track.at(now)
         if not complaints and (taken is None or motion is None):
-            complaints = ("no odometry at the time of the scan yet",)
+            complaints = ("no odometry at the time of the scan, or now",)
+        if motion is not None:
+            motion = motion.after(self._settings.latency)
         self._around = replace(self._around, complaints=complaints)
         report = self._act(scan, taken, motion)
         self._ticked = time.monotonic()
@@ -177,7 +181,8 @@ class NavigatorNode(Node):
         """Publish the report, and log its mode when it changes."""
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(diagnostics_message(stamp, NAME, report))
-        mode = f"{report.values['mode']} {self._around.complaints[:1]}"
+        # The numbers change all the time.
+        mode = re.sub(r"[\d.]+", "", f"{report.values['mode']} {self._around.complaints}")
         if mode != self._last_message:
             self._last_message = mode
             self.get_logger().info(report.message)

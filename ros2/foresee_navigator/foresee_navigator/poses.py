@@ -16,6 +16,8 @@ Pose = tuple[float, float, float]
 """x, y, yaw [m, m, rad]."""
 MEMORY = 2.0
 """Time for which motions are kept [s]."""
+AHEAD = 0.25
+"""Longest time for which a motion is assumed to go on [s]: a longer guess would blur the map."""
 
 
 def wrapped(angle: float) -> float:
@@ -150,11 +152,14 @@ class Track:
         return why
 
     def at(self, stamp: float) -> Motion | None:
-        """Return the motion at a time [s]; None if it was before the first that is kept.
+        """Return the motion at a time [s]; None if it is not known.
 
-        After the newest, speed and yaw rate are taken as constant.
+        It is not known before the first motion that is kept, and `AHEAD` after the newest. Until
+        then, speed and yaw rate are taken as constant.
         """
         if not self._motions or stamp < self._motions[0].stamp:
+            return None
+        if stamp > self._motions[-1].stamp + AHEAD:
             return None
         older = self._motions[0]
         for newer in self._motions:
