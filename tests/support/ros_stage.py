@@ -30,6 +30,7 @@ class Stage:
     Attributes:
         scans_to_drop: number of the next scans that are not relayed.
         delay: time by which odometry is held back [s].
+        times_back: number of times that the stamps of the odometry went back.
     """
 
     def __init__(self, log):
@@ -43,6 +44,7 @@ class Stage:
         os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         self._log = log
         self.scans_to_drop, self.delay, self._held = 0, 0.0, deque()
+        self.times_back = 0
         self.latest, self.reports, self.outcomes = {}, [], []
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain)
@@ -83,6 +85,8 @@ class Stage:
             self._scans.publish(message)
 
     def _relay_odometry(self, message):
+        if "odom" in self.latest and self.seconds > message.header.stamp.sec + 1:
+            self.times_back += 1
         self.latest["odom"] = message
         self._held.append((time.monotonic() + self.delay, message))
         while self._held and (self.delay == 0.0 or self._held[0][0] <= time.monotonic()):
@@ -127,6 +131,11 @@ class Stage:
         seen = len(self.reports)
         self.wait_for(lambda: any(map(matches, self.reports[seen:])), what)
         return next(report for report in self.reports[seen:] if matches(report))
+
+    @property
+    def seconds(self):
+        """Whole seconds of the simulator's clock."""
+        return self.latest["odom"].header.stamp.sec
 
     @property
     def speed(self):
