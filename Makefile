@@ -26,6 +26,11 @@ setup: .venv/.tools
 	$(INSTALL) '.[dev,dask,bags]'
 	touch $@
 
+# ROS 2, of which there are wheels for some systems only: elsewhere its tests are skipped.
+.venv/.ros2: .venv/.tools
+	$(INSTALL) '.[ros2]' || echo "the wheels of ROS 2 do not install here: tests/ros2 skips what needs them"
+	touch $@
+
 # Driving needs no more than this.
 corridor: .venv/.installed
 	$(BIN)/python -m benchmarks.corridor --route fixed --arms known,backup,predicted,oracle --risk 0 0.02 \
@@ -74,7 +79,7 @@ beyond: setup
 	    unet-crop=$(BEYOND)/crop unet-window=$(BEYOND)/window \
 	    $(foreach of,$(GREW),$(BEYOND)/$(firstword $(subst :, ,$(of)))-drives.safetensors)
 
-test: setup
+test: setup .venv/.ros2
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

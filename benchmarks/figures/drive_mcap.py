@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks.figures.animation import roll_out
+from benchmarks.runs.arms import ARMS, Arm, arm_kind
 from benchmarks.runs.drive import navigator_config, predictor_for
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.settings import ARMS, Arm, Settings, arm_kind
+from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import limit_speed
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.atomic_file import write_whole

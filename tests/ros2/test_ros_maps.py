@@ -1,0 +1,57 @@
+"""Maps as nav_msgs/OccupancyGrid, and the speed limit for another planner."""
+
+import numpy as np
+import pytest
+from foresee_navigator.forecast import Forecaster, fastest
+from foresee_navigator.maps import observed_values, predicted_values
+from foresee_navigator.poses import Motion
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.grid import HIGHEST, LOWEST, GridFrame
+from foresee.prediction import Prediction
+from planner.navigator import NavigatorConfig
+from sim import Lidar, empty_straight
+
+CAR = CarLimits(v_max=4.0)
+
+
+def test_observed_values_rise_with_the_evidence_and_0_is_unknown():
+    levels = np.arange(LOWEST, HIGHEST + 1, dtype=np.int8)[None]
+    values = observed_values(levels)[0]
+    assert values[levels[0] == 0] == -1
+    known = values[levels[0] != 0]
+    assert (np.diff(known) >= 0).all()
+    assert 0 <= known.min() < 50 < known.max() <= 100
+
+
+def test_predicted_values_are_unknown_without_confidence():
+    frame = GridFrame(0.05, (0.0, 0.0), (1, 4))
+    free = np.array([[1.0, 0.25, 0.25, 0.0]], np.float32)
+    confidence = np.array([[1.0, 0.6, 0.4, 0.0]], np.float32)
+    prediction = Prediction(frame, free, 1 - free, confidence)
+    assert predicted_values(prediction, 0.5).tolist() == [[0, 75, -1, -1]]
+    assert predicted_values(prediction, 0.0).tolist() == [[0, 75, 75, -1]]
+
+
+@given(st.floats(0.0, 20.0), st.floats(0.0, 1.0))
+def test_from_the_speed_limit_the_car_stops_within_the_distance(distance, delay):
+    speed = fastest(distance, CAR, delay)
+    assert 0.0 <= speed <= CAR.v_max
+    needed = speed * delay + speed**2 / (2 * CAR.braking)
+    assert needed <= distance + 1e-9
+    assert speed == CAR.v_max or needed == pytest.approx(distance, abs=1e-9)
+
+
+def test_the_speed_limit_falls_towards_a_wall():
+    world, lidar = empty_straight(12.0, 3.0), Lidar()
+    limits = []
+    for x in (4.0, 8.0, 10.0, 11.3, 11.8):
+        forecaster = Forecaster(NavigatorConfig(car=CAR), None, 0.05, 0.0)
+        motion = Motion(0.0, (x, 2.0, 0.0), 1.0, 0.0)
+        limits.append(forecaster.look(motion, lidar.scan(world, motion.pose)).speed_limit)
+    # Until the window ends at the wall, the end of the window limits the speed.
+    assert limits[0] == pytest.approx(limits[1], abs=0.1)
+    assert limits == sorted(limits, reverse=True)
+    assert limits[-1] < 0.5 < limits[0]
