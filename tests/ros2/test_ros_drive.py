@@ -18,7 +18,7 @@ def stage(tmp_path_factory):
     """The navigator in a process of its own, warm, on the clock of a simulator."""
     log = tmp_path_factory.mktemp("ros") / "log"
     made = Stage(log)
-    words = {"predictor": "extend", "use_sim_time": "true", "timeout": "2.0", "range_error": "0.02"}
+    words = {"predictor": "extend", "use_sim_time": "true", "timeout": "2.0", "range_error": "0.03"}
     options = [word for pair in words.items() for word in ("-p", ":=".join(pair))]
     relayed = ("-r", "scan:=relayed/scan", "-r", "odom:=relayed/odom")
     try:
