@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.float_errors import usual_float_errors
-from foresee.mapping.car_limits import CarLimits, check_finite
+from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
+from foresee.mapping.finite import check_finite
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from foresee.mapping.conventions import NOISE_CUT
 from foresee.mapping.grid import OCCUPIED
 from foresee.mapping.kernels import njit
 from foresee.mapping.scan import Scan
 from sim.world import World
-
-CUT = 3.0
-"""Largest noise of a range, in standard deviations: the error of a real LIDAR has a bound, too."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ class Lidar:
     ) -> NDArray[np.float64]:
         """Return the ranges with noise, and NaN where a beam dropped out."""
         # Both are drawn for every beam, so that no beam's draw depends on what another beam meets.
-        noise = self.config.range_noise * rng.normal(size=ranges.shape).clip(-CUT, CUT)
+        noise = self.config.range_noise * rng.normal(size=ranges.shape).clip(-NOISE_CUT, NOISE_CUT)
         dropped = rng.random(ranges.shape) < self.config.dropout
         # Noise never turns a range into "nothing within range".
         longest = np.nextafter(self.config.range_max, 0.0)

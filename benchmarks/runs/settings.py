@@ -12,11 +12,10 @@ from foresee.infra.command_line import UsageError
 from foresee.infra.options import Options, given, option
 from foresee.infra.plain_json import fits
 from foresee.mapping.car_file import PRESETS, CarFile
-from foresee.mapping.conventions import LONGEST_STOP
+from foresee.mapping.conventions import LONGEST_STOP, NOISE_CUT
 from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.family_names import FAMILIES
 from planner.revision import FIRST
-from sim.lidar import CUT
 
 FARTHEST = 1e6
 """Largest coordinate of a start or a goal [m]."""
@@ -156,7 +155,7 @@ class Settings(Options):
     )
     noise: float = option(
         0.0,
-        f"standard deviation of the LIDAR's ranges, cut off at {CUT:g} times as much [m]",
+        f"standard deviation of the LIDAR's ranges, cut off at {NOISE_CUT:g} times as much [m]",
         "M",
         low=0,
         high=0.5,
@@ -298,7 +297,7 @@ class Settings(Options):
             lag=self.lag,
             position=self.pose_error,
             yaw=self.yaw_error,
-            range=CUT * self.noise,
+            range=NOISE_CUT * self.noise,
         )
 
     @property

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
 from foresee.mapping.body import Body
 from foresee.mapping.car_file import CarFile
 from foresee.mapping.conventions import LONGEST_STOP, TIGHTEST
+from foresee.mapping.finite import check_finite
 
 CONTACT_MARGIN = 0.015
 """Margin by which the planner grows the body in collision tests [m], at every resolution."""
@@ -148,21 +148,3 @@ class CarLimits:
     def stopping_distance(self) -> float:
         """Distance that braking from top speed takes [m]."""
         return self.v_max**2 / (2 * self.braking)
-
-
-def check_finite(settings: object, *names: str, zero: bool = False) -> None:
-    """Check that settings are positive and finite.
-
-    Args:
-        settings: object that holds them.
-        names: names of the attributes to check.
-        zero: whether 0 is allowed.
-
-    Raises:
-        ValueError: if a setting is not; the message names it.
-    """
-    wanted = "finite and not negative" if zero else "positive and finite"
-    for name in names:
-        value = getattr(settings, name)
-        if not (value >= 0 if zero else value > 0) or not value < math.inf:
-            raise ValueError(f"{name} is {value}, it must be {wanted}")

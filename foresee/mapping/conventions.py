@@ -12,5 +12,8 @@ CROP_CELLS = round(CROP_SIDE / RESOLUTION)
 """Side of the crop [cells]."""
 LONGEST_STOP = 35.0
 """Longest stopping distance of a car [m]: a drive's memory and time grow with its square."""
+NOISE_CUT = 3.0
+"""Largest noise of a range of the simulated LIDAR, in standard deviations: the error of a real one
+has a bound, too."""
 TIGHTEST = 4.0
 """Largest ratio of the half diagonal of a car's body to its turning radius."""

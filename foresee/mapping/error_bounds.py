@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from foresee.mapping.car_limits import check_finite
+from foresee.mapping.finite import check_finite
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 
 from foresee.infra.errors import LineError
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.conventions import TICK
+from foresee.mapping.conventions import NOISE_CUT, TICK
 from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.grid import world_hash
 from planner.guide.guide import GuideConfig
@@ -29,7 +29,6 @@ from predictor.data.squares import truth_codes
 from predictor.recording.settings import SimulatedConfig
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.families import generate
-from sim.lidar import CUT
 from sim.people import People
 from sim.task import LONGEST_LEG, NoTaskError, prolonged, sample_task
 from sim.variation import cluttered
@@ -163,7 +162,7 @@ def frames_of_drive(
         window=2 * lidar.config.range_max,
         car=car.limits,
         guide=GuideConfig(every=PATH_EVERY),
-        bounds=ErrorBounds(range=CUT * config.noise),
+        bounds=ErrorBounds(range=NOISE_CUT * config.noise),
     )
     navigator = Navigator(
         settings, None, start, task.goal, task.blank(settings.window), task.waypoints, seed
