@@ -142,6 +142,25 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
     }
 
 
+ERRORS = {
+    "noise": " m",
+    "dropout": "",
+    **{
+        f"{told}{name}": unit
+        for told in ("", "told_")
+        for name, unit in (
+            ("delay", " s"),
+            ("jitter", " s"),
+            ("lag", " s"),
+            ("pose_error", " m"),
+            ("yaw_error", " rad"),
+        )
+    },
+    "missed": "",
+}
+"""Setting of an error of the robot → its unit."""
+
+
 def title(settings: dict[str, Any]) -> str:
     """Return the settings of a comparison as one line."""
     settings, worlds = up_to_date(settings), settings["world"]
@@ -150,7 +169,7 @@ def title(settings: dict[str, Any]) -> str:
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     if settings["tasks"] is not None:
         places += f", tasks {settings['tasks']}"
-    if settings["start"] is not None:
+    if settings["start"] and settings["goal"]:
         start, goal = (", ".join(f"{v:g}" for v in settings[end]) for end in ("start", "goal"))
         places += f", from ({start}) to ({goal})"
     car = "car" if settings["car"] is None else f"car {settings['car']}"
@@ -158,8 +177,18 @@ def title(settings: dict[str, Any]) -> str:
         f"{places}, route {settings['route']}, {settings['vehicle']} {car}; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
-        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"
+        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}{_errors(settings)}"
     )
+
+
+def _errors(settings: dict[str, Any]) -> str:
+    """Return the errors of the robot, and what the navigator is told of them, as words."""
+    words = [
+        f"{name.replace('_', ' ')} {settings[name]:g}{unit}"
+        for name, unit in ERRORS.items()
+        if settings[name] is not None and (settings[name] or name.startswith("told"))
+    ]
+    return "; errors: " + ", ".join(words) if words else ""
 
 
 def comparison(results: dict[str, Any]) -> str:

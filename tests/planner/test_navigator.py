@@ -39,8 +39,6 @@ def test_a_state_that_is_not_finite_is_refused():
         {"level": 0.2, "reliance": 0.1},
         {"level": 0.2, "reliance": 1.0},
         {"expansion": 0.9},
-        {"margin": math.nan},
-        {"margin": -0.1},
         {"window": math.nan},
         {"window": 0.0},
         {"deadline": math.nan},

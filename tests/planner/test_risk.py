@@ -191,16 +191,6 @@ def test_a_prediction_on_another_lattice_is_refused():
         )
 
 
-@given(grids, st.floats(0.0, 0.4))
-def test_a_margin_keeps_only_cells_further_than_it_from_the_unsafe(known, margin):
-    plain, eroded = safe(known, None, 0.0), safe(known, None, 0.0, margin)
-    assert (eroded <= plain).all()
-    if not plain.all() and plain.any() and margin > 0:
-        distance = distance_transform_edt(plain) * FRAME.resolution
-        clear = abs(distance - margin) > 1e-6
-        assert np.array_equal(eroded[clear], (plain & (distance > margin))[clear])
-
-
 @given(grids, shares, shares, risks)
 def test_clearance_is_positive_inside_the_safe_set_and_negative_outside(known, p, c, epsilon):
     risk = RiskMap.from_prediction(known, believed(p, c), epsilon)

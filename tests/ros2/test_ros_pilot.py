@@ -7,7 +7,6 @@ import pytest
 from foresee_navigator.pilot import Mode, Pilot
 from foresee_navigator.report import Circumstances, Severity, report_on
 from foresee_navigator.stopping import stop_after
-from foresee_navigator.velocities import velocity_of
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
@@ -118,20 +117,6 @@ def test_a_stop_with_a_last_resort_is_the_last_resort():
     plan = Plan(np.zeros((2, 4)), np.zeros((1, 2)))
     controls = stop_after(plan, np.array([[-1.5, 0.4], [-1.0, -0.2]]), 1.5)
     assert controls == [Control(-1.5, 0.4), Control(-1.0, -0.2)]
-
-
-@pytest.mark.parametrize(
-    ("control", "speed", "velocity"),
-    [
-        (Control(1.0, 0.5), 1.0, (1.1, 0.55)),
-        (Control(1.0, 0.5), 2.0, (2.0, 1.0)),
-        (Control(-1.5, 0.5), 0.1, (0.0, 0.0)),
-        (Control(1.0, 0.5, -1), -0.2, (-0.3, -0.15)),
-    ],
-)
-def test_a_control_becomes_the_velocity_at_the_end_of_its_tick(control, speed, velocity):
-    car = CarLimits(v_max=2.0, reverse=0.5)
-    assert velocity_of(control, speed, car) == pytest.approx(velocity)
 
 
 def test_a_report_says_why_the_car_is_slow():

@@ -9,12 +9,12 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.mapping.commands import twist_of
 from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee_navigator.mapping import new_map, observe
 from foresee_navigator.stopping import stop_after
-from foresee_navigator.velocities import velocity_of
 from planner.navigator import Decision, Navigator, NavigatorConfig
 from planner.risk.predictor_process import PredictorProcess
 
@@ -133,8 +133,9 @@ class Pilot:
         car = self._config.car
         resort = self._navigator.chooser.resort.controls
         self._stop = stop_after(decision.plan, resort, car.braking)
-        self._speed, yaw_rate = velocity_of(decision.control, float(state[3]), car)
-        return Action(Mode.DRIVING, self._speed, yaw_rate, decision)
+        twist = twist_of(decision.control, float(state[3]), car)
+        self._speed = twist.speed
+        return Action(Mode.DRIVING, twist.speed, twist.yaw_rate, decision)
 
     def stop(self) -> Action:
         """Return what to do in a tick without a scan or a pose: stop, and then stand."""
@@ -146,7 +147,8 @@ class Pilot:
         if not self._stop:
             self._speed = 0.0
             return 0.0, 0.0
-        self._speed, yaw_rate = velocity_of(self._stop.pop(0), self._speed, self._config.car)
+        twist = twist_of(self._stop.pop(0), self._speed, self._config.car)
+        self._speed = twist.speed
         if self._speed == 0.0:
             self._stop = []
-        return self._speed, yaw_rate
+        return twist.speed, twist.yaw_rate
