@@ -177,7 +177,8 @@ def title(settings: dict[str, Any]) -> str:
         f"{places}, route {settings['route']}, {settings['vehicle']} {car}; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
-        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}{_errors(settings)}"
+        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"
+        f"{_errors(settings)}"
     )
 
 
