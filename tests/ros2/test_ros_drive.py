@@ -68,9 +68,10 @@ def test_a_dropped_scan_is_no_reason_to_stop_and_late_odometry_is(stage, robot):
         seen = len(stage.reports)
         stage.scans_to_drop = 1
         stage.wait_for(lambda: stage.scans_to_drop == 0, "no scan was dropped")
+        # On a busy machine, a pose may be missing for a few ticks; the lost scan never is.
         stage.wait_for(lambda: len(stage.reports) > seen + 4, "no reports")
+        wait_until_it_drives(stage)
         since = stage.reports[seen:]
-        assert any(map(drives, since))
         assert not any("no scan for" in report[2]["missing"] for report in since)
 
         stage.delay = 4.0
