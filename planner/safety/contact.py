@@ -78,7 +78,7 @@ def plan_contact(states, controls, dt, spacing, scene, tube):  # type: ignore[no
         along += s
     beyond, last = overshoot(tube, slip, speed), states[-1]
     if beyond > 0.0:
-        # On the last curvature, which bends away from the body's sides.
+        # In a curve, the car also moves sideways while it goes on beyond the end.
         aside = radius + abs(curvature) * beyond * (tube.reach + 0.5 * beyond)
         if meets(grown(scene, radius + beyond, aside), last[0], last[1], last[2]):
             return along, 0.0

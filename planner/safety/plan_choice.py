@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from planner.fault import Fault
+from planner.guide.guide import REST
 from planner.motion.goal import ONWARD_GOAL_RADIUS, PLAN_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import Plan
@@ -32,8 +33,6 @@ LEG_STOP = 0.05
 guide accepts a larger one, `GuideConfig.leg_end`."""
 STANDS_STILL = 0.1
 """A plan that ends within this distance of its start counts as standing still [m]."""
-STOPPED = 1e-6
-"""Speed below which a planned car stands [m/s]."""
 TUBES = 3
 """Number of times that a plan is computed, each time with the tube of the one before."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
@@ -201,7 +200,7 @@ class PlanChooser:
         braking = self.mpc.limits.braking
         kept = shifted(plan.controls, braking)
         # A car that is faster than planned brakes on after its planned stop.
-        stands = plan.states[1:, 3] < STOPPED
+        stands = plan.states[1:, 3] < REST
         kept[:-1][stands[:-1] & stands[1:], 0] = -braking
         self._kept = kept if self.resort.controls is None else self.resort.controls
 

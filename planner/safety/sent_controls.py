@@ -52,7 +52,8 @@ class SentControls:
             The state then, and the tube of plans that begin with it.
         """
         bounds, dt = self.bounds, self.dt
-        if bounds.senses_exactly and bounds.moves_exactly and bounds.delay == 0.0:
+        exact = bounds.senses_exactly and bounds.moves_exactly
+        if exact and bounds.delay == 0.0:
             return state, EXACT
         reach = self.car.body.radius
         tube = EXACT._replace(
@@ -78,6 +79,8 @@ class SentControls:
                 *(radius, yaw, slip, speed, v, change, bend, length, max(spent, 0.0)),
             )
             before = control
+        if exact:
+            return state, EXACT
         return state, tube._replace(
             radius=radius,
             yaw=yaw,
