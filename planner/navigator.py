@@ -14,6 +14,7 @@ from foresee.frontiers import FrontierPredictor
 from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
+from foresee.mapping.conventions import START_MARGIN
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.finite import check_finite
 from foresee.mapping.grid import OccupancyGrid
@@ -77,7 +78,7 @@ class NavigatorConfig:
     level: float = 0.0
     adapt: bool = True
     steer: bool = False
-    start_margin: float = 0.5
+    start_margin: float = START_MARGIN
     deadline: float = 2.0
     bounds: ErrorBounds = NO_ERRORS
     car: CarLimits = field(default_factory=CarLimits)

@@ -1,14 +1,15 @@
-"""Train a network: `compact`, or one of the paper's.
+"""Train a network: `compact`, `far`, or one of the paper's.
 
-    python -m predictor.train                      compact, and its drives: two hours on 2 cores
+    python -m predictor.train                      compact, and its samples: two hours on 2 cores
+    python -m predictor.train --arch far           what lies far ahead, for routes; the same samples
     python -m predictor.train --steps 200 --train 20 --validation 4      a quick trial
     python -m predictor.train --start predictor/compact.safetensors --world my_maps/
                                                    fine-tuning on your own buildings
     python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
 
-Interrupted, it continues when the same command is given again. compact is trained on samples of
-simulated drives, which are made first. The maps and logs of --world are split into training and
-validation.
+Interrupted, it continues when the same command is given again. compact and far are trained on
+samples of simulated walks, which are made first. The maps and logs of --world are split into
+training and validation.
 """
 
 from __future__ import annotations
@@ -26,15 +27,27 @@ from predictor.networks.image_config import EXPANSIONS
 from predictor.recording.settings import DrivesConfig
 from predictor.training.checkpoint import TrainError
 from predictor.training.image_options import ImageOptions
-from predictor.training.settings import PRESETS, TUNING, TUNING_DRIVES, CompactTraining
+from predictor.training.settings import (
+    PRESETS,
+    TUNING,
+    TUNING_DRIVES,
+    CompactTraining,
+    SamplesTraining,
+)
 
-DRIVES, SCRATCH = DrivesConfig(), CompactTraining()
+DRIVES, SCRATCH, FAR = DrivesConfig(), CompactTraining(), SamplesTraining(batch=64)
 PAPER, SHORT = PRESETS["paper"].training, PRESETS["short"].training
 TRAINED = Path("results/train")
 """Default folder of the results of a training from random weights."""
 TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
 """Default folders of the samples and of the results of a fine-tuning (--start)."""
-COMPACT = "compact alone"
+ON_SAMPLES = ("compact", "far")
+"""Networks that are trained on samples of walks and logs."""
+FAR_TUNING = replace(
+    FAR, steps=TUNING.steps, rate=TUNING.rate, warmup=TUNING.warmup, average=TUNING.average
+)
+"""Settings of a fine-tuning of far."""
+COMPACT = "compact and far alone"
 RECORDED = Section(COMPACT, ("simulated_logs", "families", "world", "share"))
 """Fields of `DrivesConfig` that are also options of this command."""
 
@@ -44,13 +57,13 @@ class TrainSettings(Options):
     """Settings of the training of any network; for None the network's own default is used."""
 
     arch: str = option(
-        "compact", "architecture of the network", choices=("compact", *ARCHITECTURES)
+        "compact", "architecture of the network", choices=(*ON_SAMPLES, *ARCHITECTURES)
     )
     data: Path | None = option(
         None,
-        "folder of the training data. For compact: drives, which are made first if they are "
-        f"missing (default: {DRIVES.out}; with --start: {TUNED[0]}). For the paper's networks: "
-        f"frames of predictor.dataset or drives (default: {SIMULATED})",
+        "folder of the training data. For compact and far: samples, which are made first if "
+        f"they are missing (default: {DRIVES.out}; with --start: {TUNED[0]}). For the paper's "
+        f"networks: frames of predictor.dataset or drives (default: {SIMULATED})",
         "DIR",
     )
     out: Path | None = option(
@@ -61,8 +74,8 @@ class TrainSettings(Options):
     )
     batch: int | None = option(
         None,
-        f"samples per optimiser step (default: {SCRATCH.batch}; paper: {PAPER.batch}; short: "
-        f"{SHORT.batch})",
+        f"samples per optimiser step (default: {SCRATCH.batch}; far: {FAR.batch}; "
+        f"paper: {PAPER.batch}; short: {SHORT.batch})",
         "N",
         low=1,
     )
@@ -86,7 +99,7 @@ class TrainSettings(Options):
 
 @dataclass(frozen=True)
 class CompactOptions(Options):
-    """Options that are valid for compact alone."""
+    """Options that are valid for compact and far alone."""
 
     train: int | None = option(
         None,
@@ -134,14 +147,15 @@ def _run(
     drives: Annotated[DrivesConfig, RECORDED],
     network: Annotated[NetworkOptions, Section("the paper's networks alone")],
 ) -> None:
-    if settings.arch == "compact":
+    on_samples = settings.arch in ON_SAMPLES
+    if on_samples:
         wrong, owner = network.changed(), "the paper's networks'"
     else:
         wrong, owner = compact.changed() + drives.changed(), "compact's"
     if wrong:
         raise TrainError(f"{wrong[0]} is {owner}, not {settings.arch}'s")
-    if settings.arch == "compact":
-        path = _train_compact(settings, compact, drives)
+    if on_samples:
+        path = _train_on_samples(settings, compact, drives)
     else:
         path = _train_network(settings, network)
     print(path)
@@ -161,8 +175,13 @@ def _train_network(settings: TrainSettings, network: NetworkOptions) -> Path:
     return train_images(config, training, settings.data or SIMULATED, out, settings.jobs)
 
 
-def _train_compact(settings: TrainSettings, compact: CompactOptions, drives: DrivesConfig) -> Path:
-    """Train compact, on drives that are made first if they are missing; return its weights' path.
+def _train_on_samples(
+    settings: TrainSettings, compact: CompactOptions, drives: DrivesConfig
+) -> Path:
+    """Train compact or far, on samples that are made first if they are missing.
+
+    Returns:
+        Path of the weights.
 
     Raises:
         TrainError: if the weights to start from cannot be read, or would be overwritten.
@@ -175,23 +194,29 @@ def _train_compact(settings: TrainSettings, compact: CompactOptions, drives: Dri
     from predictor.data.samples import Samples
     from predictor.data.splits import check_apart
     from predictor.networks.compact_net import CompactNet
+    from predictor.networks.far_net import FarNet
     from predictor.recording.training_drives import make
     from predictor.training.compact_comparison import table
     from predictor.training.compact_training import CompactTrainer
+    from predictor.training.far_training import FarTrainer
     from predictor.weights import WeightsError, load_weights
 
+    is_compact = settings.arch == "compact"
+    kind = CompactNet if is_compact else FarNet
     start, learned = None, frozenset[str]()
-    training, out = SCRATCH, settings.out or TRAINED
+    training: SamplesTraining = SCRATCH if is_compact else FAR
+    out = settings.out or TRAINED
     if compact.start is not None:
         try:
-            start = load_weights(compact.start, CompactNet)
+            start = load_weights(compact.start, kind)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
         learned = frozenset(start[1].get("worlds", ()))
-        training, out = replace(TUNING, start=start[1]["fingerprint"]), settings.out or TUNED[1]
+        tuning = TUNING if is_compact else FAR_TUNING
+        training, out = replace(tuning, start=start[1]["fingerprint"]), settings.out or TUNED[1]
         count, held_out = TUNING_DRIVES
         drives = replace(drives, out=TUNED[0], train=count, validation=held_out)
-        if (out / "compact.safetensors").resolve() == compact.start.resolve():
+        if (out / f"{settings.arch}.safetensors").resolve() == compact.start.resolve():
             raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
@@ -205,8 +230,11 @@ def _train_compact(settings: TrainSettings, compact: CompactOptions, drives: Dri
     schedule = given(
         steps=compact.steps, batch=settings.batch, rate=settings.rate, seed=settings.seed
     )
-    trainer = CompactTrainer(replace(training, **schedule), train, validation, out, start)
-    path = trainer.run()
+    training = replace(training, **schedule)
+    if not is_compact:
+        return FarTrainer(training, train, validation, out, start).run()
+    assert isinstance(training, CompactTraining)
+    path = CompactTrainer(training, train, validation, out, start).run()
     if compact.start is not None:
         print(table(compact.start, path, validation))
     return path

@@ -1,6 +1,6 @@
 """The context of a prediction: a coarse map of all that was observed around the predicted square.
 
-It lets a predictor know what kind of building it is in, and what lies just beyond the square.
+It lets a predictor know what kind of building it is in, and what lies beyond the square.
 """
 
 from __future__ import annotations
@@ -17,25 +17,28 @@ CELL = 0.5
 """Side of a cell of the context [m]."""
 CELLS = round(SIDE / CELL)
 """Side of the context [cells]."""
+FINER = 2 * CELLS
+"""Side of the finer context, from which far predictions are made [cells]; a cell is 0.25 m wide."""
 
 
-def coarse_context(around: Grid) -> NDArray[np.uint8]:
+def coarse_context(around: Grid, count: int = CELLS) -> NDArray[np.uint8]:
     """Return the percentage of each coarse cell that was observed free, and observed occupied.
 
     Args:
         around: map of all that was observed in a square of `SIDE` around the robot.
+        count: side of the context [cells].
 
     Returns:
-        Percentages (2, CELLS, CELLS).
+        Percentages (2, count, count).
 
     Raises:
         ValueError: if the map is not of this size.
     """
     rows, cols = around.frame.shape
-    fine = CELL / around.frame.resolution
-    if min(rows, cols) < CELLS or abs(rows - CELLS * fine) > 2 or abs(cols - CELLS * fine) > 2:
+    fine = SIDE / count / around.frame.resolution
+    if min(rows, cols) < count or abs(rows - count * fine) > 2 or abs(cols - count * fine) > 2:
         raise ValueError(f"the map is of {around.frame.size} m, it must be of {SIDE} x {SIDE} m")
-    starts = np.rint(np.arange(CELLS + 1) * fine).astype(np.int64)
+    starts = np.rint(np.arange(count + 1) * fine).astype(np.int64)
     starts[-1] = min(rows, cols)
     return _percentages(around.cells, starts)
 

@@ -6,6 +6,8 @@ GOAL_RADIUS = 0.5
 """Distance of the car's centre from the goal at which a drive ends, at any speed [m]."""
 RESOLUTION = 0.05
 """Side of a cell of generated buildings, frames and samples [m]."""
+START_MARGIN = 0.5
+"""Margin around the body at the start in which cells count as observed free [m]."""
 CROP_SIDE = 5.0
 """Side of the crop [m], the square around the car that the paper's networks expand."""
 CROP_CELLS = round(CROP_SIDE / RESOLUTION)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -139,6 +140,26 @@ class PackedSamples:
             raise SamplesError(
                 f"sample {index}, of the drive of seed {seed}, is damaged: {error}"
             ) from error
+
+    def stacked(self, chosen: NDArray[np.integer[Any]], most: int) -> NDArray[np.uint8]:
+        """Return the bytes of some samples, (n, SIZE).
+
+        Args:
+            chosen: numbers of the samples, (n,).
+            most: largest value that a byte may have.
+
+        Raises:
+            SamplesError: if one is damaged.
+        """
+        out = np.empty((len(chosen), self.SIZE), dtype=np.uint8)
+
+        def unpack(row: int) -> None:
+            out[row] = self.unpacked(int(chosen[row]), most)
+
+        # In threads, since zlib releases the interpreter's lock.
+        with ThreadPoolExecutor() as threads:
+            list(threads.map(unpack, range(len(chosen)), chunksize=256))
+        return out
 
     @cached_property
     def families(self) -> list[str]:

@@ -11,18 +11,19 @@ from scipy.ndimage import binary_opening
 
 from foresee.mapping.grid import world_hash
 from foresee.prediction import Caller, View
-from planner.navigator import NavigatorConfig
+from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
 from predictor.evaluation.settings import EvaluateConfig
 from predictor.networks.compact_net import ROOM_REACH
 from predictor.provenance import has_learned
-from predictor.recording.replay import drive_without_prediction, replayed_with
+from predictor.recording.replay import replayed_with
 from predictor.registry import load_predictor
 from predictor.scoring.images import ssim, ternary
 from predictor.scoring.scores import Scores, cell_rings
-from sim import LidarConfig
+from sim import DubinsCar, Lidar, LidarConfig
 from sim.buildings import task_in
-from sim.task import NoTaskError
+from sim.episode import EpisodeConfig, run_episode
+from sim.task import NoTaskError, Task
 
 BLANK = "grey"
 """Name in tables for an image that is all grey, as a baseline of SSIM."""
@@ -61,7 +62,7 @@ def score_drive(
     similar: dict[str, list[float]] = {name: [] for name in (*predictors, BLANK)}
     taken: dict[str, list[float]] = {name: [] for name in predictors}
     side = NavigatorConfig(window=config.window, expansion=config.expansion).predicted_side
-    states = drive_without_prediction(task, config.window, 0.0, rng)
+    states = _driven(task, config.window, rng)
     moments: list[tuple[float, NDArray[np.uint8]]] = []
     for known, state in replayed_with(
         task, states, config.window, LidarConfig(), rng, config.every
@@ -113,3 +114,19 @@ def score_rows(config: EvaluateConfig) -> list[str]:
 
 def _picture(*images: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.rint(255 * np.stack(images)).astype(np.uint8)
+
+
+def _driven(task: Task, window: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Drive without prediction, and return the states (T, 4).
+
+    Args:
+        task: building, start and goal.
+        window: side of the square in which the LIDAR is used [m].
+        rng: generator of the LIDAR's noise.
+    """
+    config = NavigatorConfig(window=window, reliance=0.0)
+    start, car = np.array(task.start), DubinsCar()
+    navigator = Navigator(config, None, start, task.goal, task.blank(window), seed=task.seed)
+    episode = run_episode(task, navigator, car, Lidar(), EpisodeConfig(), rng)
+    states: NDArray[np.float64] = episode.trace["states"][:-1]
+    return states

@@ -47,12 +47,14 @@ class CompactConfig:
         blocks: number of residual blocks of each stage of the encoder. The finest stage has one in
             the decoder only: a second would take a sixth of the time with 1 % of the weights.
         context: channels of the finest stage of the context's network; 0: no context.
+        outputs: channels of the output.
     """
 
     patch: int = 5
     widths: tuple[int, ...] = (32, 64, 112, 128)
     blocks: tuple[int, ...] = (0, 1, 1, 2)
     context: int = 0
+    outputs: int = 4
 
     @property
     def multiple(self) -> int:
@@ -69,8 +71,9 @@ class CompactConfig:
             TypeError: if a field is of the wrong type.
         """
         widths, blocks = tuple(fields["widths"]), tuple(fields["blocks"])
-        config = cls(fields["patch"], widths, blocks, fields.get("context", 0))
-        sizes, blocks = (config.patch, *config.widths), (*config.blocks, config.context)
+        context, outputs = fields.get("context", 0), fields.get("outputs", 4)
+        config = cls(fields["patch"], widths, blocks, context, outputs)
+        sizes, blocks = (config.patch, *widths, outputs), (*config.blocks, context)
         sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
         sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
         sane &= not config.context or (len(widths) > STAGE + 1 and config.patch == 5)
@@ -175,7 +178,7 @@ class CompactNet(nn.Module):
         self.down = nn.ModuleList(nn.Conv2d(fine, coarse, 2, 2) for fine, coarse in pairs)
         self.up = nn.ModuleList(nn.ConvTranspose2d(coarse, fine, 2, 2) for fine, coarse in pairs)
         self.decode = nn.ModuleList(Block(width) for width in widths[:-1])
-        self.head = nn.Conv2d(widths[0], 4 * cells, 1)
+        self.head = nn.Conv2d(widths[0], config.outputs * cells, 1)
         self.context = ContextNet(config.context, widths[STAGE]) if config.context else None
 
     @property

@@ -1,7 +1,6 @@
-"""Explorations of generated buildings by a point that moves, and the frontiers on their way.
+"""Explorations of generated buildings by walks, and the frontiers on their way.
 
-The point follows the planner's route without a car's dynamics, which is a hundred times faster than
-a drive. The true map of the building tells where each frontier leads.
+The true map of the building tells where each frontier leads.
 """
 
 from __future__ import annotations
@@ -19,10 +18,8 @@ from scipy import ndimage
 from foresee.frontiers import FrontierValues
 from foresee.infra.resumable import ResumableFolder
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.conventions import GOAL_RADIUS
 from foresee.mapping.frontier import Frontier
 from foresee.mapping.grid import Grid, GridFrame, OccupancyGrid, world_hash
-from foresee.mapping.polyline import arc_length
 from planner.guide.frontiers import FrontierMap, observed
 from planner.guide.route import costs_from, find_route
 from planner.guide.subgoals import with_frontiers
@@ -37,18 +34,14 @@ from predictor.data.frontier_samples import (
 from predictor.networks.frontier_net import FARTHEST
 from predictor.recording.sample_set import EXPLORATIONS, Item, make_missing, sample_path
 from predictor.recording.settings import FrontiersConfig
-from sim import Lidar
+from predictor.recording.walk import WINDOW, Place, walk
 from sim.buildings import task_in_world
 from sim.families import generate
 from sim.task import NoTaskError, Task
 from sim.world import World
 
-WINDOW = 5.0
-"""Side of the square in which the LIDAR is used [m]."""
-STEP = 0.4
-"""Distance from one scan to the next [m]."""
-REPLAN, RECORD = 2, 8
-"""Number of scans from one route to the next, and from one recorded map to the next."""
+RECORD = 8
+"""Number of scans from one recorded map to the next."""
 LONGEST = 8.0
 """Distance after which an exploration ends, as a multiple of the task's route."""
 POLICIES = 3
@@ -158,38 +151,27 @@ def explore(task: Task, policy: int, rng: np.random.Generator) -> list[tuple[NDA
     Returns:
         Picture, numbers and size of each frontier, see `predictor.data.frontier_samples`.
     """
-    known, lidar, width = task.blank(WINDOW), Lidar(), CarLimits().body.half_width
-    known.cover(known.frame.square(*task.goal, WINDOW))
-    pose = np.array(task.start)
-    known.mark_free(pose, CarLimits().body, 0.5)
+    width = CarLimits().body.half_width
     truth: Truth | None = None
     samples: list[tuple[NDArray[Any], ...]] = []
-    route = np.empty((0, 2))
-    for tick in range(math.ceil(LONGEST * task.path_length / STEP)):
-        known.integrate(lidar.scan(task.world, pose), pose)
-        at = (float(pose[0]), float(pose[1]))
-        if math.dist(at, task.goal) < GOAL_RADIUS:
-            break
-        if tick % REPLAN == 0:
-            cost = CostMap.build(known, None, width)
-            frontier_map = FrontierMap.of(cost, at, task.goal)
-            if (
-                frontier_map is not None
-                and frontier_map.frontiers
-                and (policy or tick % RECORD == 0)
-            ):
-                if truth is None or truth.frame != known.frame:
-                    truth = Truth.on(task.world, known.frame)
-                if tick % RECORD == 0:
-                    samples += _samples(known, frontier_map, truth, task.goal, rng)
-                if policy:
-                    informed = Informed(truth, frontier_map, 0.5 * (policy - 1), rng)
-                    cost = with_frontiers(cost, known, at, task.goal, informed)
-            fresh = find_route(cost, at, task.goal)
-            if fresh is None:
-                break
-            route = fresh
-        pose, route = _advanced(route)
+
+    def route_to_goal(tick: int, known: OccupancyGrid, at: Place) -> NDArray[np.float64] | None:
+        nonlocal truth
+        cost = CostMap.build(known, None, width)
+        frontier_map = FrontierMap.of(cost, at, task.goal)
+        recorded = tick % RECORD == 0
+        if frontier_map is not None and frontier_map.frontiers and (policy or recorded):
+            if truth is None or truth.frame != known.frame:
+                truth = Truth.on(task.world, known.frame)
+            if recorded:
+                samples.extend(_samples(known, frontier_map, truth, task.goal, rng))
+            if policy:
+                informed = Informed(truth, frontier_map, 0.5 * (policy - 1), rng)
+                cost = with_frontiers(cost, known, at, task.goal, informed)
+        return find_route(cost, at, task.goal)
+
+    for _ in walk(task, route_to_goal, LONGEST * task.path_length):
+        pass
     return samples
 
 
@@ -218,16 +200,6 @@ def _samples(
         numbers[:, number, 3:5] = np.transpose(truth.ways(frontier_map, cell))
     sizes = [np.array(len(frontier.points)) for frontier in frontier_map.frontiers]
     return list(zip(pictures, numbers, sizes, strict=True))
-
-
-def _advanced(route: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the pose after a step along a route (n, 2), and the rest of the route."""
-    along = arc_length(route)
-    here = min(STEP, float(along[-1]))
-    place = np.array([np.interp(here, along, route[:, axis]) for axis in (0, 1)])
-    rest = np.vstack([place, route[along > here]])
-    ahead = (rest[1] if len(rest) > 1 else place) - route[0]
-    return np.array([*place, math.atan2(ahead[1], ahead[0])]), rest
 
 
 def record(config: FrontiersConfig, item: Item) -> tuple[int, str]:

@@ -22,9 +22,9 @@ class DrivesConfig(Options):
     """Settings of a set of training samples, with the options of `predictor.drives`.
 
     Attributes:
-        longest: time after which a drive is stopped [s], to have more buildings instead.
-        views: number of replays of each drive with other LIDARs.
-        every: ticks from one sample to the next.
+        longest: distance after which a walk ends [m], to have more buildings instead.
+        views: number of replays of each walk with other LIDARs.
+        every: scans from one sample to the next.
     """
 
     out: Path = option(Path("data/drives"), "folder of the samples", "DIR")
@@ -34,9 +34,9 @@ class DrivesConfig(Options):
     validation: int = option(
         160, "number of drives held out for validation", "N", low=1, high=180_000
     )
-    longest: float = 16.0
+    longest: float = 80.0
     views: int = 2
-    every: int = 6
+    every: int = 5
     simulated_logs: float = option(
         0.0,
         "share of the drives in generated buildings that are logs of a simulated robot, with a "

@@ -31,10 +31,11 @@ from predictor.data.samples import FORMAT, RECIPE, SIDE, encoded, write_samples
 from predictor.data.squares import decode_cells, encode_cells, truth_codes
 from predictor.data.survey import REACH, clipped, frame_around, surveyed
 from predictor.recording.own_buildings import OwnBuildings, log_hash, read_building
-from predictor.recording.replay import drive_without_prediction, replayed_with
+from predictor.recording.replay import replayed_with
 from predictor.recording.sample_set import DRIVES, Item, make_missing, sample_path
 from predictor.recording.settings import DrivesConfig
 from predictor.recording.simulated_log import ROBOT, SimulatedLogConfig, simulated_log
+from predictor.recording.walk import walked
 from sim import LidarConfig
 from sim.buildings import task_in_world
 from sim.families import generate
@@ -83,7 +84,7 @@ def record(config: DrivesConfig, own: OwnBuildings, item: Item) -> tuple[int, st
             world = varied(world, rng)
         driven_through = world_hash(world.grid.cells)
         logged = path is None and rng.random() < config.simulated_logs
-        made = (_logged if logged else _driven)(config, world, seed, rng)
+        made = (_logged if logged else _walked)(config, world, seed, rng)
     samples, reason = [], ""
     try:
         samples = list(made)
@@ -121,29 +122,27 @@ def draw_place(
     return "log" if is_log(path) else "map", path
 
 
-def _driven(
+def _walked(
     config: DrivesConfig, world: World, seed: int, rng: np.random.Generator
 ) -> Iterator[Posed]:
-    """Yield the samples of a drive, with the map of the building as truth.
+    """Yield the samples of a walk, with the map of the building as truth.
 
     Raises:
         NoTaskError: if the building has no route for the car.
     """
     task = task_in_world(world, seed)
-    # In half of the drives unobserved cells count as free: the car drives faster and elsewhere.
-    window, reliance = float(rng.choice(WINDOWS)), float(rng.choice([0.0, 1.0]))
-    states = drive_without_prediction(task, window, reliance, rng, config.longest)
+    poses = walked(task, config.longest, float(rng.choice(WINDOWS)))
     for _ in range(config.views):
         window = float(rng.choice(WINDOWS))
         noise = float(rng.choice([0.0, 0.0, 0.01, 0.03]))
         lidar = LidarConfig(range_noise=noise, dropout=float(rng.choice([0.0, 0.05])))
         first = int(rng.integers(config.every))
-        for known, state in replayed_with(task, states, window, lidar, rng, config.every, first):
+        for known, pose in replayed_with(task, poses, window, lidar, rng, config.every, first):
             side = SIDE * known.frame.resolution
-            crop = known.crop(known.frame.square(state[0], state[1], side))
+            crop = known.crop(known.frame.square(pose[0], pose[1], side))
             truth = truth_codes(*task.world.truth(crop.frame))
-            around = known.crop(known.frame.square(state[0], state[1], CONTEXT_SIDE))
-            yield encoded(crop, truth, around, float(state[2])), state[:3]
+            around = known.crop(known.frame.square(pose[0], pose[1], CONTEXT_SIDE))
+            yield encoded(crop, truth, around, task.world.grid.crop(around.frame), pose[2]), pose
 
 
 def _logged(
@@ -216,7 +215,8 @@ def _replayed(
                 square = frame.square(float(pose[0]), float(pose[1]), side)
                 true = encode_cells(truth.crop(square).cells)
                 around = known.crop(frame.square(float(pose[0]), float(pose[1]), CONTEXT_SIDE))
-                yield encoded(known.crop(square), true, around, float(pose[2])), pose
+                true_around = truth.crop(around.frame)
+                yield encoded(known.crop(square), true, around, true_around, float(pose[2])), pose
 
 
 def make(config: DrivesConfig, jobs: int, learned: frozenset[str] = frozenset()) -> None:

@@ -2,57 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
 import torch
 import torch.nn.functional as F
-from numpy.typing import NDArray
 from torch import Tensor
 
-from foresee.mapping.context import CELLS
-from predictor.data.squares import NOTHING, middle, parted
+from foresee.mapping.context import CELLS, FINER
+from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import FREE, ROOM, ROOM_REACH, room_masks, widened
 
 
-def make_batch(
-    samples: Sequence[NDArray[np.uint8]], side: int, mirror: NDArray[np.bool_]
-) -> Tensor:
-    """Return the codes of the middle squares of some samples, (B, side, side) uint8.
+def middle_squares(codes: Tensor, side: int, mirror: Tensor) -> Tensor:
+    """Return the middle squares of codes (B, SIDE, SIDE), (B, side, side).
 
     Args:
-        samples: codes, each (SIDE, SIDE).
+        codes: codes of some samples.
         side: side of the middle [cells].
         mirror: which samples to mirror across the heading, (B,).
     """
-    out = np.empty((len(samples), side, side), dtype=np.uint8)
-    for number, codes in enumerate(samples):
-        square = middle(codes, side)
-        out[number] = square[::-1] if mirror[number] else square
-    return torch.from_numpy(out)
+    first = (codes.shape[1] - side) // 2
+    squares = codes[:, first : first + side, first : first + side]
+    return mirrored(squares[:, None], mirror)[:, 0]
 
 
-def pack_contexts(
-    contexts: Sequence[NDArray[np.uint8]],
-    mirror: NDArray[np.bool_],
-    alone: NDArray[np.bool_],
-    side: int,
-) -> Tensor:
+def mirrored(maps: Tensor, mirror: Tensor) -> Tensor:
+    """Return maps (B, C, H, W), some of them mirrored across the heading."""
+    return torch.where(mirror[:, None, None, None], maps.flip(2), maps)
+
+
+def contexts(coarse: Tensor, mirror: Tensor, alone: Tensor, side: int) -> Tensor:
     """Return the contexts of some samples, (B, 2, CELLS, CELLS), in [0, 1].
 
     Args:
-        contexts: percentages, each (2, CELLS, CELLS).
+        coarse: coarse maps of the samples, (B, 3, FINER, FINER) uint8.
         mirror: which samples to mirror across the heading, (B,).
         alone: samples whose context is cleared outside of their own square, (B,).
         side: side of that square [cells of a sample].
     """
-    out = np.stack(contexts)
-    out[mirror] = out[mirror, :, ::-1]
+    shares = F.avg_pool2d(mirrored(coarse[:, :2], mirror).float() / 100.0, FINER // CELLS)
     edge = (CELLS - side // 10) // 2
-    inside = out[alone, :, edge : CELLS - edge, edge : CELLS - edge]
-    out[alone] = 0
-    out[alone, :, edge : CELLS - edge, edge : CELLS - edge] = inside
-    return torch.from_numpy(out).float() / 100.0
+    inside = torch.zeros(CELLS, dtype=torch.bool, device=coarse.device)
+    inside[edge : CELLS - edge] = True
+    kept = ~alone[:, None, None, None] | (inside[:, None] & inside)
+    return shares * kept
 
 
 def known_input(codes: Tensor) -> Tensor:

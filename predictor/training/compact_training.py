@@ -15,12 +15,17 @@ from predictor.data.samples import Samples
 from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
 from predictor.scoring.scores import RINGS, Scores
-from predictor.training.checkpoint import TrainError
-from predictor.training.compact_targets import NEAR, known_input, losses, make_batch, pack_contexts
-from predictor.training.optimisation import cosine, descend, deterministic, fastest_device
+from predictor.training.compact_targets import (
+    NEAR,
+    contexts,
+    known_input,
+    losses,
+    middle_squares,
+)
+from predictor.training.optimisation import deterministic
+from predictor.training.samples_trainer import SamplesTrainer
 from predictor.training.settings import CompactTraining
-from predictor.training.trainer import Trainer, common_facts, spread
-from predictor.weights import save_weights
+from predictor.training.trainer import spread
 
 SQUARE_SIDES = (200, 200, 200, 120, 160, 240, 280)
 """Sides of the squares of a step, drawn at random [cells], since windows and expansions of drives
@@ -36,7 +41,7 @@ KIND_WEIGHT = 0.05
 """Weight of the loss of `KindOfBuilding`."""
 
 
-class CompactTrainer(Trainer):
+class CompactTrainer(SamplesTrainer):
     """A training of the compact network.
 
     Args:
@@ -61,102 +66,49 @@ class CompactTrainer(Trainer):
         out: Path,
         start: tuple[CompactNet, dict[str, Any]] | None = None,
     ) -> None:
-        self.config, self.train, self.validation = config, train, validation
-        self.device = fastest_device()
-        self.brief = self.device.type == "cuda" or bool(
-            torch.cpu.get_capabilities().get("avx512_bf16")
-        )
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
         net = net.with_context(config.context)
-        both = validation.worlds & set(before.get("worlds", ()))
-        if both:
-            raise TrainError(
-                f"--start: its weights have learned from {len(both)} of the buildings "
-                "to validate on"
-            )
-        self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.kinds = None
-        if self.net.context is not None:
-            self.kinds = KindOfBuilding(self.net.context, len(train.families)).to(self.device)
-        self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
-        learned = [*self.net.parameters(), *(self.kinds.parameters() if self.kinds else ())]
-        self.optimizer = torch.optim.AdamW(
-            learned, config.rate, (0.9, 0.98), weight_decay=config.decay
-        )
-        self.parts = {"net": self.net, "optimizer": self.optimizer}
-        facts = common_facts(config, self.net, self.device, train, validation) | {
-            "bfloat16": self.brief,
-            "losses": {"near": NEAR, "kind": KIND_WEIGHT},
-            "before": {
-                name: before[name]
-                for name in ("fingerprint", "config", "drives", "samples", "commit", "before")
-                if name in before
-            },
-            "drives": len(train.about),
-        }
-        for name in ("worlds", "validation_worlds"):
-            facts[name] = sorted({*facts[name], *before.get(name, ())})
-        note_every = max(1, min(500, config.steps // 10))
-        super().__init__(out / "compact.safetensors", facts, config.steps, note_every, self.device)
+        if net.context is not None:
+            self.kinds = KindOfBuilding(net.context, len(train.families))
+        facts = {"losses": {"near": NEAR, "kind": KIND_WEIGHT}}
+        path = out / "compact.safetensors"
+        super().__init__(config, train, validation, path, net, before, facts, self.kinds)
 
-    def smoothed(self) -> CompactNet:
-        """Return the network with averaged weights, which is validated and exported."""
-        net = CompactNet(self.net.config).to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        net.load_state_dict(self.averaged)
-        return net.eval()
-
-    def _state(self) -> dict[str, Any]:
-        kinds = self.kinds and self.kinds.state_dict()
-        return super()._state() | {"kinds": kinds, "averaged": self.averaged}
-
-    def _load(self, state: dict[str, Any]) -> None:
-        super()._load(state)
-        if self.kinds is not None:
-            self.kinds.load_state_dict(state["kinds"])
-        self.averaged = state["averaged"]
-
-    def _batch(self, step: int) -> tuple[Tensor, ...]:
+    def _batch(self, step: int) -> tuple[Any, ...]:
         rng = np.random.default_rng([self.config.seed, step])
         side = int(rng.choice(SQUARE_SIDES))
         count = max(1, round(self.config.batch * (USUAL_SIDE / side) ** 2))
         chosen = rng.integers(len(self.train), size=count)
-        drawn = [self.train.with_context(int(i)) for i in chosen]
-        codes, contexts = zip(*drawn, strict=True)
         mirror, alone = rng.random(count) < 0.5, rng.random(count) < ALONE
-        families = torch.from_numpy(self.train.family_numbers[chosen])
+        families = self.train.family_numbers[chosen]
         return (
-            make_batch(codes, side, mirror),
-            pack_contexts(contexts, mirror, alone, side),
-            families,
+            self._data(chosen),
+            side,
+            *(torch.from_numpy(part) for part in (mirror, alone, families)),
         )
 
-    def _learn(self, *batch: Tensor) -> list[float]:
-        config, step = self.config, self.step
-        self.net.train()
-        codes, contexts, families = (part.to(self.device) for part in batch)
+    def _loss(
+        self,
+        codes: Tensor,
+        coarse: Tensor,
+        side: int,
+        mirror: Tensor,
+        alone: Tensor,
+        families: Tensor,
+    ) -> Tensor:
+        codes = middle_squares(codes, side, mirror)
+        context = contexts(coarse, mirror, alone, side)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
-            logits = self.net(known_input(codes), contexts)
-        loss = sum(losses(logits.float(), codes), torch.zeros((), device=self.device))
+            logits = self.net(known_input(codes), context)
+        loss = torch.stack(losses(logits.float(), codes)).sum()
         if self.kinds is not None:
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
-        rate = config.rate * min(1.0, (step + 1) / config.warmup) * cosine(step, config.steps)
-        descend(self.optimizer, loss, rate, self.net)
-        # The average follows fast at first, so that it forgets the first weights.
-        keep = min(config.average, step / (step + 10.0))
-        with torch.no_grad():
-            for name, values in self.net.state_dict().items():
-                if values.dtype.is_floating_point:
-                    self.averaged[name].lerp_(values, 1.0 - keep)
-                else:
-                    self.averaged[name].copy_(values)
-        return [float(loss.detach())]
+        return loss
 
     def _measures(self) -> dict[str, float]:
         return validate(self.smoothed(), self.validation, USUAL_SIDE).measures()
-
-    def _export(self, facts: dict[str, Any]) -> None:
-        save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
 
 
 class KindOfBuilding(nn.Module):
@@ -212,17 +164,14 @@ def validate(
     if chosen is None:
         chosen = spread(len(samples), VALIDATED)
     for start in range(0, len(chosen), 32):
-        part = [samples.with_context(int(i)) for i in chosen[start : start + 32]]
-        none = np.zeros(len(part), dtype=bool)
-        squares, surroundings = zip(*part, strict=True)
-        codes, contexts = (
-            make_batch(squares, side, none),
-            pack_contexts(surroundings, none, none, side),
-        )
+        data = torch.from_numpy(samples.stacked(chosen[start : start + 32], 100)).to(device)
+        squares, coarse = Samples.parts(data)
+        none = torch.zeros(len(data), dtype=torch.bool, device=device)
+        codes = middle_squares(squares, side, none)
         with torch.inference_mode():
-            logits = net(known_input(codes.to(device)), contexts.to(device))[:, :ROOM]
+            logits = net(known_input(codes), contexts(coarse, none, none, side))[:, :ROOM]
         p_free, p_occupied, _ = torch.softmax(logits.float(), dim=1).cpu().numpy().swapaxes(0, 1)
-        seen, truth = parted(codes.numpy())
+        seen, truth = parted(codes.cpu().numpy())
         ring = np.where(seen == NOTHING, np.int8(RINGS - 1), np.int8(-1))
         scores.add(p_free, p_occupied, truth == 0, truth == 1, ring)
     return scores

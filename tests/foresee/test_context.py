@@ -6,13 +6,13 @@ import torch
 from short_drive import drive, navigator, straight
 
 from foresee.checking import check_predictor
-from foresee.mapping.context import CELLS, SIDE
+from foresee.mapping.context import CELLS, FINER, SIDE
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.prediction import BadPredictionError, Prediction, View
 from predictor.compact import Compact
 from predictor.networks.compact_net import CompactNet
 from predictor.runtime import RUNTIMES
-from predictor.training.compact_targets import pack_contexts
+from predictor.training.compact_targets import contexts
 from predictor.weights import load_weights, save_weights
 from sim.episode import EpisodeConfig
 
@@ -116,14 +116,15 @@ def test_turning_the_building_and_the_car_turns_the_prediction(weights, turns):
 
 
 def test_in_training_some_samples_are_without_what_lies_beyond_their_square():
-    contexts = [np.full((2, CELLS, CELLS), 50, np.uint8) for _ in range(2)]
-    contexts[0][:, : CELLS // 2] = 100
-    none = np.zeros(2, bool)
-    out = pack_contexts(contexts, np.array([True, False]), np.array([False, True]), 200).numpy()
+    coarse = torch.full((2, 3, FINER, FINER), 50, dtype=torch.uint8)
+    coarse[0, :, : FINER // 2] = 100
+    first, second = torch.tensor([True, False]), torch.tensor([False, True])
+    out = contexts(coarse, first, second, 200)
+    assert out.shape == (2, 2, CELLS, CELLS)
     assert out[0, 0, 0, 0] == 0.5
     assert out[0, 0, -1, 0] == 1.0
     assert out[1].sum() == pytest.approx(2 * 20 * 20 * 0.5)
-    assert pack_contexts(contexts, none, none, 200).numpy()[1].min() == 0.5
+    assert contexts(coarse, first & second, first & second, 200)[1].min() == 0.5
 
 
 def test_the_contract_holds_for_a_predictor_with_a_context(weights):

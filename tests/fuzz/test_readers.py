@@ -37,7 +37,7 @@ from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
 from foresee.mapping.body import Body
-from foresee.mapping.context import CELLS
+from foresee.mapping.context import FINER
 from planner.risk.calibration import CalibrationError
 from predictor.data.carmen import read_carmen
 from predictor.data.frames import Frames, FramesError, checksum
@@ -364,7 +364,7 @@ def read_set(folder):
 
 
 def write_shards(folder):
-    good = compress(bytes(SIDE**2 + 2 * CELLS**2))
+    good = compress(bytes(SIDE**2 + 3 * FINER**2))
     about = {"seed": 0, "world": "a", "original": "b", "family": "office"}
     write_samples(folder / "0.npz", [(good, np.zeros(3))] * 2, about)
     write_samples(folder / "1.npz", [(good, np.ones(3))], about)
@@ -373,7 +373,7 @@ def write_shards(folder):
 def read_shards(folder):
     samples = Samples.load(folder)
     for index in range(len(samples)):
-        samples.with_context(index)
+        samples[index]
     assert len(samples.family_numbers) == len(samples)
     assert samples.worlds
     assert samples.digest

@@ -107,7 +107,8 @@ def test_samples_of_a_log_lie_as_far_apart_after_a_jump_as_before(tmp_path, monk
         for n in range(ways)
     ]
     way = sum(one.path_length for one in task)
-    assert 0 < count <= way / APART + ways
+    # The errors of the poses make the logged way a little longer.
+    assert 0 < count <= 1.1 * way / APART + ways
 
 
 @pytest.mark.slow(7)

@@ -45,7 +45,8 @@ def some_drive(folder, seed):
     for known, state in replayed_with(task, states, 5.0, LidarConfig(), rng, 1):
         crop = known.crop(known.frame.square(state[0], state[1], SIDE * 0.05))
         around = known.crop(known.frame.square(state[0], state[1], CONTEXT))
-        samples.append(encoded(crop, truth_codes(*world.truth(crop.frame)), around, state[2]))
+        truth, true_around = truth_codes(*world.truth(crop.frame)), world.grid.crop(around.frame)
+        samples.append(encoded(crop, truth, around, true_around, state[2]))
     building = world_hash(world.grid.cells)
     about = {"seed": seed, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
