@@ -31,6 +31,8 @@ class Fault(StrEnum):
     """The predictor was too late."""
     PREDICTOR_BAD = "predictor_bad"
     """The predictor returned an invalid result."""
+    FAR_FAILED = "far_failed"
+    """The far predictor failed, or was too late."""
     FRONTIERS_FAILED = "frontiers_failed"
     """The predictor of frontiers failed."""
     PREDICTOR_NAN = "predictor_nan"

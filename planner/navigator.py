@@ -156,6 +156,9 @@ class Navigator:
         waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
         seed: seed of the path search.
         frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
+        far: predictor of what lies far ahead, which changes such a route, or None. It is asked
+            about the square of 40 m around the car, in cells of 0.25 m: a cell of its map is free
+            if all of it was observed free, and occupied if a part of it was observed occupied.
 
     Raises:
         ValueError: if there are waypoints of another shape, or none at all.
@@ -172,6 +175,7 @@ class Navigator:
         waypoints: NDArray[np.float64] | None = None,
         seed: int = 0,
         frontiers: FrontierPredictor | None = None,
+        far: Predictor | None = None,
     ) -> None:
         if waypoints is not None and not (
             waypoints.ndim == 2 and waypoints.shape[1] == 2 and waypoints.size
@@ -188,7 +192,16 @@ class Navigator:
         if bounds != NO_ERRORS:
             # A turn on the spot would not end where it is told to.
             guided = replace(guided, turn_rate=0.0)
-        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers)
+        self.guide = Guide(
+            goal,
+            waypoints,
+            guided,
+            config.guide,
+            seed,
+            frontiers,
+            asker_of(far),
+            config.deadline,
+        )
         self._sent = SentControls(car, bounds, config.mpc.dt)
         self._last: Decision | None = None
         self.faults: Counter[Fault] = Counter()
@@ -198,11 +211,7 @@ class Navigator:
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
         # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
-        self._asker: Asker | PredictorProcess | None = None
-        if heard and isinstance(predictor, PredictorProcess):
-            self._asker = predictor
-        elif heard and predictor is not None:
-            self._asker = Asker(predictor)
+        self._asker = asker_of(predictor) if heard else None
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
             known.cover(known.frame.square(float(x), float(y), WAYPOINT_SIDE))
@@ -416,6 +425,13 @@ class Navigator:
             faults = (Fault.PREDICTOR_BAD,)
         clock.lap("predict")
         return prediction, faults
+
+
+def asker_of(predictor: Predictor | None) -> Asker | PredictorProcess | None:
+    """Return what calls a predictor: a thread, or its own process if it has one."""
+    if predictor is None or isinstance(predictor, PredictorProcess):
+        return predictor
+    return Asker(predictor)
 
 
 class _Clock:

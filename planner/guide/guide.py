@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.context import SIDE, coarse_map
 from foresee.mapping.grid import OccupancyGrid
-from foresee.prediction import Prediction
+from foresee.prediction import BadPredictionError, Prediction, View
 from planner.fault import Fault
 from planner.guide.elastic_band import BODY_MARGIN, LineConfig
 from planner.guide.hybrid_astar import HybridConfig, Leg, find_legs
@@ -26,7 +27,9 @@ from planner.guide.turn import angle_to, can_turn, rate_towards
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
-from planner.risk.cost_map import Belief, CostMap, remember
+from planner.risk.ask_predictor import FIRST_DEADLINE, Asker, LateError
+from planner.risk.cost_map import Belief, CostMap, remember, remember_far
+from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 
 REST = 1e-6
@@ -107,6 +110,8 @@ class Guide:
         seed: seed of OMPL's samples.
         frontiers: predictor of frontiers, by which a route that is not prescribed is chosen, or
             None.
+        far: predictor of what lies far ahead, which is asked when such a route is planned, or None.
+        deadline: longest wait for a far prediction [s].
 
     Attributes:
         path: path to follow, up to an obstacle on it; None: there is none yet.
@@ -128,14 +133,18 @@ class Guide:
         config: GuideConfig,
         seed: int,
         frontiers: FrontierPredictor | None = None,
+        far: Asker | PredictorProcess | None = None,
+        deadline: float = 0.5,
     ) -> None:
         self.goal, self.car, self.config, self.seed = goal, car, config, seed
         self._route = None if waypoints is None else Path.through(waypoints, "given").points
         self._route_segment = 0
-        self._frontiers = frontiers
+        self._frontiers, self._far, self._deadline = frontiers, far, deadline
+        self._patience = FIRST_DEADLINE
         self.path: Path | None = None
         self._whole: Path | None = None
         self._belief: Belief | None = None
+        self._far_belief: Belief | None = None
         self.segment = 0
         self.is_new = False
         self.counts: Counter[str] = Counter()
@@ -373,15 +382,32 @@ class Guide:
             self._belief = remember(self._belief, known.frame, steering)
         route = self._route
         prescribed = None if route is None else self._rest_of_route(route, position)
+        belief = self._belief
+        if self._far is not None and prescribed is None:
+            faults += self._look_far(known, position)
+            if self._far_belief is not None:
+                belief = self._far_belief if belief is None else belief.over(self._far_belief)
         half_width = self.car.body.half_width
-        cost = CostMap.build(known, self._belief, half_width, prescribed, self._stuck)
+        cost = CostMap.build(known, belief, half_width, prescribed, self._stuck)
         if self._frontiers is not None and prescribed is None:
             try:
                 cost = with_frontiers(cost, known, position, self.goal, self._frontiers)
             except Exception:
                 # A plug-in may raise anything. The route is then chosen without it.
-                faults = (Fault.FRONTIERS_FAILED,)
+                faults += (Fault.FRONTIERS_FAILED,)
         return _Costs(cost, prescribed, faults)
+
+    def _look_far(self, known: OccupancyGrid, position: tuple[float, float]) -> tuple[Fault, ...]:
+        """Ask for a far prediction and remember it; return the faults that were handled."""
+        assert self._far is not None
+        coarse = coarse_map(known.crop(known.frame.square(*position, SIDE)))
+        patience, self._patience = max(self._patience, self._deadline), 0.0
+        try:
+            prediction = self._far.ask(View(coarse, np.array([*position, 0.0])), patience)
+        except (LateError, BadPredictionError):
+            return (Fault.FAR_FAILED,)
+        self._far_belief = remember_far(self._far_belief, known.frame, prediction)
+        return ()
 
     def _plan(
         self,

@@ -202,6 +202,42 @@ class Belief:
         nan = np.float32(np.nan)
         return paste(self.frame, self.free, frame, nan), paste(self.frame, self.blocked, frame, nan)
 
+    def over(self, far: Belief) -> Belief:
+        """Return this belief, and a far one where it holds none; on the frame of the far one."""
+        near = np.isfinite(self.on(far.frame)[0])
+        free, blocked = (
+            np.where(near, *pair)
+            for pair in zip(self.on(far.frame), (far.free, far.blocked), strict=True)
+        )
+        return Belief(far.frame, free, blocked)
+
+
+def remember_far(belief: Belief | None, frame: GridFrame, prediction: Prediction) -> Belief:
+    """Return the belief with a new far prediction added, whose cells are larger than its own.
+
+    Args:
+        belief: what was predicted far ahead so far, or None.
+        frame: frame of the observed map.
+        prediction: new prediction; a cell counts as free if all of it is.
+    """
+    coarse = coarsened(frame)
+    if belief is None:
+        free, blocked = np.full((2, *coarse.shape), np.nan, dtype=np.float32)
+    else:
+        free, blocked = (values.copy() for values in belief.on(coarse))
+    cell, (count_rows, count_cols) = prediction.frame.resolution, prediction.frame.shape
+    x, y = coarse.centres()
+    cols, rows = (
+        np.floor((centres - origin) / cell).astype(np.int64)
+        for centres, origin in zip((x, y), prediction.frame.origin, strict=True)
+    )
+    inside_rows, inside_cols = (rows >= 0) & (rows < count_rows), (cols >= 0) & (cols < count_cols)
+    here = np.ix_(inside_rows, inside_cols)
+    there = np.ix_(rows[inside_rows], cols[inside_cols])
+    free[here] = (prediction.confidence * prediction.p_free)[there]
+    blocked[here] = np.minimum(1.0 - prediction.p_free, prediction.confidence)[there]
+    return Belief(coarse, free, blocked)
+
 
 def coarsening(frame: GridFrame) -> int:
     """Return the number of cells of a map, along each axis, that make one cell of its cost map."""
