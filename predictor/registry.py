@@ -15,6 +15,7 @@ from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
 from foresee.prediction import BadPredictionError, Caller, Predictor
 from predictor.compact import Compact
+from predictor.far import Far
 from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.learned_frontiers import LearnedFrontiers
@@ -94,6 +95,26 @@ def load_frontiers(spec: str) -> FrontierPredictor:
         return LearnedFrontiers() if spec == "learned" else LearnedFrontiers(Path(spec))
     except WeightsError as error:
         raise PredictorError(f"predictor of frontiers {spec!r}: {error}") from error
+
+
+def load_far(spec: str) -> Predictor:
+    """Make a far predictor from its name on a command line.
+
+    Args:
+        spec: "learned", or the path of a .safetensors file that `predictor.train --arch far` has
+            written.
+
+    Raises:
+        PredictorError: if there is no such predictor, or it cannot be made.
+    """
+    if spec != "learned" and not spec.endswith(SUFFIX):
+        raise PredictorError(
+            f"no far predictor is named {spec!r}: give learned, or a file of weights, FILE{SUFFIX}"
+        )
+    try:
+        return Far() if spec == "learned" else Far(Path(spec))
+    except WeightsError as error:
+        raise PredictorError(f"far predictor {spec!r}: {error}") from error
 
 
 def _named(name: str) -> Any:

@@ -34,7 +34,7 @@ from planner.navigator import Navigator, NavigatorConfig
 from planner.revision import REVISION
 from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
-from predictor.registry import load_frontiers, load_predictor
+from predictor.registry import load_far, load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
@@ -103,8 +103,8 @@ def score(
 def run_fingerprint(settings: Settings) -> str | None:
     """Return the fingerprints of the weights of a run's predictors; None if there are none.
 
-    The weights of the chosen predictor always count, those of the frontiers only if an arm uses
-    them.
+    The weights of the chosen predictor always count, those of the frontiers and of the far
+    predictor only if an arm uses them.
 
     Raises:
         PredictorError: if a predictor cannot be loaded.
@@ -112,6 +112,8 @@ def run_fingerprint(settings: Settings) -> str | None:
     fingerprints = [weights_fingerprint(load_predictor(settings.predictor))]
     if any(ARMS[arm_kind(arm)].frontiers for arm in settings.arms):
         fingerprints.append(weights_fingerprint(load_frontiers(settings.frontiers)))
+    if any(ARMS[arm_kind(arm)].far for arm in settings.arms):
+        fingerprints.append(weights_fingerprint(load_far(settings.far)))
     return " and ".join(filter(None, fingerprints)) or None
 
 
@@ -207,6 +209,7 @@ def navigator_for(
     predictor: Predictor | None,
     deadline: float,
     frontiers: FrontierPredictor | None = None,
+    far: Predictor | None = None,
     car: CarLimits | None = None,
 ) -> Navigator:
     """Return the navigator of an arm at the start of a task.
@@ -218,6 +221,7 @@ def navigator_for(
         predictor: predictor of the arm; None: it has none.
         deadline: time that a prediction may take [s].
         frontiers: predictor of frontiers of the arm; None: it has none.
+        far: far predictor of the arm; None: it has none.
         car: limits of the car; None: those of the settings.
     """
     truth, window = task.world.grid, settings.window
@@ -229,7 +233,9 @@ def navigator_for(
     known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
     waypoints = task.waypoints if settings.route == "fixed" else None
     start = np.array(task.start)
-    return Navigator(config, predictor, start, task.goal, known, waypoints, task.seed, frontiers)
+    return Navigator(
+        config, predictor, start, task.goal, known, waypoints, task.seed, frontiers, far
+    )
 
 
 def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Drive:
@@ -251,9 +257,10 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     car = limits_for(settings)
     predictor = predictor_for(settings, arm, task)
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
+    far = load_far(settings.far) if arm.far else None
     at_risk = arm.takes_risk and settings.risk > 0
     # A long deadline, so that the result does not depend on the load of the machine.
-    navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers)
+    navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers, far)
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
@@ -276,7 +283,9 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         index=index,
         **task_facts(task),
         **asdict(rules),
-        learned=any(has_learned(part, task.world.grid.cells) for part in (predictor, frontiers)),
+        learned=any(
+            has_learned(part, task.world.grid.cells) for part in (predictor, frontiers, far)
+        ),
         shortest=float(task.path_length),
         outcome=str(episode.outcome),
         **measured,

@@ -96,6 +96,12 @@ class Settings(Options):
         "package; or weights that predictor.train_frontiers has written, FILE.safetensors",
         "P",
     )
+    far: str = option(
+        "learned",
+        "far predictor of the arms that end with +far: learned, the one of this package; or "
+        "weights that predictor.train --arch far has written, FILE.safetensors",
+        "P",
+    )
     risk: float = option(
         0.0,
         "accepted probability of a collision in a drive of arm predicted; 0: collisions are "
@@ -248,8 +254,11 @@ class Settings(Options):
         for arm in self.arms:
             if arm_kind(arm) not in ARMS:
                 raise UsageError(f"no arm is called {arm!r}; there are {', '.join(ARMS)}")
-        if self.route == "fixed" and any(ARMS[arm_kind(arm)].frontiers for arm in self.arms):
-            raise UsageError("arms that end with +frontiers choose a route: they need --route free")
+        kinds = [ARMS[arm_kind(arm)] for arm in self.arms]
+        if self.route == "fixed" and any(kind.frontiers or kind.far for kind in kinds):
+            raise UsageError(
+                "arms that end with +frontiers or +far choose a route: they need --route free"
+            )
         if self.reliance == 1.0 and max(self.level, self.risk) > 0.0:
             raise UsageError("--level and --risk need a --reliance below 1")
         if len(set(self.arms)) < len(self.arms) or not self.arms:
@@ -323,7 +332,7 @@ class Settings(Options):
 
 
 NO_CONDITIONS = (
-    *("world", "episodes", "seed", "arms", "predictor", "frontiers", "risk", "level"),
+    *("world", "episodes", "seed", "arms", "predictor", "frontiers", "far", "risk", "level"),
     *("uncertified", "calibrated", "car"),
 )
 """Settings that a calibration need not share with the drives that use it; the predictor and the
