@@ -1,12 +1,13 @@
 """Simulator: buildings, tasks, the LIDAR, the car, and the closed loop of a drive.
 
 A `world` is the true map of a building. `families` generates buildings: `corridor_network`,
-`narrow`, `trap`, `paper`, `office`, `floor_plan`, `maze` and `obstacle_field` draw them on a
-`canvas`. `map_server` reads and writes maps as files; `variation` turns, scales and clutters a
-building. `task` draws a start and a goal, between which `arc_search` finds a path; `task_file`
-reads them from a file. In an `episode`, `lidar` takes a scan, a driver (`driver_protocol`) decides,
-and `car` moves, in each tick; `recorder` collects what happens. `people` walk about in recorded
-logs: the LIDAR sees them, but they are not in the true map.
+`narrow`, `trap`, `paper`, `office`, `floor_plan`, `maze`, `obstacle_field` and `as_built` draw them
+on a `canvas`. `as_built` joins wings (`wing`), furnishes them (`scanned_furniture`), and makes of
+them what a robot maps (`robot_map`). `map_server` reads and writes maps as files; `variation`
+turns, scales and clutters a building. `task` draws a start and a goal, between which `arc_search`
+finds a path; `task_file` reads them from a file. In an `episode`, `lidar` takes a scan, a driver
+(`driver_protocol`) decides, and `car` moves, in each tick; `recorder` collects what happens.
+`people` walk about in recorded logs: the LIDAR sees them, but they are not in the true map.
 """
 
 from sim.car import DubinsCar, collides

@@ -40,7 +40,8 @@ class Canvas:
 
     def box(self, centre: Point, size: Point, yaw: float = 0.0, free: bool = False) -> None:
         """Fill a rectangle of a size along and across its yaw [m, rad]; with `free`, carve it."""
-        reach = 0.5 * math.hypot(*size)
+        cos, sin = abs(math.cos(yaw)), abs(math.sin(yaw))
+        reach = 0.5 * (cos * size[0] + sin * size[1]), 0.5 * (sin * size[0] + cos * size[1])
         part, dx, dy = self._around(centre, reach)
         along = dx * math.cos(yaw) + dy * math.sin(yaw)
         across = dy * math.cos(yaw) - dx * math.sin(yaw)
@@ -50,7 +51,7 @@ class Canvas:
 
     def disc(self, centre: Point, radius: float, free: bool = False) -> None:
         """Fill a disc of a radius [m]; with `free`, carve it."""
-        part, dx, dy = self._around(centre, radius)
+        part, dx, dy = self._around(centre, (radius, radius))
         self.free[part][dx**2 + dy**2 <= radius**2] = free
 
     def passage(self, start: Point, end: Point, width: float) -> None:
@@ -63,6 +64,13 @@ class Canvas:
         """Carve an axis-aligned room between two corners [m]."""
         middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
         self.box(middle, (high[0] - low[0], high[1] - low[1]), free=True)
+
+    def posts(self, points: NDArray[np.float64]) -> None:
+        """Fill the cells in which points (n, 2) [m] lie; others are ignored."""
+        rows, cols = self.frame.shape
+        col, row = np.floor(points.T / RESOLUTION).astype(np.intp)
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
+        self.free[row[inside], col[inside]] = False
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether a point [m] lies in a carved cell."""
@@ -80,15 +88,16 @@ class Canvas:
         return World(name, Grid(frame, np.ascontiguousarray(kept)))
 
     def _around(
-        self, centre: Point, reach: float
+        self, centre: Point, reach: Point
     ) -> tuple[tuple[slice, slice], NDArray[np.float64], NDArray[np.float64]]:
         """Return the cells within reach of a point, and their offsets x (1, n) and y (m, 1) [m].
 
-        The rim of the canvas is left out: it is as thick as a wall, and nothing is carved in it.
+        The reach is given along x and along y [m]. The rim of the canvas is left out: it is
+        as thick as a wall, and nothing is carved in it.
         """
         rows, cols = self.frame.shape
-        row, col = self.frame.cell(centre[0] - reach, centre[1] - reach)
-        row_end, col_end = self.frame.cell(centre[0] + reach, centre[1] + reach)
+        row, col = self.frame.cell(centre[0] - reach[0], centre[1] - reach[1])
+        row_end, col_end = self.frame.cell(centre[0] + reach[0], centre[1] + reach[1])
         part = (
             slice(max(row, WALL_CELLS), max(min(row_end + 1, rows - WALL_CELLS), WALL_CELLS)),
             slice(max(col, WALL_CELLS), max(min(col_end + 1, cols - WALL_CELLS), WALL_CELLS)),

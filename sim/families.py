@@ -6,6 +6,7 @@ import numpy as np
 
 from foresee.infra.float_errors import usual_float_errors
 from foresee.mapping.family_names import FAMILIES
+from sim.as_built import draw_as_built
 from sim.canvas import Canvas
 from sim.corridor_network import draw_corridor
 from sim.floor_plan import draw_floor_plan
@@ -30,6 +31,7 @@ def generate(family: str, seed: int) -> World:
     - `paper`: paths of 3.5–10 m around blocks, with loops, as in the data of Katyal et al. 2018.
     - `maze`: corridors of 2.5 m on 25 m × 25 m, as in Elhafsi et al. 2020.
     - `obstacle_field`: an open field full of obstacles, as in BARN (Perille et al. 2020).
+    - `as_built`: buildings as they are, in architects' plans and in maps that robots make.
 
     Raises:
         ValueError: if there is no such family.
@@ -43,6 +45,7 @@ def generate(family: str, seed: int) -> World:
         "floor_plan": draw_floor_plan,
         "maze": draw_maze,
         "obstacle_field": draw_obstacle_field,
+        "as_built": draw_as_built,
     }
     if family not in draw:
         raise ValueError(f"family is {family!r}, it must be one of {', '.join(FAMILIES)}")

@@ -8,55 +8,26 @@ furniture along walls, rooms that nobody mapped, ragged and curved walls.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, pairwise
 
 import numpy as np
 from scipy.ndimage import binary_dilation, label, map_coordinates
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from foresee.mapping.conventions import RESOLUTION
 from sim.canvas import Canvas, Point
 from sim.office import Room, furnish
+from sim.spaces import Door, Space, draw_doors, draw_leaf, largest_group
+from sim.subdivision import Layout, divided
 
 LARGEST = (62.0, 44.0)
 """Largest extent of a building along x and along y [m]."""
-SHARED = 1.3
-"""Minimum length of a wall between two spaces into which a door fits [m]."""
 
 
 @dataclass(frozen=True)
-class Space:
-    """A room or a corridor: an axis-aligned rectangle between two corners [m]."""
-
-    low: Point
-    high: Point
-    corridor: bool = False
-
-    @property
-    def size(self) -> Point:
-        """Extent along x and along y [m]."""
-        return self.high[0] - self.low[0], self.high[1] - self.low[1]
-
-    def inside(self, wall: float) -> tuple[Point, Point]:
-        """Return the corners of the space inside walls of a thickness [m]."""
-        half = 0.5 * wall
-        low = (self.low[0] + half, self.low[1] + half)
-        return low, (self.high[0] - half, self.high[1] - half)
-
-
-@dataclass(frozen=True)
-class Style:
+class Style(Layout):
     """Properties that the rooms of one building share.
 
     Attributes:
-        wall: thickness of walls [m].
-        corridor: width of corridors [m].
-        deepest: largest depth of a row of rooms [m]; deeper rectangles are divided.
-        room: mean width of the rooms in a row [m].
-        halls: probability that a row of rooms is one hall.
         unmapped: share of the rooms that are left out, as if behind closed doors.
         furnished: probability that a room has furniture.
         ajar: probability that a door stands ajar.
@@ -64,11 +35,6 @@ class Style:
         ragged: share of the free cells along walls that are made solid.
     """
 
-    wall: float
-    corridor: float
-    deepest: float
-    room: float
-    halls: float
     unmapped: float
     furnished: float
     ajar: float
@@ -104,13 +70,13 @@ def draw_floor_plan(rng: np.random.Generator) -> Canvas:
     size = (rng.uniform(24.0, LARGEST[0] - 2.0), rng.uniform(12.0, LARGEST[1] - 2.0))
     canvas = Canvas(size[0] + 2.0, size[1] + 2.0)
     whole = Space((1.0, 1.0), (1.0 + size[0], 1.0 + size[1]))
-    spaces = list(_divided(whole, style, rng))
+    spaces = list(divided(whole, style, rng))
     largest = max(spaces, key=lambda space: math.prod(space.size))
     if rng.random() < 0.5:
         spaces = _with_courtyard(spaces, whole, rng)
     spaces = [s for s in spaces if s.corridor or rng.random() >= style.unmapped] or [largest]
-    doors = _doors(spaces, style, rng)
-    joined = _largest_piece(len(spaces), [pair for pair, _ in doors])
+    doors = draw_doors(spaces, style.wall, rng)
+    joined = largest_group(len(spaces), [pair for pair, _ in doors])
     for number in sorted(joined):
         _carve(canvas, spaces[number], style, rng)
     for (number, _), (centre, extent) in doors:
@@ -121,7 +87,7 @@ def draw_floor_plan(rng: np.random.Generator) -> Canvas:
         for number in pair:
             entrances.setdefault(number, door)
         if pair[0] in joined and max(door[1]) < 1.3 and rng.random() < style.ajar:
-            _leaf(canvas, door, rng)
+            draw_leaf(canvas, door, rng)
     for number in sorted(joined):
         if spaces[number].corridor:
             _cabinets(canvas, spaces[number], style, rng)
@@ -131,53 +97,6 @@ def draw_floor_plan(rng: np.random.Generator) -> Canvas:
     pieces, _ = label(canvas.free)
     canvas.free &= pieces == np.bincount(pieces[canvas.free]).argmax()
     return _bent(canvas, rng) if rng.random() < 0.15 else canvas
-
-
-def _divided(space: Space, style: Style, rng: np.random.Generator) -> Iterator[Space]:
-    """Divide a rectangle into rooms and corridors."""
-    width, height = space.size
-    along = 0 if width > height else 1
-    if space.size[along] > 22.0 and rng.random() < 0.35:
-        # Two wings, on both sides of a wall or a corridor, are laid out independently.
-        yield from _halves(space, along, style, rng)
-        return
-    deep = space.size[1 - along]
-    if deep < style.deepest:
-        yield from _row(space, along, style, rng)
-    elif deep < 2 * 3.0 + style.corridor:
-        yield from _row(space, 1 - along, style, rng)
-    else:
-        yield from _halves(space, 1 - along, style, rng)
-
-
-def _halves(space: Space, axis: int, style: Style, rng: np.random.Generator) -> Iterator[Space]:
-    """Divide a rectangle by a corridor or a wall across an axis, and then both of its halves."""
-    gap = style.corridor * rng.uniform(0.8, 1.25) if rng.random() < 0.85 else 0.0
-    low, high = space.low[axis], space.high[axis]
-    at = low + rng.uniform(0.35, 0.65) * (high - low - gap)
-    yield from _divided(_between(space, axis, low, at), style, rng)
-    yield from _divided(_between(space, axis, at + gap, high), style, rng)
-    if gap:
-        yield _between(space, axis, at, at + gap, corridor=True)
-
-
-def _row(space: Space, along: int, style: Style, rng: np.random.Generator) -> Iterator[Space]:
-    """Divide a rectangle into rooms side by side along an axis."""
-    length = space.size[along]
-    count = max(1, round(length / style.room))
-    if rng.random() < style.halls:
-        count = max(1, round(length / rng.uniform(9.0, 18.0)))
-    regular = np.arange(1, count) + rng.uniform(-0.25, 0.25, count - 1) * (rng.random() < 0.5)
-    cuts = space.low[along] + length * np.concatenate([[0.0], regular, [count]]) / count
-    for start, end in pairwise(cuts):
-        yield _between(space, along, float(start), float(end))
-
-
-def _between(space: Space, axis: int, start: float, end: float, corridor: bool = False) -> Space:
-    """Return the part of a rectangle between two coordinates on an axis."""
-    low, high = list(space.low), list(space.high)
-    low[axis], high[axis] = start, end
-    return Space((low[0], low[1]), (high[0], high[1]), corridor)
 
 
 def _with_courtyard(spaces: list[Space], whole: Space, rng: np.random.Generator) -> list[Space]:
@@ -190,77 +109,6 @@ def _with_courtyard(spaces: list[Space], whole: Space, rng: np.random.Generator)
         return any(abs(middle[axis] - centre[axis]) > half[axis] for axis in (0, 1))
 
     return [space for space in spaces if space.corridor or outside(space)]
-
-
-Door = tuple[Point, Point]
-"""Centre and extent along x and y of an opening in a wall [m]."""
-
-
-def _doors(
-    spaces: list[Space], style: Style, rng: np.random.Generator
-) -> list[tuple[tuple[int, int], Door]]:
-    """Draw doors that join all spaces that can be joined, and some more."""
-    walls = {}
-    for pair in combinations(range(len(spaces)), 2):
-        wall = _wall(spaces[pair[0]], spaces[pair[1]])
-        if wall is not None:
-            walls[pair] = wall
-    if not walls:
-        return []
-    corridors = {pair: sum(spaces[n].corridor for n in pair) for pair in walls}
-    # A room has its door to a corridor rather than to another room.
-    price = [rng.uniform(0.5, 1.0) + 2.0 * (2 - corridors[pair]) for pair in walls]
-    rows, cols = np.array(list(walls)).T
-    graph = coo_array((price, (rows, cols)), shape=(len(spaces), len(spaces)))
-    tree = minimum_spanning_tree(graph).tocoo()
-    needed = set(zip(tree.row.tolist(), tree.col.tolist(), strict=True))
-    more = {0: 0.08, 1: 0.2, 2: 1.0}
-    chosen = [pair for pair in walls if pair in needed or rng.random() < more[corridors[pair]]]
-    return [(pair, _door(walls[pair], corridors[pair] == 2, style, rng)) for pair in chosen]
-
-
-def _wall(a: Space, b: Space) -> tuple[int, float, float, float] | None:
-    """Return the wall that two spaces share, if a door fits into it.
-
-    Returns:
-        Axis across the wall, the wall's coordinate on it, and its ends on the other axis [m].
-    """
-    for axis in (0, 1):
-        low = max(a.low[1 - axis], b.low[1 - axis])
-        high = min(a.high[1 - axis], b.high[1 - axis])
-        for first, second in ((a, b), (b, a)):
-            if abs(first.high[axis] - second.low[axis]) < 1e-6 and high - low > SHARED:
-                return axis, second.low[axis], low, high
-    return None
-
-
-def _door(
-    wall: tuple[int, float, float, float], wide: bool, style: Style, rng: np.random.Generator
-) -> Door:
-    axis, at, low, high = wall
-    free = high - low - style.wall - 0.1
-    kind = rng.random()
-    if wide or kind < 0.06:
-        width = free * (1.0 if wide and kind < 0.8 else rng.uniform(0.5, 0.9))
-    else:
-        width = rng.uniform(0.8, 1.15) if kind < 0.85 else rng.uniform(1.3, 2.2)
-    width = min(width, free)
-    slack = 0.5 * (free - width)
-    # Doors are at an end of the wall more often than in its middle.
-    aside = slack * (rng.choice([-1.0, 1.0]) if rng.random() < 0.5 else rng.uniform(-1.0, 1.0))
-    middle, deep = 0.5 * (low + high) + aside, style.wall + 0.2
-    return ((at, middle), (deep, width)) if axis == 0 else ((middle, at), (width, deep))
-
-
-def _largest_piece(count: int, pairs: list[tuple[int, int]]) -> set[int]:
-    """Return the numbers of the spaces in the largest group that doors join."""
-    groups = [{number} for number in range(count)]
-    for first, second in pairs:
-        if groups[first] is not groups[second]:
-            groups[first] |= groups[second]
-            for number in groups[second]:
-                groups[number] = groups[first]
-    return max(groups, key=len)
 
 
 def _carve(canvas: Canvas, space: Space, style: Style, rng: np.random.Generator) -> None:
@@ -298,18 +146,6 @@ def _furnish(
     if min(space.size) < 2.4 or rng.random() >= style.furnished:
         return
     furnish(canvas, Room(*space.inside(style.wall), door[0]), rng)
-
-
-def _leaf(canvas: Canvas, door: Door, rng: np.random.Generator) -> None:
-    """Put the leaf of a door that stands ajar, turned about an end of the opening."""
-    (x, y), (wide, high) = door
-    length, along = (high, math.pi / 2) if high > wide else (wide, 0.0)
-    end = rng.choice([-1.0, 1.0])
-    hinge = (x + 0.5 * end * length * math.cos(along), y + 0.5 * end * length * math.sin(along))
-    opened = along + rng.choice([-1.0, 1.0]) * rng.uniform(math.radians(35), math.radians(110))
-    away = -0.5 * end * length
-    middle = (hinge[0] + away * math.cos(opened), hinge[1] + away * math.sin(opened))
-    canvas.box(middle, (length, 0.1), opened)
 
 
 def _cabinets(canvas: Canvas, space: Space, style: Style, rng: np.random.Generator) -> None:

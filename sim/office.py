@@ -123,13 +123,13 @@ def furnish(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
         _desk(canvas, room, rng)
     for _ in range(int(rng.integers(0, 3))):
         size = (rng.uniform(0.8, 1.2), rng.uniform(0.4, 0.5))
-        _put(canvas, room, _at_wall(room, size, rng))
+        put(canvas, room, at_wall(room, size, rng))
 
 
 def _desk(canvas: Canvas, room: Room, rng: np.random.Generator) -> None:
     """Put a desk at a wall, with its chair in front of it."""
-    centre, size = _at_wall(room, (rng.uniform(1.2, 1.8), rng.uniform(0.7, 0.8)), rng)
-    if not _put(canvas, room, (centre, size)):
+    centre, size = at_wall(room, (rng.uniform(1.2, 1.8), rng.uniform(0.7, 0.8)), rng)
+    if not put(canvas, room, (centre, size)):
         return
     # The chair stands at the long side that faces the middle of the room.
     axis = 0 if size[0] < size[1] else 1
@@ -163,7 +163,7 @@ def _meeting_table(canvas: Canvas, room: Room, rng: np.random.Generator) -> None
                 canvas.disc((centre[0] + chair[0], centre[1] + chair[1]), 0.22)
 
 
-def _at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, Point]:
+def at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, Point]:
     """Draw the centre and the extent of a box (length, depth) with its long side at a wall."""
     axis, end = int(rng.integers(2)), int(rng.integers(2))
     extent = (size[1], size[0]) if axis == 0 else size
@@ -176,7 +176,7 @@ def _at_wall(room: Room, size: Point, rng: np.random.Generator) -> tuple[Point, 
     return (centre[0], centre[1]), extent
 
 
-def _put(canvas: Canvas, room: Room, thing: tuple[Point, Point]) -> bool:
+def put(canvas: Canvas, room: Room, thing: tuple[Point, Point]) -> bool:
     """Fill a box, unless it blocks the door or overlaps something; return whether it was filled."""
     centre, size = thing
     dx = max(abs(centre[0] - room.door[0]) - 0.5 * size[0], 0.0)

@@ -12,4 +12,5 @@ FAMILIES = (
     "floor_plan",
     "maze",
     "obstacle_field",
+    "as_built",
 )

@@ -12,7 +12,16 @@ from foresee.infra.options import Options, option
 from foresee.mapping.family_names import FAMILIES
 from predictor.data import LOG_FORMATS
 
-LEARNED = ("corridor", "narrow", "office", "paper", "floor_plan", "floor_plan")
+LEARNED = (
+    "corridor",
+    "narrow",
+    "office",
+    "paper",
+    "floor_plan",
+    "floor_plan",
+    "as_built",
+    "as_built",
+)
 """Families of generated buildings to train on by default. A family that is listed twice gets two
 shares of the drives. The other families are held out: no network is trained on them."""
 
