@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,8 @@ from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
 from planner.fault import Fault
-from planner.guide.guide import REST, Guide, GuideConfig
+from planner.guide.guide import REST, Guide
+from planner.guide.guide_config import GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
@@ -155,6 +158,9 @@ class Navigator:
         waypoints: points of a prescribed route, (n, 2) [m]; None: the car finds its own route.
         seed: seed of the path search.
         frontiers: predictor of frontiers, which changes a route that is not prescribed, or None.
+        executor: runs the path searches beside `step`, one at a time, so that `step` never waits
+            for one; a `planner.guide.search_process.SearchProcess`, for example. None: they run at
+            the end of `step`, so that drives do not depend on any clock.
 
     Raises:
         ValueError: if there are waypoints of another shape, or none at all.
@@ -171,6 +177,7 @@ class Navigator:
         waypoints: NDArray[np.float64] | None = None,
         seed: int = 0,
         frontiers: FrontierPredictor | None = None,
+        executor: Executor | None = None,
     ) -> None:
         if waypoints is not None and not (
             waypoints.ndim == 2 and waypoints.shape[1] == 2 and waypoints.size
@@ -187,9 +194,12 @@ class Navigator:
         if bounds != NO_ERRORS:
             # A turn on the spot would not end where it is told to.
             guided = replace(guided, turn_rate=0.0)
-        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers)
+        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers, executor)
         self._sent = SentControls(car, bounds, config.mpc.dt)
         self._last: Decision | None = None
+        self._unsent: Control | None = None
+        """Control that was decided last, unless it was withdrawn."""
+        self._before = _Before.of(self.chooser, None)
         self.faults: Counter[Fault] = Counter()
         self._adaptive = AdaptiveLevel(config.level)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
@@ -228,11 +238,15 @@ class Navigator:
             raise ValueError(f"state is {state}, it must be finite")
         self._tick += 1
         clock, faults = _Clock(), list[Fault]()
+        self._assume_sent()
+        self._before = _Before.of(self.chooser, self._last)
+        self.guide.search_ms = 0.0
         faults += self._integrate(scan, state)
         self._adaptive.check(self.known)
         clock.lap("integrate")
         prediction, failed = self._predict(state, clock)
         faults += failed
+        faults += self.guide.take(state)
         ahead, tube = self._sent.at_effect(state)
         # A car that still rolls would not change its gear.
         self.guide.begin_leg(ahead if abs(state[3]) < REST else state)
@@ -243,12 +257,11 @@ class Navigator:
         risk = self._risk_map(driven, prediction)
         clock.lap("risk")
         steering = prediction if self.config.steer else None
-        first_path = 0.0
         if self._tick == 0:
             # The car stands, and has no path that it could follow while the first is planned.
             faults += self._plan_next_path(driven, driven[None], risk, steering)
             clock.lap("path")
-            first_path = self.guide.plan_ms
+        first_path = self.guide.search_ms if self._tick == 0 else 0.0
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
@@ -263,11 +276,11 @@ class Navigator:
             self._rested = self._lingered = 0
         else:
             faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
-        clock.times["path"] = first_path + self.guide.plan_ms
+        clock.times["path"] = self.guide.search_ms
         handled = tuple(dict.fromkeys(faults))
         self.faults.update(handled)
         decision = self._last = self._decision(choice, turn, risk, prediction, handled, clock.times)
-        self._sent.add(decision.control)
+        self._unsent = decision.control
         return decision
 
     def skip(self) -> Decision:
@@ -282,15 +295,33 @@ class Navigator:
         if self._last is None:
             raise RuntimeError("step() must decide before the first tick can be skipped")
         self._tick += 1
+        self._assume_sent()
         self.faults.update((Fault.MISSED_TICK,))
         acceleration, curvature = self.chooser.skip().tolist()
         control = Control(acceleration, curvature, self._last.control.gear)
-        self._sent.add(control)
+        self._unsent = control
         none = np.empty((0, 2))
         self._last = replace(
             self._last, control=control, faults=(Fault.MISSED_TICK,), relied=none, prediction=None
         )
         return self._last
+
+    def withdraw(self) -> None:
+        """Take back the decision of the last `step`, since it came too late and was not sent.
+
+        What was kept before it is kept again, so that `skip` goes on with that. The scan stays in
+        the map.
+        """
+        self.chooser, self._last = self._before.chooser, self._before.decision
+        vars(self.chooser).update(self._before.kept)
+        vars(self.chooser.resort).update(self._before.resort)
+        self._unsent = None
+
+    def _assume_sent(self) -> None:
+        """Add the last control to those that were sent, unless it was withdrawn."""
+        if self._unsent is not None:
+            self._sent.add(self._unsent)
+        self._unsent = None
 
     def _decision(
         self,
@@ -415,6 +446,27 @@ class Navigator:
             faults = (Fault.PREDICTOR_BAD,)
         clock.lap("predict")
         return prediction, faults
+
+
+class _Before(NamedTuple):
+    """What `Navigator.withdraw` goes back to.
+
+    Attributes:
+        chooser: chooser of the gear.
+        kept: its attributes, of which none is changed in place.
+        resort: those of its last resort.
+        decision: decision before; None: there was none.
+    """
+
+    chooser: PlanChooser
+    kept: dict[str, Any]
+    resort: dict[str, Any]
+    decision: Decision | None
+
+    @classmethod
+    def of(cls, chooser: PlanChooser, decision: Decision | None) -> _Before:
+        """Return what there is before a step."""
+        return cls(chooser, dict(vars(chooser)), dict(vars(chooser.resort)), decision)
 
 
 class _Clock:
