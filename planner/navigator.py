@@ -66,7 +66,8 @@ class NavigatorConfig:
             `planner.risk.adaptive_level`.
         steer: whether predictions also change the cost map, and with it the route.
         start_margin: margin around the body at the start in which cells count as observed free [m].
-        deadline: longest wait for a prediction [s]. It is far above the usual time, so that
+        deadline: longest wait for a prediction [s]; a later one is used from the tick on in which
+            it is there. It is far above the usual time, so that
             simulated drives do not depend on the machine's load.
         bounds: bounds of the errors of pose, ranges and motion, for which the car is safe.
         car: the car's limits and body.
@@ -129,7 +130,7 @@ class Decision:
         times: duration of each stage [ms], by name; "cycle" is the time from scan to control, and
             "path" that of path planning, which mostly follows the control.
         risk_map: risk map on which the plan was tested.
-        prediction: the predictor's answer in this tick, or None.
+        prediction: the predictor's newest answer, or None.
         path: path that the plan follows, or None.
     """
 
@@ -208,6 +209,9 @@ class Navigator:
         # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
         self._asker: Asker | PredictorProcess | None = None
+        self._prediction: Prediction | None = None
+        self._is_owed = False
+        """Whether the answer to an earlier question was late."""
         if heard and isinstance(predictor, PredictorProcess):
             self._asker = predictor
         elif heard and predictor is not None:
@@ -425,7 +429,11 @@ class Navigator:
     def _predict(
         self, state: NDArray[np.float64], clock: _Clock
     ) -> tuple[Prediction | None, tuple[Fault, ...]]:
-        """Return the predictor's answer, or None if it fails in any way, and the faults."""
+        """Return the predictor's newest answer, or None if it fails, and the faults.
+
+        While an answer is late, the newest one before it counts: cells that were observed since
+        are not believed any more, and what it says of the others is still the best that is known.
+        """
         if self._asker is None:
             return None, ()
         side, patience = self._asker.side or self.config.predicted_side, self.config.deadline
@@ -434,16 +442,21 @@ class Navigator:
         view = View.of(self.known, state[:3].copy(), side, self._asker.context_side)
         clock.lap("crop")
         prediction, faults = None, tuple[Fault, ...]()
+        # An answer that another navigator has waited for is about another place.
+        late = self._asker.take_late() if self._is_owed else None
         try:
             prediction = self._asker.ask(view, patience)
+            self._is_owed = False
             if prediction.nan_cells:
                 faults = (Fault.PREDICTOR_NAN,)
         except LateError:
-            faults = (Fault.PREDICTOR_LATE,)
+            prediction, faults = late or self._prediction, (Fault.PREDICTOR_LATE,)
+            self._is_owed = True
         except RaisedError:
             faults = (Fault.PREDICTOR_RAISED,)
         except BadPredictionError:
             faults = (Fault.PREDICTOR_BAD,)
+        self._prediction = prediction
         clock.lap("predict")
         return prediction, faults
 

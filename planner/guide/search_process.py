@@ -1,0 +1,57 @@
+"""A process of its own for path searches, which can neither delay nor end the planner's process."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future
+from functools import partial
+from typing import Any
+
+from foresee.infra.workers import follow_parent, interrupts_blocked
+
+
+class SearchProcess(Executor):
+    """Runs path searches in a process, one after the other.
+
+    Several navigators may use it in turn. If the process dies, the next search starts another. It
+    ends with this process, even if that is killed, or by `shutdown`.
+
+    A process and not a thread, since a search holds the interpreter's lock for long, above all in
+    OMPL, which calls back into Python.
+    """
+
+    def __init__(self) -> None:
+        self._pool = _new_pool()
+        # The control would wait for the first path while the process imports its modules.
+        self._pool.submit(_load).result()
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Start a call, whose arguments must be picklable, and return its future."""
+        try:
+            future: Future[Any] = self._pool.submit(call, *args, **kwargs)
+        except BrokenExecutor:
+            self._pool = _new_pool()
+            future = self._pool.submit(call, *args, **kwargs)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the process, also while it searches."""
+        self._pool.shutdown(wait=wait, kill_workers=True)
+
+
+def _new_pool() -> Any:
+    # Not Python's own pool, which would run the user's script again in each new process.
+    from joblib.externals.loky.backend import get_context
+    from joblib.externals.loky.process_executor import ProcessPoolExecutor
+
+    follow = partial(follow_parent, os.getpid())
+    with interrupts_blocked():
+        return ProcessPoolExecutor(1, context=get_context("loky"), initializer=follow)
+
+
+def _load() -> None:
+    """Import what a search needs."""
+    for name in ("ompl.base", "planner.guide.path_search"):
+        importlib.import_module(name)
