@@ -316,7 +316,11 @@ class Navigator:
         What was kept before it is kept again, so that `skip` goes on with that. The scan stays in
         the map.
         """
-        self.chooser, self._last = self._before.chooser, self._before.decision
+        before, late = self._before.decision, self._last
+        if before is not None and late is not None:
+            # How long it took remains to be seen.
+            before = replace(before, times=late.times)
+        self.chooser, self._last = self._before.chooser, before
         vars(self.chooser).update(self._before.kept)
         vars(self.chooser.resort).update(self._before.resort)
         self._unsent = None
