@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
+from multiprocessing.util import Finalize
 from typing import Any
 
 from foresee.infra.workers import follow_parent, interrupts_blocked
@@ -23,22 +24,24 @@ class SearchProcess(Executor):
     """
 
     def __init__(self) -> None:
-        self._pool = _new_pool()
+        self._pools = [_new_pool()]
+        # A process of multiprocessing waits at its end for those that it has started.
+        Finalize(self, _end, (self._pools,), exitpriority=10)
         # The control would wait for the first path while the process imports its modules.
-        self._pool.submit(_load).result()
+        self._pools[0].submit(_load).result()
 
     def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Start a call, whose arguments must be picklable, and return its future."""
         try:
-            future: Future[Any] = self._pool.submit(call, *args, **kwargs)
+            future: Future[Any] = self._pools[0].submit(call, *args, **kwargs)
         except BrokenExecutor:
-            self._pool = _new_pool()
-            future = self._pool.submit(call, *args, **kwargs)
+            self._pools[0] = _new_pool()
+            future = self._pools[0].submit(call, *args, **kwargs)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the process, also while it searches."""
-        self._pool.shutdown(wait=wait, kill_workers=True)
+        _end(self._pools)
 
 
 def _new_pool() -> Any:
@@ -49,6 +52,11 @@ def _new_pool() -> Any:
     follow = partial(follow_parent, os.getpid())
     with interrupts_blocked():
         return ProcessPoolExecutor(1, context=get_context("loky"), initializer=follow)
+
+
+def _end(pools: list[Any]) -> None:
+    """End the process of a list of one pool."""
+    pools[0].shutdown(kill_workers=True)
 
 
 def _load() -> None:

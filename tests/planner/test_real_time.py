@@ -3,7 +3,9 @@
 import os
 import signal
 import threading
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,6 +143,22 @@ def test_a_search_process_that_dies_costs_a_path_and_is_replaced():
         assert "path_failed" in driver.step(state, LIDAR.scan(task.world, state)).faults
     finally:
         process.shutdown()
+
+
+def searches():
+    SearchProcess()
+    kept.append(SearchProcess())
+    return os.getpid()
+
+
+kept = []
+
+
+def test_a_process_that_has_a_search_process_ends():
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        pid = pool.submit(searches).result()
+    # It would never end if it waited for its search process.
+    assert not Path(f"/proc/{pid}").exists()
 
 
 def test_a_withdrawn_decision_leaves_what_was_kept_before():
