@@ -13,6 +13,7 @@ from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.summary import summarise
 from benchmarks.runs.tasks import make_task_in
+from benchmarks.runs.warm_up import warm_up_if_cold
 from foresee.infra.command_line import UsageError
 from foresee.infra.drawing import own_style
 from foresee.infra.float_errors import usual_float_errors
@@ -64,6 +65,7 @@ def drive(
         )
     place = building(world, seed) if isinstance(world, str) else world
     task = make_task_in(place, chosen)
+    warm_up_if_cold()
     drives = [drive_episode(chosen, 0, arm, task) for arm in chosen.arms]
     results = [drive.result for drive in drives]
     saved, summary = asdict(chosen) | {"dt": TICK}, summarise(results, chosen.arms)

@@ -110,8 +110,11 @@ def _run(
     from benchmarks.runs.summary import in_words, main_table, title
     from benchmarks.runs.tasks import input_hashes, limit_speed, read_rules
     from benchmarks.runs.time_optimal import read_t_opt
+    from benchmarks.runs.warm_up import warm_up_if_cold
     from foresee.infra.environment import several_states
 
+    if place.dask is None:
+        warm_up_if_cold()
     weights = run_fingerprint(settings)
     maps = input_hashes(settings)
     settings = limit_speed(settings, read_rules(settings))

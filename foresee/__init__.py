@@ -23,6 +23,7 @@ _HOMES = {
     "Predictor": "foresee.prediction",
     "PredictorProcess": "planner.risk.predictor_process",
     "Scan": "foresee.mapping.scan",
+    "SearchProcess": "planner.guide.search_process",
     "View": "foresee.prediction",
     "check_predictor": "foresee.checking",
     "drive": "benchmarks.compare",

@@ -6,6 +6,7 @@ from foresee.mapping.scan import Scan as Scan
 from foresee.prediction import Prediction as Prediction
 from foresee.prediction import Predictor as Predictor
 from foresee.prediction import View as View
+from planner.guide.search_process import SearchProcess as SearchProcess
 from planner.navigator import Navigator as Navigator
 from planner.navigator import NavigatorConfig as NavigatorConfig
 from planner.risk.predictor_process import PredictorProcess as PredictorProcess

@@ -10,6 +10,7 @@ from foresee.infra.streams import lasting_streams
 
 COMMANDS = {
     "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
+    "warm-up": ("benchmarks.warm_up", "compile what is compiled at first use, once"),
     "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
     "tables": ("benchmarks.tables", "print the tables of results files"),
     "optimum": ("benchmarks.optimum", "compute time-optimal drives"),

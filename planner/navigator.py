@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,8 @@ from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
 from planner.fault import Fault
-from planner.guide.guide import REST, Guide, GuideConfig
+from planner.guide.guide import REST, Guide
+from planner.guide.guide_config import GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
 from planner.mpc.mpc import MPCConfig
@@ -64,7 +67,8 @@ class NavigatorConfig:
             `planner.risk.adaptive_level`.
         steer: whether predictions also change the cost map, and with it the route.
         start_margin: margin around the body at the start in which cells count as observed free [m].
-        deadline: longest wait for a prediction [s]. It is far above the usual time, so that
+        deadline: longest wait for a prediction [s]; a later one is used from the tick on in which
+            it is there. It is far above the usual time, so that
             simulated drives do not depend on the machine's load.
         bounds: bounds of the errors of pose, ranges and motion, for which the car is safe.
         car: the car's limits and body.
@@ -127,7 +131,7 @@ class Decision:
         times: duration of each stage [ms], by name; "cycle" is the time from scan to control, and
             "path" that of path planning, which mostly follows the control.
         risk_map: risk map on which the plan was tested.
-        prediction: the predictor's answer in this tick, or None.
+        prediction: the predictor's newest answer, or None.
         path: path that the plan follows, or None.
     """
 
@@ -159,6 +163,9 @@ class Navigator:
         far: predictor of what lies far ahead, which changes such a route, or None. It is asked
             about the square of 40 m around the car, in cells of 0.25 m: a cell of its map is free
             if all of it was observed free, and occupied if a part of it was observed occupied.
+        executor: runs the path searches beside `step`, one at a time, so that `step` never waits
+            for one; a `planner.guide.search_process.SearchProcess`, for example. None: they run at
+            the end of `step`, so that drives do not depend on any clock.
 
     Raises:
         ValueError: if there are waypoints of another shape, or none at all.
@@ -176,6 +183,7 @@ class Navigator:
         seed: int = 0,
         frontiers: FrontierPredictor | None = None,
         far: Predictor | None = None,
+        executor: Executor | None = None,
     ) -> None:
         if waypoints is not None and not (
             waypoints.ndim == 2 and waypoints.shape[1] == 2 and waypoints.size
@@ -192,18 +200,12 @@ class Navigator:
         if bounds != NO_ERRORS:
             # A turn on the spot would not end where it is told to.
             guided = replace(guided, turn_rate=0.0)
-        self.guide = Guide(
-            goal,
-            waypoints,
-            guided,
-            config.guide,
-            seed,
-            frontiers,
-            asker_of(far),
-            config.deadline,
-        )
+        self.guide = Guide(goal, waypoints, guided, config.guide, seed, frontiers, far, executor)
         self._sent = SentControls(car, bounds, config.mpc.dt)
         self._last: Decision | None = None
+        self._unsent: Control | None = None
+        """Control that was decided last, unless it was withdrawn."""
+        self._before = _Before.of(self.chooser, None)
         self.faults: Counter[Fault] = Counter()
         self._adaptive = AdaptiveLevel(config.level)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
@@ -211,7 +213,14 @@ class Navigator:
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
         # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
-        self._asker = asker_of(predictor) if heard else None
+        self._asker: Asker | PredictorProcess | None = None
+        self._prediction: Prediction | None = None
+        self._is_owed = False
+        """Whether the answer to an earlier question was late."""
+        if heard and isinstance(predictor, PredictorProcess):
+            self._asker = predictor
+        elif heard and predictor is not None:
+            self._asker = Asker(predictor)
         known.cover(known.frame.square(*goal, config.window))
         for x, y in () if waypoints is None else waypoints:
             known.cover(known.frame.square(float(x), float(y), WAYPOINT_SIDE))
@@ -238,11 +247,15 @@ class Navigator:
             raise ValueError(f"state is {state}, it must be finite")
         self._tick += 1
         clock, faults = _Clock(), list[Fault]()
+        self._assume_sent()
+        self._before = _Before.of(self.chooser, self._last)
+        self.guide.search_ms = 0.0
         faults += self._integrate(scan, state)
         self._adaptive.check(self.known)
         clock.lap("integrate")
         prediction, failed = self._predict(state, clock)
         faults += failed
+        faults += self.guide.take(state)
         ahead, tube = self._sent.at_effect(state)
         # A car that still rolls would not change its gear.
         self.guide.begin_leg(ahead if abs(state[3]) < REST else state)
@@ -253,12 +266,11 @@ class Navigator:
         risk = self._risk_map(driven, prediction)
         clock.lap("risk")
         steering = prediction if self.config.steer else None
-        first_path = 0.0
         if self._tick == 0:
             # The car stands, and has no path that it could follow while the first is planned.
             faults += self._plan_next_path(driven, driven[None], risk, steering)
             clock.lap("path")
-            first_path = self.guide.plan_ms
+        first_path = self.guide.search_ms if self._tick == 0 else 0.0
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
@@ -273,11 +285,11 @@ class Navigator:
             self._rested = self._lingered = 0
         else:
             faults += self._plan_next_path(driven, choice.plan.states, risk, steering)
-        clock.times["path"] = first_path + self.guide.plan_ms
+        clock.times["path"] = self.guide.search_ms
         handled = tuple(dict.fromkeys(faults))
         self.faults.update(handled)
         decision = self._last = self._decision(choice, turn, risk, prediction, handled, clock.times)
-        self._sent.add(decision.control)
+        self._unsent = decision.control
         return decision
 
     def skip(self) -> Decision:
@@ -292,15 +304,37 @@ class Navigator:
         if self._last is None:
             raise RuntimeError("step() must decide before the first tick can be skipped")
         self._tick += 1
+        self._assume_sent()
         self.faults.update((Fault.MISSED_TICK,))
         acceleration, curvature = self.chooser.skip().tolist()
         control = Control(acceleration, curvature, self._last.control.gear)
-        self._sent.add(control)
+        self._unsent = control
         none = np.empty((0, 2))
         self._last = replace(
             self._last, control=control, faults=(Fault.MISSED_TICK,), relied=none, prediction=None
         )
         return self._last
+
+    def withdraw(self) -> None:
+        """Take back the decision of the last `step`, since it came too late and was not sent.
+
+        What was kept before it is kept again, so that `skip` goes on with that. The scan stays in
+        the map.
+        """
+        before, late = self._before.decision, self._last
+        if before is not None and late is not None:
+            # How long it took remains to be seen.
+            before = replace(before, times=late.times)
+        self.chooser, self._last = self._before.chooser, before
+        vars(self.chooser).update(self._before.kept)
+        vars(self.chooser.resort).update(self._before.resort)
+        self._unsent = None
+
+    def _assume_sent(self) -> None:
+        """Add the last control to those that were sent, unless it was withdrawn."""
+        if self._unsent is not None:
+            self._sent.add(self._unsent)
+        self._unsent = None
 
     def _decision(
         self,
@@ -404,7 +438,11 @@ class Navigator:
     def _predict(
         self, state: NDArray[np.float64], clock: _Clock
     ) -> tuple[Prediction | None, tuple[Fault, ...]]:
-        """Return the predictor's answer, or None if it fails in any way, and the faults."""
+        """Return the predictor's newest answer, or None if it fails, and the faults.
+
+        While an answer is late, the newest one before it counts: cells that were observed since
+        are not believed any more, and what it says of the others is still the best that is known.
+        """
         if self._asker is None:
             return None, ()
         side, patience = self._asker.side or self.config.predicted_side, self.config.deadline
@@ -413,25 +451,44 @@ class Navigator:
         view = View.of(self.known, state[:3].copy(), side, self._asker.context_side)
         clock.lap("crop")
         prediction, faults = None, tuple[Fault, ...]()
+        # An answer that another navigator has waited for is about another place.
+        late = self._asker.take_late() if self._is_owed else None
         try:
             prediction = self._asker.ask(view, patience)
+            self._is_owed = False
             if prediction.nan_cells:
                 faults = (Fault.PREDICTOR_NAN,)
         except LateError:
-            faults = (Fault.PREDICTOR_LATE,)
+            prediction, faults = late or self._prediction, (Fault.PREDICTOR_LATE,)
+            self._is_owed = True
         except RaisedError:
             faults = (Fault.PREDICTOR_RAISED,)
         except BadPredictionError:
             faults = (Fault.PREDICTOR_BAD,)
+        self._prediction = prediction
         clock.lap("predict")
         return prediction, faults
 
 
-def asker_of(predictor: Predictor | None) -> Asker | PredictorProcess | None:
-    """Return what calls a predictor: a thread, or its own process if it has one."""
-    if predictor is None or isinstance(predictor, PredictorProcess):
-        return predictor
-    return Asker(predictor)
+class _Before(NamedTuple):
+    """What `Navigator.withdraw` goes back to.
+
+    Attributes:
+        chooser: chooser of the gear.
+        kept: its attributes, of which none is changed in place.
+        resort: those of its last resort.
+        decision: decision before; None: there was none.
+    """
+
+    chooser: PlanChooser
+    kept: dict[str, Any]
+    resort: dict[str, Any]
+    decision: Decision | None
+
+    @classmethod
+    def of(cls, chooser: PlanChooser, decision: Decision | None) -> _Before:
+        """Return what there is before a step."""
+        return cls(chooser, dict(vars(chooser)), dict(vars(chooser.resort)), decision)
 
 
 class _Clock:

@@ -43,7 +43,11 @@ class Far:
     def __init__(self, weights: Path = SHIPPED, runtime: str | None = None) -> None:
         changed = weights.stat().st_mtime_ns if weights.is_file() else 0
         self._run, self._multiple, self.facts = _loaded(weights, changed, runtime)
-        self.weights = weights
+        self.weights, self._runtime = weights, runtime
+
+    def __reduce__(self) -> tuple[type[Far], tuple[Path, str | None]]:
+        # Compiled networks cannot be pickled; another process loads the weights once.
+        return Far, (self.weights, self._runtime)
 
     def predict(self, view: View) -> Prediction:
         """Predict which cells of a map are free as a whole; all others count as occupied."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import asdict, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from benchmarks.runs.arms import ARMS, Arm, arm_kind
 from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import REAL_DEADLINE, Settings
 from benchmarks.runs.tasks import (
     limit_speed,
     make_task,
@@ -27,11 +29,14 @@ from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
 from foresee.infra.workers import WorkersError
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.conventions import GOAL_RADIUS
+from foresee.mapping.conventions import GOAL_RADIUS, TICK
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
+from planner.fault import Fault
+from planner.guide.search_process import SearchProcess
 from planner.navigator import Navigator, NavigatorConfig
 from planner.revision import REVISION
+from planner.risk.predictor_process import PredictorProcess
 from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_far, load_frontiers, load_predictor
@@ -39,6 +44,7 @@ from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
 from sim.task import NoTaskError, Task
+from sim.wall_clock import OnWallClock
 from sim.world import World
 
 MEASURES = ("time", "path_length", "mean_speed", "max_speed", "min_clearance")
@@ -211,6 +217,7 @@ def navigator_for(
     frontiers: FrontierPredictor | None = None,
     far: Predictor | None = None,
     car: CarLimits | None = None,
+    executor: Executor | None = None,
 ) -> Navigator:
     """Return the navigator of an arm at the start of a task.
 
@@ -223,6 +230,7 @@ def navigator_for(
         frontiers: predictor of frontiers of the arm; None: it has none.
         far: far predictor of the arm; None: it has none.
         car: limits of the car; None: those of the settings.
+        executor: runs the path searches beside the control; None: they run in its order.
     """
     truth, window = task.world.grid, settings.window
     config = navigator_config(settings, arm)
@@ -234,8 +242,29 @@ def navigator_for(
     waypoints = task.waypoints if settings.route == "fixed" else None
     start = np.array(task.start)
     return Navigator(
-        config, predictor, start, task.goal, known, waypoints, task.seed, frontiers, far
+        config,
+        predictor,
+        start,
+        task.goal,
+        known,
+        waypoints,
+        task.seed,
+        frontiers,
+        far,
+        executor,
     )
+
+
+@cache
+def _search_process() -> SearchProcess:
+    """Return the process of path searches, which all drives of this process use."""
+    return SearchProcess()
+
+
+@cache
+def _predictor_process(name: str) -> PredictorProcess:
+    """Return the process of a predictor, which all drives of this process use."""
+    return PredictorProcess(load_predictor, name)
 
 
 def drive(settings: Settings, index: int, arm_name: str, task: Task | None = None) -> Drive:
@@ -259,8 +288,17 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     frontiers = load_frontiers(settings.frontiers) if arm.frontiers else None
     far = load_far(settings.far) if arm.far else None
     at_risk = arm.takes_risk and settings.risk > 0
-    # A long deadline, so that the result does not depend on the load of the machine.
-    navigator = navigator_for(settings, arm, task, predictor, 600.0, frontiers, far)
+    asked, executor = predictor, None
+    # By default a long one, so that the result does not depend on the load of the machine.
+    deadline = settings.deadline or (REAL_DEADLINE if settings.real_time else 600.0)
+    if settings.real_time:
+        executor = _search_process()
+        if arm.predictor == "chosen":
+            asked = _predictor_process(settings.predictor)
+    navigator = navigator_for(
+        settings, arm, task, asked, deadline, frontiers, far, executor=executor
+    )
+    on_clock = OnWallClock(navigator, TICK) if settings.real_time else None
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
@@ -268,7 +306,7 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     config = EpisodeConfig(goal_radius=rules.goal_radius, time_limit=rules.time_limit)
     robot = Robot(Errors(settings.bounds, settings.missed), rng)
     episode = run_episode(
-        task, navigator, DubinsCar(car), lidar, config, rng, moment.observe, robot
+        task, on_clock or navigator, DubinsCar(car), lidar, config, rng, moment.observe, robot
     )
     _give_back()
     trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
@@ -303,6 +341,12 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         level=settings.level if arm.takes_risk else None,
         calibrated=settings.calibrated if at_risk else None,
         uncertified=settings.uncertified and at_risk,
+        late_ticks=None if on_clock is None else on_clock.late,
+        late_predictions=(
+            navigator.faults[Fault.PREDICTOR_LATE]
+            if settings.real_time or settings.deadline is not None
+            else None
+        ),
         cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
     )
     return Drive(result, trace)

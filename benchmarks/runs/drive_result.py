@@ -62,6 +62,9 @@ class DriveResult:
         uncertified: whether the level is not certified for these drives.
         calibrated: revision that the calibration was measured with which gave the level of the last
             resort; None: none did.
+        late_ticks: number of ticks whose control was late; None: the drive was not on the wall
+            clock.
+        late_predictions: number of ticks whose prediction was late; None: there was no deadline.
         cycle_ms: median and 99th percentile of the time of a control cycle [ms].
     """
 
@@ -103,6 +106,8 @@ class DriveResult:
     level: float | None = None
     uncertified: bool = False
     calibrated: int | None = None
+    late_ticks: int | None = None
+    late_predictions: int | None = None
     cycle_ms: list[float]
 
     @classmethod

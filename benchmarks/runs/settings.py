@@ -21,6 +21,8 @@ FARTHEST = 1e6
 """Largest coordinate of a start or a goal [m]."""
 VEHICLES = ("dubins", "reeds-shepp", "differential")
 """Kinds of cars: without and with a reverse gear, and one that also turns on the spot."""
+REAL_DEADLINE = 0.05
+"""Longest wait for a prediction on the wall clock, if none is given [s]."""
 REVERSE = 0.5
 """Top speed in reverse of a car whose file does not give it [m/s]."""
 TURN_RATE = 1.5
@@ -209,6 +211,21 @@ class Settings(Options):
     )
     told_yaw_error: float | None = option(
         None, "error that it is told [rad] (default: --yaw-error)", "RAD", low=0, high=0.1
+    )
+    real_time: bool = option(
+        False,
+        "drive on the wall clock, as on a robot: paths are searched for and predictions made in "
+        "processes of their own, and a control that takes longer than its tick of 0.1 s is late: "
+        "the car goes on with the manoeuvre that was kept. Such a drive cannot be repeated exactly",
+    )
+    deadline: float | None = option(
+        None,
+        "longest wait for a prediction; a later one is used from the tick on in which it is there, "
+        f"where nothing was observed since (default: none, or {REAL_DEADLINE:g} with --real-time) "
+        "[s]",
+        "S",
+        low=0.001,
+        high=600,
     )
     vehicle: str = option(
         "dubins",

@@ -23,9 +23,11 @@ EARLIER = ", calibrated with an earlier planner"
 """Remark on drives at a risk whose calibration was measured with an earlier revision."""
 MAIN_ROWS = (
     *("**time ratio**", "**SCT**", "**BARN score**", r"T\*/time", "speed", "detour"),
-    *("reached", "collided", "hard stops", "promises broken"),
+    *("reached", "collided", "hard stops", "promises broken", "late "),
 )
 """Beginnings of the titles of the rows that are shown first."""
+LATE = {"late_ticks": "late controls / ticks", "late_predictions": "late predictions / ticks"}
+"""Measure of lateness → title of its row, which is shown where drives could be late."""
 ROLES = {"backup": " (no network)", "oracle": " (upper bound)"}
 """Arm → what is said of it in words."""
 NOT_CERTIFIED = ", not certified"
@@ -87,6 +89,9 @@ def _measures(by_arm: ResultsByArm, arm: str) -> dict[str, Any]:
         "impact_speed": _mean(r.impact_speed for r in results),
         "cycle_ms_p50": float(np.median([r.cycle_ms[0] for r in results])),
         "cycle_ms_p99": float(np.median([r.cycle_ms[1] for r in results])),
+        "late_ticks": _sum(r.late_ticks for r in results),
+        "late_predictions": _sum(r.late_predictions for r in results),
+        "ticks": sum(r.ticks for r in results),
         "faults": faults,
         "paths": paths,
         **_with_ends("promises_broken", statistics.promises_broken(results)),
@@ -178,8 +183,15 @@ def title(settings: dict[str, Any]) -> str:
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
         f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"
-        f"{_errors(settings)}"
+        f"{_clock(settings)}{_errors(settings)}"
     )
+
+
+def _clock(settings: dict[str, Any]) -> str:
+    """Return whether drives were on the wall clock, and the deadline of predictions, as words."""
+    real = ", on the wall clock" if settings["real_time"] else ""
+    deadline = settings["deadline"]
+    return real + ("" if deadline is None else f", deadline of predictions {deadline:g} s")
 
 
 def _errors(settings: dict[str, Any]) -> str:
@@ -292,12 +304,16 @@ def _rows(entries: list[dict[str, Any]]) -> dict[str, Cell]:
         "control cycle p50 / p99 [ms]": lambda e: (
             f"{e['cycle_ms_p50']:.1f} / {e['cycle_ms_p99']:.1f}"
         ),
+        **{title: _late(key) for key, title in LATE.items()},
         "handled faults": lambda e: str(sum(e["faults"].values())),
         "paths by source": lambda e: " / ".join(str(e["paths"].get(s, 0)) for s in SOURCES),
         "reversals": lambda e: str(e["paths"].get("reversal", 0)),
         "turns on the spot": lambda e: str(e["paths"].get("turn", 0)),
         "recovery manoeuvres": lambda e: str(e["paths"].get("manoeuvre", 0)),
     }
+    for key in LATE:
+        if all(entry[key] is None for entry in entries):
+            del rows[LATE[key]]
     if all(entry["over_optimum"] is None for entry in entries):
         del rows["time over T_opt, where reached"]
     if not any(entry["paths"].get("turn") for entry in entries):
@@ -318,6 +334,11 @@ def _barn_rows(entries: list[dict[str, Any]], worlds: str) -> dict[str, Cell]:
 def _plain(key: str, form: str) -> Cell:
     """Return a cell of a measure without an interval."""
     return lambda entry: "" if entry[key] is None else format(entry[key], form)
+
+
+def _late(key: str) -> Cell:
+    """Return a cell of a number of ticks that were late."""
+    return lambda entry: "" if entry[key] is None else f"{entry[key]} / {entry['ticks']}"
 
 
 def _ended(key: str, form: str) -> Cell:

@@ -287,6 +287,12 @@ class OccupancyGrid:
         known.log_odds[grid.occupied] = HIGHEST
         return known
 
+    def copy(self) -> OccupancyGrid:
+        """Return a copy, which later scans do not change."""
+        copied = OccupancyGrid.__new__(OccupancyGrid)
+        copied.frame, copied.window, copied.log_odds = self.frame, self.window, self.log_odds.copy()
+        return copied
+
     @property
     def cells(self) -> NDArray[np.int8]:
         """Whole map as FREE, OCCUPIED, UNKNOWN: (rows, columns) int8."""

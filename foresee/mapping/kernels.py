@@ -17,6 +17,7 @@ import logging
 import os
 import shutil
 import time
+from collections.abc import Iterator
 from multiprocessing import parent_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,8 @@ from numba import config
 
 from foresee.infra.cache_folder import cache_folder, is_writable
 
+PACKAGES = ("foresee", "sim", "planner", "predictor", "benchmarks")
+"""Packages that contain kernels."""
 UNUSED = 7 * 86400.0
 """Time after which a cache folder that no process has used is deleted [s]."""
 
@@ -37,12 +40,30 @@ def stamp(root: Path) -> str:
         root: folder that contains the packages.
     """
     digest = hashlib.sha256()
-    for package in ("foresee", "sim", "planner", "predictor", "benchmarks"):
+    for path, source in _sources(root):
+        digest.update(path.relative_to(root).as_posix().encode() + b"\0" + source)
+    return digest.hexdigest()[:16]
+
+
+def _sources(root: Path) -> Iterator[tuple[Path, bytes]]:
+    """Yield the path and the source of each module with kernels."""
+    for package in PACKAGES:
         for path in sorted((root / package).rglob("*.py")):
             source = path.read_bytes()
             if b"@njit" in source:
-                digest.update(path.relative_to(root).as_posix().encode() + b"\0" + source)
-    return digest.hexdigest()[:16]
+                yield path, source
+
+
+def kernel_count() -> int:
+    """Return the number of kernels in all packages, of which one command uses most."""
+    return sum(source.count(b"\n@njit") for _, source in _sources(_ROOT))
+
+
+def warm_mark() -> Path | None:
+    """Return the file that exists once the kernels are in the cache; None: there is no cache."""
+    if not _FOLDER:
+        return None
+    return Path(_FOLDER) / f"warm-{stamp(_ROOT)}-{numba.__version__}"
 
 
 def kept(place: Path, stamp: str) -> Path | None:
@@ -80,14 +101,17 @@ else:
         return numba.njit(*args, cache=cache and bool(_FOLDER), **options)
 
 
+_ROOT = Path(__file__).resolve().parents[2]
+
+
 def _folder() -> str:
     """Return the folder of numba's cache; "" if none can be written."""
     given = str(config.CACHE_DIR)  # type: ignore[attr-defined]
     # The user has set NUMBA_CACHE_DIR.
     if given and is_writable(Path(given)):
         return given
-    here = Path(__file__).resolve().parents[1]
-    version, user = stamp(here.parent), cache_folder()
+    here = _ROOT / "foresee"
+    version, user = stamp(_ROOT), cache_folder()
     folder = kept(here / "__pycache__", version) or (user and kept(user, version))
     if folder is None and parent_process() is None:
         logging.getLogger(__name__).warning(

@@ -13,7 +13,10 @@ FIRST_DEADLINE = 180.0
 
 
 class LateError(Exception):
-    """The prediction is late, or the predictor still works on an earlier one."""
+    """The prediction is late, or the predictor still works on an earlier one.
+
+    Its answer is not lost: the asker's `take_late` returns it once it is there.
+    """
 
 
 class Asker:
@@ -42,6 +45,18 @@ class Asker:
         self._caller = Caller(predictor)
         self.context_side, self.side = self._caller.context_side, self._caller.side
         self._thread: threading.Thread | None = None
+        self._answers = queue.SimpleQueue[Prediction | BadPredictionError]()
+
+    def take_late(self) -> Prediction | None:
+        """Return the answer to an earlier question that was late, once; None if there is none.
+
+        If it was an error, nothing is returned.
+        """
+        try:
+            answer = self._answers.get_nowait()
+        except queue.Empty:
+            return None
+        return answer if isinstance(answer, Prediction) else None
 
     def ask(self, view: View, patience: float) -> Prediction:
         """Ask for a prediction, and check it.
@@ -58,7 +73,8 @@ class Asker:
         if self._thread is not None and self._thread.is_alive():
             raise LateError
         deadline = time.monotonic() + patience
-        answers: queue.SimpleQueue[Prediction | BadPredictionError] = queue.SimpleQueue()
+        # A new one, so that no answer that nobody has taken counts as this one's.
+        answers = self._answers = queue.SimpleQueue[Prediction | BadPredictionError]()
         self._thread = threading.Thread(
             target=lambda: answers.put(self._answer(view)), name="predictor", daemon=True
         )

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from foresee.mapping.grid import Grid
 from foresee.prediction import (
     BadPredictionError,
     Prediction,
@@ -69,6 +70,8 @@ class PredictorProcess:
     def __init__(self, factory: Callable[..., Predictor], *arguments: Any) -> None:
         self._recipe = pickle.dumps((factory, arguments))
         self._failures, self._retry = 0, 0.0
+        self._asked: Grid | None = None
+        """Map of a question whose answer was late."""
         self._server = _Server(self._recipe, FIRST_DEADLINE)
         try:
             _, sides = self._receive(self._server.limit)
@@ -98,17 +101,38 @@ class PredictorProcess:
         if self._server.is_killed:
             self._restart()
         if self._server.is_busy:
-            # It has just been started, or an answer was late, which is not used.
+            # It has just been started, or an answer was late, which nobody has taken.
             self._receive(0.0)
+        self._asked = view.known
         self._server.ask(view, patience)
-        kind, value = self._receive(deadline)
+        return self._answer(view.known, *self._receive(deadline))
+
+    def take_late(self) -> Prediction | None:
+        """Return the answer to an earlier question that was late, once; None if there is none.
+
+        If it was an error, nothing is returned.
+        """
+        known, self._asked = self._asked, None
+        if known is None or self._server.is_killed or not self._server.is_busy:
+            return None
+        try:
+            return self._answer(known, *self._receive(0.0))
+        except LateError:
+            self._asked = known
+        except BadPredictionError:
+            # The tick in which it was late has counted it.
+            pass
+        return None
+
+    def _answer(self, known: Grid, kind: str, value: Any) -> Prediction:
+        """Return the prediction in a reply to a question about a map, and check it."""
         if kind == "raised":
             raise RaisedError(str(value))
         if kind != "answer":
             raise BadPredictionError(str(value))
         # Checked again, since the other process may have written anything into the memory.
         fields = self._server.fields
-        answer = checked(Prediction(view.known.frame, *fields), view.known)
+        answer = checked(Prediction(known.frame, *fields), known)
         self._failures, self._server.first_limit = 0, 0.0
         return replace(answer, nan_cells=value)
 

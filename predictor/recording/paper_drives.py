@@ -22,7 +22,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import NOISE_CUT, TICK
 from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.grid import world_hash
-from planner.guide.guide import GuideConfig
+from planner.guide.guide_config import GuideConfig
 from planner.navigator import Navigator, NavigatorConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.squares import truth_codes

@@ -447,7 +447,7 @@ def test_a_car_whose_path_search_fails_goes_on_along_the_last_path_and_counts_it
     task = straight()
     driver = navigator(task)
     search = raising(RuntimeError("a search's"))
-    fail = functools.partial(monkeypatch.setattr, f"planner.guide.guide.{part}", search)
+    fail = functools.partial(monkeypatch.setattr, f"planner.guide.path_search.{part}", search)
     *_, (_, state) = driven(task, driver, 140, fail)
     assert driver.faults["path_failed"] > 3
     assert math.hypot(state[0] - task.goal[0], state[1] - task.goal[1]) < 1.0
@@ -460,7 +460,7 @@ def test_a_car_whose_first_path_search_fails_stands_and_tries_again(monkeypatch,
     driver = navigator(task)
     state = np.array([*task.start, 0.0])
     with monkeypatch.context() as broken:
-        broken.setattr("planner.guide.guide.find_route", raising(error))
+        broken.setattr("planner.guide.path_search.find_route", raising(error))
         decision = driver.step(state, LIDAR.scan(task.world, state))
         assert decision.path is None
         assert decision.faults == ("path_failed",)
@@ -471,7 +471,7 @@ def test_a_car_whose_first_path_search_fails_stands_and_tries_again(monkeypatch,
 
 
 def test_braking_hard_is_counted_also_where_there_is_no_path(monkeypatch):
-    monkeypatch.setattr("planner.guide.guide.find_route", lambda *_: None)
+    monkeypatch.setattr("planner.guide.path_search.find_route", lambda *_: None)
     task = straight()
     driver = navigator(task)
     state = np.array([*task.start, 4.0])

@@ -8,7 +8,8 @@ from drawn_maps import CAR, FRAME, X, Y, grid, prediction
 
 from foresee.mapping.grid import FREE, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from foresee.prediction import Prediction
-from planner.guide.guide import Guide, GuideConfig
+from planner.guide.guide import Guide
+from planner.guide.guide_config import GuideConfig
 from planner.motion.path import Path
 from planner.risk.risk_map import RiskMap
 

@@ -92,6 +92,24 @@ def test_a_drive_is_the_same_as_with_a_thread(started):
     assert one.faults == other.faults
 
 
+def test_a_late_answer_is_that_to_its_own_question_and_is_given_once(started):
+    predictor, asked, taken = started(load_predictor, "extend"), random_view(100, 2), []
+    with pytest.raises(LateError):
+        predictor.ask(asked, 0.0)
+
+    def is_taken():
+        taken.append(predictor.take_late())
+        return taken[-1] is not None
+
+    wait_for(is_taken)
+    expected = Extend().predict(asked)
+    assert taken[-1].frame == asked.known.frame
+    unseen = asked.known.unknown
+    assert np.array_equal(taken[-1].p_free[unseen], expected.p_free[unseen])
+    assert predictor.take_late() is None
+    assert predictor.ask(random_view(60, 1), BOUND).frame == random_view(60, 1).known.frame
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, GeneratorExit, BaseException, SystemExit])
 def test_no_exception_ends_the_process(started, error):
     predictor = started(Misbehaving, Raises(error))

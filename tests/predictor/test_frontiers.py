@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -141,7 +142,7 @@ def test_a_predictor_of_frontiers_that_fails_does_not_stop_the_car():
 
     task = straight()
     alone, failing = navigator(task), navigator(task)
-    failing.guide._frontiers = Failing()
+    failing.guide.search = replace(failing.guide.search, frontiers=Failing())
     before, after = drive(task, alone), drive(task, failing)
     assert after.faults.pop("frontiers_failed") > 0
     assert np.array_equal(before.trace["states"], after.trace["states"])
@@ -150,8 +151,8 @@ def test_a_predictor_of_frontiers_that_fails_does_not_stop_the_car():
 def test_a_prescribed_route_asks_no_predictor_of_frontiers():
     task, told = straight(), Told(0.5, 0.5)
     driver = navigator(task)
-    driver.guide._route = np.array([[2.0, 2.0], [15.0, 2.0]])
-    driver.guide._frontiers = told
+    route = np.array([[2.0, 2.0], [15.0, 2.0]])
+    driver.guide.search = replace(driver.guide.search, route=route, frontiers=told)
     drive(task, driver)
     assert told.asked == 0
 

@@ -77,6 +77,7 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
     """
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.studies.performance import rates, throughput
+    from benchmarks.studies.performance.beside import beside
     from benchmarks.studies.performance.measurements import Measurement, installed
     from benchmarks.studies.performance.stage_times import closed_loop, spread
 
@@ -99,6 +100,8 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
     for jobs in (1, 2):
         measure = partial(throughput.throughput, settings.episodes, seed, jobs, report)
         add(f"measures/throughput {jobs}", measure, episodes=settings.episodes, seed=seed)
+    measure = partial(beside, settings.drives, seed, report)
+    add("measures/beside", measure, drives=settings.drives, seed=seed)
     measure = partial(throughput.memory, settings.memory, seed, report)
     add("measures/memory", measure, drives=settings.memory, seed=seed)
     if settings.peers:

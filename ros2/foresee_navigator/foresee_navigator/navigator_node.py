@@ -31,6 +31,7 @@ from foresee_navigator.scans import scan_of, seen_from, without_ranges
 from foresee_navigator.settings import NavigatorSettings
 from foresee_navigator.warm_up import warm_up
 from foresee_navigator.watchdog import Arrival, Watchdog
+from planner.guide.search_process import SearchProcess
 
 NAME = "foresee_navigator"
 """Name of the node, and of its diagnostics."""
@@ -52,7 +53,10 @@ class NavigatorNode(Node):
         self._frames = Frames(self)
         self._map_frame = settings.map_frame
         took = warm_up(settings, predictor)
-        self._pilot = Pilot(config, predictor, settings.resolution, settings.goal_radius)
+        self._searches = SearchProcess()
+        self._pilot = Pilot(
+            config, predictor, settings.resolution, settings.goal_radius, self._searches
+        )
         self._forecaster = Forecaster(config, predictor, settings.resolution, settings.latency)
         self._track = Track(
             config.car,
@@ -79,6 +83,7 @@ class NavigatorNode(Node):
     def destroy_node(self) -> None:
         """Stop the robot, and end the node."""
         self._reins.halt(self.get_clock().now().to_msg())
+        self._searches.shutdown()
         super().destroy_node()
 
     @property

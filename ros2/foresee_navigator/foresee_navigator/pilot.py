@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -61,6 +62,7 @@ class Pilot:
         predictor: predictor; None: no predictions.
         resolution: side of a cell of the map [m].
         goal_radius: distance from the goal within which it is reached [m].
+        executor: runs the path searches beside the ticks; None: within them.
 
     Attributes:
         known: observed map; None: nothing was observed.
@@ -73,10 +75,11 @@ class Pilot:
         predictor: PredictorProcess | None,
         resolution: float,
         goal_radius: float,
+        executor: Executor | None = None,
     ) -> None:
         self.known: OccupancyGrid | None = None
         self.goal: tuple[float, float] | None = None
-        self._config, self._predictor = config, predictor
+        self._config, self._predictor, self._executor = config, predictor, executor
         self._resolution, self._goal_radius = resolution, goal_radius
         self._navigator: Navigator | None = None
         self._has_reached = False
@@ -128,7 +131,9 @@ class Pilot:
         if self._navigator is None:
             # The map has the free space around its start already.
             config = replace(self._config, start_margin=0.0)
-            self._navigator = Navigator(config, self._predictor, state, self.goal, self.known)
+            self._navigator = Navigator(
+                config, self._predictor, state, self.goal, self.known, executor=self._executor
+            )
         decision = self._navigator.step(state, scan)
         car = self._config.car
         resort = self._navigator.chooser.resort.controls

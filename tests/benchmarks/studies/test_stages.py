@@ -1,6 +1,7 @@
 """The stages' benchmark times what it says it times, and keeps what it has measured."""
 
 import json
+import multiprocessing
 import os
 import time
 
@@ -9,7 +10,7 @@ import pytest
 import torch
 
 from benchmarks.studies.performance import __main__ as stages
-from benchmarks.studies.performance import rates, stage_times, throughput
+from benchmarks.studies.performance import beside, rates, stage_times, throughput
 from benchmarks.studies.performance import sized_maps as places
 from benchmarks.studies.performance.__main__ import main
 from benchmarks.studies.performance.stage_times import spread, timed
@@ -87,6 +88,17 @@ def quick(monkeypatch):
         return [throughput.Driven(30.0, 3.0, 900.0) for _ in items]
 
     monkeypatch.setattr(throughput, "driven", driven)
+    monkeypatch.setattr(beside, "_on_cores", lambda drives, seed, cores: ([5.0] * 9 + [9.0], 2))
+
+
+def test_other_work_keeps_each_core_busy_until_the_end():
+    core, before = max(os.sched_getaffinity(0)), set(multiprocessing.active_children())
+    with beside._load([core]):
+        (process,) = set(multiprocessing.active_children()) - before
+        while os.sched_getaffinity(process.pid) != {core}:
+            time.sleep(0.02)
+        assert process.is_alive()
+    assert not process.is_alive()
 
 
 @pytest.mark.slow(20)
@@ -128,6 +140,9 @@ def test_one_command_writes_all_and_goes_on_after_an_interrupt(
     assert measures["prediction, in a process of its own"]["value"] > 0
     assert measures["throughput, 2 processes"]["value"] == pytest.approx(10.0)
     assert measures["1,000 episodes of 3 arms, 2 processes"]["value"] == pytest.approx(75.0)
+    for cores in ("one core", "two cores", "two cores, each with other work"):
+        assert measures[f"cycle on the wall clock, {cores}"]["value"] == 5.0
+        assert measures[f"late controls, {cores}"]["value"] == 2.0
     assert results["peak_memory_mib"] == 900.0
     out = " ".join(capsys.readouterr().out.split())
     assert "| `predicted` | predict |" in out

@@ -1,0 +1,65 @@
+"""A process of its own for path searches, which can neither delay nor end the planner's process."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future
+from functools import partial
+from multiprocessing.util import Finalize
+from typing import Any
+
+from foresee.infra.workers import follow_parent, interrupts_blocked
+
+
+class SearchProcess(Executor):
+    """Runs path searches in a process, one after the other.
+
+    Several navigators may use it in turn. If the process dies, the next search starts another. It
+    ends with this process, even if that is killed, or by `shutdown`.
+
+    A process and not a thread, since a search holds the interpreter's lock for long, above all in
+    OMPL, which calls back into Python.
+    """
+
+    def __init__(self) -> None:
+        self._pools = [_new_pool()]
+        # A process of multiprocessing waits at its end for those that it has started.
+        Finalize(self, _end, (self._pools,), exitpriority=10)
+        # The control would wait for the first path while the process imports its modules.
+        self._pools[0].submit(_load).result()
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Start a call, whose arguments must be picklable, and return its future."""
+        try:
+            future: Future[Any] = self._pools[0].submit(call, *args, **kwargs)
+        except BrokenExecutor:
+            self._pools[0] = _new_pool()
+            future = self._pools[0].submit(call, *args, **kwargs)
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the process, also while it searches."""
+        _end(self._pools)
+
+
+def _new_pool() -> Any:
+    # Not Python's own pool, which would run the user's script again in each new process.
+    from joblib.externals.loky.backend import get_context
+    from joblib.externals.loky.process_executor import ProcessPoolExecutor
+
+    follow = partial(follow_parent, os.getpid())
+    with interrupts_blocked():
+        return ProcessPoolExecutor(1, context=get_context("loky"), initializer=follow)
+
+
+def _end(pools: list[Any]) -> None:
+    """End the process of a list of one pool."""
+    pools[0].shutdown(kill_workers=True)
+
+
+def _load() -> None:
+    """Import what a search needs."""
+    for name in ("ompl.base", "planner.guide.path_search"):
+        importlib.import_module(name)
