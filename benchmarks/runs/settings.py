@@ -204,6 +204,9 @@ class Settings(Options):
     told_yaw_error: float | None = option(
         None, "error that it is told [rad] (default: --yaw-error)", "RAD", low=0, high=0.1
     )
+    told_noise: float | None = option(
+        None, "standard deviation of the ranges that it is told [m] (default: --noise)", "M", low=0
+    )
     vehicle: str = option(
         "dubins",
         f"dubins: forward only; reeds-shepp: with a reverse gear, at most {REVERSE:g} m/s or the "
@@ -309,6 +312,7 @@ class Settings(Options):
             lag=self.told_lag,
             position=self.told_pose_error,
             yaw=self.told_yaw_error,
+            range=None if self.told_noise is None else NOISE_CUT * self.told_noise,
         )
         return replace(self.bounds, **told)
 

@@ -91,15 +91,21 @@ def attacked(
         task = scenario.task()
     except NoTaskError as error:
         return entry | {"outcome": NO_TASK, "error": None, "note": str(error)}
-    found = entry | _driven(scenario, task, seconds)
+    found = entry | driven(scenario, task, seconds)
     if scenario.honest:
         # Some tasks are too hard without errors, too.
-        found["without_errors"] = _driven(scenario.without_errors(), task, seconds)["outcome"]
+        found["without_errors"] = driven(scenario.without_errors(), task, seconds)["outcome"]
     return found
 
 
-def _driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
-    """Drive once, and return what happened."""
+def driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
+    """Drive once, judge the drive, and return what happened.
+
+    Args:
+        scenario: predictor, car and errors.
+        task: task of the drive.
+        seconds: longest duration in simulated time [s]; with an honest predictor it is longer.
+    """
     settings, body = scenario.settings, scenario.car.body
     witness, lidar = Witness(task.world), scenario.lidar
     limit, deadline = (HONEST_SECONDS, 600.0) if scenario.honest else (seconds, DEADLINE)
