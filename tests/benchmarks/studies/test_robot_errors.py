@@ -12,7 +12,7 @@ from benchmarks.studies.robustness import attack, errors
 from benchmarks.studies.robustness.among_people import first_touch
 from benchmarks.studies.robustness.error_drives import cases_of, driven_case
 from benchmarks.studies.robustness.error_tables import table
-from benchmarks.studies.robustness.hostile_drives import attacked, failures, reached
+from benchmarks.studies.robustness.hostile_drives import attacked, driven, failures, reached
 from benchmarks.studies.robustness.scenario import HONEST_EACH, Scenario
 from benchmarks.studies.robustness.worst_errors import (
     LONGEST_BURST,
@@ -160,3 +160,23 @@ def test_the_study_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
 def test_the_cars_of_all_cases_are_admitted():
     for case in cases_of("people"):
         assert limits_for(Settings(v_max=case["v_max"])).v_max == case["v_max"]
+
+
+def test_a_car_with_errors_does_not_wait_where_there_is_room():
+    # The MPC's plans stand still here, but the car may drive on.
+    given = {"jitter": 0.05, "lag": 0.1191, "pose_error": 0.0239, "dropout": 0.2}
+    settings = Settings(
+        world=("maze",),
+        seed=990399,
+        route="fixed",
+        arms=("predicted",),
+        v_max=6.0,
+        vehicle="reeds-shepp",
+        **given,
+    )
+    worst = WorstErrors("jumps", "from the wall", "late", "short", 0.9645)
+    car = limits_for(settings)
+    scenario = Scenario(399, "compact", "usual", (), settings, car=car, worst=worst)
+    found = driven(scenario, scenario.task(), 6.0)
+    assert found["outcome"] == "reached"
+    assert not found["touched"]
