@@ -31,6 +31,7 @@ STUDIES = {
     "worth": ("worth.__main__", "measure what prediction is worth against fair baselines"),
     "stages": ("performance.__main__", "time the stages of the control cycle"),
     "attack": ("robustness.attack", "drive with hostile predictors"),
+    "errors": ("robustness.errors", "drive with errors, beyond their bounds, and among people"),
     "interrupt": ("robustness.interrupt", "interrupt long commands, and compare the results"),
     "stuck": ("driver.stuck", "find out why drives got stuck"),
     "weave": ("driver.weave", "count steering oscillations on straights"),

@@ -68,8 +68,7 @@ class Actuators:
         if b.moves_exactly and b.delay == 0.0:
             yield control, dt
             return
-        # The extremes are the worst.
-        delay = b.delay + b.jitter * self.rng.integers(2)
+        delay = b.delay + b.jitter * self.lateness(control)
         # A control never overtakes the one before.
         earliest = self._coming[-1][0] if self._coming else 0.0
         self._coming.append((max(self._time + delay, earliest), control))
@@ -85,6 +84,11 @@ class Actuators:
             span = until - self._time
             yield self._lagging(span), span
             self._time = until
+
+    def lateness(self, control: Control) -> float:
+        """Return the share of the jitter by which a control is late, in [0, 1]."""
+        # The extremes are the worst.
+        return float(self.rng.integers(2))
 
     def _lagging(self, span: float) -> Control:
         """Return the mean control over a time [s] in which the response follows its command."""

@@ -25,12 +25,21 @@ class People:
         density: number of people per square metre of free space [1/m²].
         robot: x, y of the robot at the start, (2,) [m].
         rng: source of the people's places and walks.
+        speeds: lowest and highest walking speed [m/s].
+        apart: distance that people keep from the robot's centre as they walk [m]; 0: they do not
+            look where the robot is.
     """
 
     def __init__(
-        self, world: World, density: float, robot: NDArray[np.float64], rng: np.random.Generator
+        self,
+        world: World,
+        density: float,
+        robot: NDArray[np.float64],
+        rng: np.random.Generator,
+        speeds: tuple[float, float] = SPEEDS,
+        apart: float = APART,
     ) -> None:
-        self._world, self._rng = world, rng
+        self._world, self._rng, self._apart = world, rng, apart
         frame = world.grid.frame
         cells = np.argwhere(world.clearance > RADIUS + frame.resolution)
         roomy = np.array(frame.origin) + (cells[:, ::-1] + 0.5) * frame.resolution
@@ -40,7 +49,7 @@ class People:
         self.places = roomy[rng.integers(max(len(roomy), 1), size=count)]
         """x, y of each person, (n, 2) [m]."""
         self._headings = rng.uniform(-math.pi, math.pi, count)
-        self._speeds = rng.uniform(*SPEEDS, count)
+        self._speeds = rng.uniform(*speeds, count)
 
     @property
     def discs(self) -> NDArray[np.float64]:
@@ -57,7 +66,8 @@ class People:
         along = np.column_stack([np.cos(self._headings), np.sin(self._headings)])
         ahead = self.places + interval * self._speeds[:, None] * along
         near = np.hypot(*(ahead - robot).T)
-        free = self._roomy(ahead) & ((near > APART) | (near > np.hypot(*(self.places - robot).T)))
+        before = np.hypot(*(self.places - robot).T)
+        free = self._roomy(ahead) & ((near > self._apart) | (near > before))
         self.places = np.where(free[:, None], ahead, self.places)
         # Drawn for all, so that no one's draw depends on what another meets.
         turned = self._rng.uniform(-math.pi, math.pi, len(free))

@@ -9,6 +9,7 @@ import pytest
 
 COMMANDS = {
     "benchmarks.studies.robustness.attack": "benchmarks",
+    "benchmarks.studies.robustness.errors": "benchmarks",
     "benchmarks.calibrate": "benchmarks",
     "benchmarks.corridor": "benchmarks",
     "benchmarks.studies.robustness.interrupt": "benchmarks",

@@ -212,6 +212,9 @@ class Settings(Options):
     told_yaw_error: float | None = option(
         None, "error that it is told [rad] (default: --yaw-error)", "RAD", low=0, high=0.1
     )
+    told_noise: float | None = option(
+        None, "standard deviation of the ranges that it is told [m] (default: --noise)", "M", low=0
+    )
     real_time: bool = option(
         False,
         "drive on the wall clock, as on a robot: paths are searched for and predictions made in "
@@ -335,6 +338,7 @@ class Settings(Options):
             lag=self.told_lag,
             position=self.told_pose_error,
             yaw=self.told_yaw_error,
+            range=None if self.told_noise is None else NOISE_CUT * self.told_noise,
         )
         return replace(self.bounds, **told)
 

@@ -16,6 +16,7 @@ COMMANDS = {
     "comparison": "benchmarks.corridor",
     "optimum": "benchmarks.optimum",
     "attack": "benchmarks.studies.robustness.attack",
+    "errors": "benchmarks.studies.robustness.errors",
     "interrupt": "benchmarks.studies.robustness.interrupt",
     "stuck": "benchmarks.studies.driver.stuck",
     "weave": "benchmarks.studies.driver.weave",

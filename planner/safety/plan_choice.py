@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ STANDS_STILL = 0.1
 """A plan that ends within this distance of its start counts as standing still [m]."""
 TUBES = 3
 """Number of times that a plan is computed, each time with the tube of the one before."""
+START_STEPS = (8, 5, 3)
+"""Numbers of steps that a car may drive before it brakes if it would wait otherwise."""
 EARLIER_STOPS = (0.5, 1.0, 1.5, 2.0)
 """Distances along the path before the best plan's end at which a stop is tried instead [m]."""
 
@@ -273,6 +276,10 @@ class PlanChooser:
         # The plan that reaches the goal first, or else the cheapest. The drive ends at the goal, so
         # the cost of what follows must not make the car miss it.
         best = min(candidates, key=self._arrival)
+        if now.tube != EXACT and now.state[3] < REST and not _moves(best):
+            # The circles of the MPC grow more than the body, so that its best plan may be to wait
+            # where there is room enough to drive.
+            best = next(filter(_moves, candidates), best)
         if self.goes_on(best, now.risk):
             return _Intention(best, faults)
         # A car that cannot reverse should not stop with its front against a wall.
@@ -285,8 +292,9 @@ class PlanChooser:
         stops = (stop for stop in stops if self.checker.is_safe(stop, now.risk))
         others = [*candidates, *sorted(stops, key=cost)]
         # A plan that stands still is no better than a stop at the wall.
-        moving = (plan for plan in others if math.dist(*plan.states[[0, -1], :2]) > STANDS_STILL)
-        onward = next((plan for plan in moving if self.goes_on(plan, now.risk)), best)
+        onward = next(
+            (plan for plan in filter(_moves, others) if self.goes_on(plan, now.risk)), best
+        )
         return _Intention(onward, faults)
 
     def _emergency(self, now: Situation, rest: Plan, faults: tuple[Fault, ...] = ()) -> _Intention:
@@ -390,11 +398,19 @@ class PlanChooser:
                 faults.append(Fault.SOLVER_FAILED)
             if self.checker.is_safe(solution.plan, now.risk):
                 solved.append(solution.plan)
-        if not solved and now.tube != EXACT:
+        if now.tube != EXACT and not any(map(_moves, solved)):
             # The MPC knows the tube only from plan to plan; a guess may stay inside the safe set.
-            rolled = (self.mpc.roll(now.state, guess) for guess in guesses)
-            solved = [plan for plan in rolled if self.checker.is_safe(plan, now.risk)]
+            starts = (start for guess in guesses for start in self._starts(guess))
+            rolled = (self.mpc.roll(now.state, guess) for guess in (*guesses, *starts))
+            solved += [plan for plan in rolled if self.checker.is_safe(plan, now.risk)]
         return _Solutions(solved, tuple(faults))
+
+    def _starts(self, guess: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+        """Yield the first steps of a guess, after which the car brakes: their tube is narrow."""
+        for steps in START_STEPS:
+            start = guess.copy()
+            start[steps:] = -self.mpc.limits.braking, guess[steps - 1, 1]
+            yield start
 
     def _solution(self, now: Situation, path: Path, guess: NDArray[np.float64]) -> Solution:
         """Return the MPC's plan from a guess, which keeps its tube in the safe set if possible.
@@ -440,3 +456,8 @@ class PlanChooser:
                 break
             free = min(free, max(met[0] - 0.1, 0.0))
         return controls
+
+
+def _moves(plan: Plan) -> bool:
+    """Return whether a plan does not stand still."""
+    return math.dist(*plan.states[[0, -1], :2]) > STANDS_STILL

@@ -15,6 +15,7 @@ import numpy as np
 
 from foresee.mapping.body import Scene
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.conventions import TIGHTEST
 from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.kernels import njit
 
@@ -156,4 +157,7 @@ def planned(car: CarLimits, bounds: ErrorBounds) -> CarLimits:
     share = (1.0 + timing * change / slowest) ** -2
     lateral = car.lateral_acceleration * share
     margin = bounds.apart(car.body.radius + AHEAD) + 0.5 * bounds.lag**2 * lateral
-    return replace(car, lateral_acceleration=lateral, body=car.body.inflated(margin))
+    body = car.body.inflated(margin)
+    # A larger body cannot turn as tightly, see `CarLimits`.
+    radius = max(car.turning_radius, 1.001 * body.radius / TIGHTEST)
+    return replace(car, lateral_acceleration=lateral, turning_radius=radius, body=body)

@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
+from foresee.mapping.conventions import TIGHTEST
 from foresee.mapping.error_bounds import ErrorBounds
 from planner.motion.dynamics import pose_along, rollout
 from planner.safety.sent_controls import SentControls
@@ -70,6 +72,15 @@ def test_the_car_stays_in_the_tube_of_every_plan(name, seed):
         sent.add(control)
         state = driven(actuators, car, state, control)[-1]
     assert state[3] > 0.0 or seed
+
+
+def test_a_car_that_turns_as_tightly_as_admitted_may_have_errors():
+    body = Body(1.2484, 0.1255)
+    car = CarLimits(body=body, turning_radius=1.01 * body.radius / TIGHTEST)
+    guided = planned(car, BOUNDS["all"])
+    assert guided.body.length > body.length
+    assert guided.turning_radius > car.turning_radius
+    assert planned(CAR, BOUNDS["all"]).turning_radius == CAR.turning_radius
 
 
 def _follows(bounds, tube, states, controls, car, state, actuators, rng):

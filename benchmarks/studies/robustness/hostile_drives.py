@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,16 +19,24 @@ from benchmarks.studies.robustness.hostile_predictors import (
     DEADLINE,
     hostile,
 )
-from benchmarks.studies.robustness.scenario import SITUATIONS, Scenario
+from benchmarks.studies.robustness.scenario import HONEST, SITUATIONS, Scenario
 from benchmarks.studies.robustness.witness import Witness
+from benchmarks.studies.robustness.worst_errors import (
+    MOST,
+    POSES,
+    RANGES,
+    TIMES,
+    YAWS,
+    TracedCar,
+)
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
 from foresee.prediction import Predictor
 from planner.fault import Fault
 from planner.risk.predictor_process import PredictorProcess
-from sim import DubinsCar
+from predictor.registry import load_predictor
 from sim.episode import EpisodeConfig, run_episode
-from sim.task import NoTaskError
+from sim.task import NoTaskError, Task
 
 TITLES = {
     "usual": "as in comparisons",
@@ -39,12 +49,16 @@ TITLES = {
     "mixed": "several of these",
 }
 """Situation → its description in the table."""
+HONEST_SECONDS = 30.0
+"""Longest duration of a drive with an honest predictor, in simulated time [s]."""
 Drives = list[dict[str, Any]]
 BROKEN = (Fault.EMERGENCY, Fault.NO_LAST_RESORT)
 """Faults that the guarantee excludes."""
 
 
-def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
+def attacked(
+    seed: int, seconds: float, index: int, errors: bool = False, maps: tuple[str, ...] = ()
+) -> dict[str, Any]:
     """Drive once with a hostile predictor, and return the entry of the drive in the results.
 
     An exception that reaches this function is recorded as `error`.
@@ -53,8 +67,10 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         seed: seed of the first building.
         seconds: longest duration of the drive in simulated time [s].
         index: number of the drive.
+        errors: whether the robot has errors; then some predictors are honest.
+        maps: map files of real buildings, for drives with errors.
     """
-    scenario = Scenario.draw(index, seed)
+    scenario = Scenario.draw(index, seed, errors, maps)
     settings, car = scenario.settings, scenario.car
     entry: dict[str, Any] = {
         "index": index,
@@ -68,41 +84,68 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
         "turning_radius": car.turning_radius,
         "commit": commit(),
     }
+    if scenario.worst is not None:
+        entry["errors"] = {name: getattr(settings, name) for name in MOST}
+        entry["worst"] = asdict(scenario.worst)
     try:
         task = scenario.task()
     except NoTaskError as error:
         return entry | {"outcome": NO_TASK, "error": None, "note": str(error)}
+    found = entry | driven(scenario, task, seconds)
+    if scenario.honest:
+        # Some tasks are too hard without errors, too.
+        found["without_errors"] = driven(scenario.without_errors(), task, seconds)["outcome"]
+    return found
+
+
+def driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
+    """Drive once, judge the drive, and return what happened.
+
+    Args:
+        scenario: predictor, car and errors.
+        task: task of the drive.
+        seconds: longest duration in simulated time [s]; with an honest predictor it is longer.
+    """
+    settings, body = scenario.settings, scenario.car.body
     witness, lidar = Witness(task.world), scenario.lidar
-    config = EpisodeConfig(timeout=seconds * settings.v_max / task.path_length)
+    limit, deadline = (HONEST_SECONDS, 600.0) if scenario.honest else (seconds, DEADLINE)
     rng = np.random.default_rng([task.seed, 2])
+    car = TracedCar(scenario.car, task.start)
     try:
         with _predictor(scenario) as predictor:
-            driver = navigator_for(settings, ARMS["predicted"], task, predictor, DEADLINE, car=car)
+            driver = navigator_for(
+                settings, ARMS[settings.arms[0]], task, predictor, deadline, car=scenario.car
+            )
             episode = run_episode(
                 task,
                 driver,
-                DubinsCar(car),
+                car,
                 lidar,
-                config,
+                EpisodeConfig(timeout=limit * settings.v_max / task.path_length),
                 rng,
                 lambda _, decision: witness.compare(driver.known, *decision.plan.states[0, :2]),
+                scenario.robot(task.world, rng),
             )
     except Exception as error:
         # The program must survive every hostile predictor: an exception here is a failure.
-        return entry | {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
-    if "lattice" in scenario.odd:
+        return {"outcome": "crashed", "error": f"{type(error).__name__}: {error}"}
+    if "lattice" in scenario.odd and scenario.worst is None:
         witness.scan_from_corners(lidar, rng)
     world, trace = task.world, episode.trace
-    states = trace["states"]
-    return entry | {
+    false = witness.false_cells
+    if scenario.worst is not None:
+        # A wall may seem to stand where none is, but nothing solid may seem free.
+        false = {name: n for name, n in false.items() if name == "solid_as_free"}
+    return {
         "outcome": str(episode.outcome),
-        "touched": touches(states, world.solid, world.grid.frame, car.body),
-        "false_cells": witness.false_cells,
+        "touched": touches(np.array(car.states), world.solid, world.grid.frame, body),
+        "false_cells": false,
         "error": None,
         "time": round(episode.time, 1),
         "path_length": round(episode.path_length, 2),
-        "reversed": round(_reversed(states), 2),
+        "reversed": round(_reversed(trace["states"]), 2),
         "max_speed": round(episode.max_speed, 2),
+        "min_clearance": round(episode.min_clearance, 3),
         "impact_speed": episode.impact_speed,
         "ticks": len(trace["kept"]),
         "faults": episode.faults,
@@ -111,7 +154,10 @@ def attacked(seed: int, seconds: float, index: int) -> dict[str, Any]:
 
 
 @contextmanager
-def _predictor(scenario: Scenario) -> Iterator[Predictor]:
+def _predictor(scenario: Scenario) -> Iterator[Predictor | None]:
+    if scenario.honest:
+        yield load_predictor(scenario.kind)
+        return
     if "process" not in scenario.odd:
         yield hostile(scenario.kind)
         return
@@ -153,13 +199,47 @@ def table(results: dict[str, Any]) -> str:
     """Return drives, contacts and faults by class of predictors and by situation as Markdown."""
     drives = [d for d in results["drives"] if d["outcome"] != NO_TASK]
     by_class = {
-        what: [d for d in drives if d["kind"] in kinds] for what, kinds in CLASSES.items()
+        what: [d for d in drives if d["kind"] in kinds]
+        for what, kinds in (CLASSES | {"honest": HONEST}).items()
     } | {"all": drives}
     by_situation = {
         TITLES[name]: [d for d in drives if d["situation"] == name] for name in SITUATIONS
     } | {"all": drives}
-    parts = (("predictors", by_class), ("situation", by_situation))
-    return "\n\n".join(records(list(_rows(head, groups))) for head, groups in parts)
+    parts = {"predictors": by_class, "situation": by_situation, "error": _by_error(drives)}
+    parts = {head: groups for head, groups in parts.items() if groups}
+    tables = [records(list(_rows(head, groups))) for head, groups in parts.items()]
+    tables += [records([reached(drives)])] if any("without_errors" in d for d in drives) else []
+    return "\n\n".join(tables)
+
+
+def _by_error(drives: Drives) -> dict[str, Drives]:
+    """Return the drives with each way of being wrong."""
+    ways = [("pose", POSES), ("yaw", YAWS), ("time", TIMES), ("range", RANGES)]
+    among = [d for d in drives if "worst" in d]
+    of = {"pose": "pose_error", "yaw": "yaw_error", "time": "jitter", "range": "noise"}
+    return {
+        f"{name}: {way}": found
+        for name, them in ways
+        for way in them
+        if (found := [d for d in among if d["worst"][name] == way and d["errors"][of[name]]])
+    } | {
+        name: found
+        for name in ("delay", "lag", "dropout", "missed")
+        if (found := [d for d in among if d["errors"][name]])
+    }
+
+
+def reached(drives: Drives) -> dict[str, Any]:
+    """Count how many of the drives with honest predictors reached their goal, with and without."""
+    honest = [d for d in drives if "without_errors" in d]
+    both = Counter((d["outcome"] == "reached", d["without_errors"] == "reached") for d in honest)
+    return {
+        "honest drives": len(honest),
+        "reached with errors": both[True, True] + both[True, False],
+        "reached without": both[True, True] + both[False, True],
+        "reached only without": both[False, True],
+        "reached only with": both[True, False],
+    }
 
 
 def _rows(head: str, groups: dict[str, Drives]) -> Iterator[dict[str, Any]]:

@@ -1,0 +1,135 @@
+"""The drives of the study of errors: its cases, and how each is driven."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from benchmarks.runs.arms import ARMS
+from benchmarks.runs.car import limits_for
+from benchmarks.runs.drive import drive, navigator_for, predictor_for
+from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.settings import Settings
+from benchmarks.runs.tasks import make_task
+from benchmarks.studies.robustness.among_people import CrowdedLidar, first_touch
+from benchmarks.studies.robustness.hostile_drives import driven
+from benchmarks.studies.robustness.scenario import Scenario
+from benchmarks.studies.robustness.worst_errors import WorstErrors
+from foresee.infra.environment import commit
+from foresee.mapping.conventions import NOISE_CUT
+from foresee.mapping.family_names import FAMILIES
+from sim import DubinsCar, LidarConfig
+from sim.episode import EpisodeConfig, run_episode
+from sim.people import APART, People
+from sim.task import NoTaskError
+
+TOLD = {
+    "delay": 0.1,
+    "jitter": 0.02,
+    "lag": 0.05,
+    "pose_error": 0.02,
+    "yaw_error": 0.005,
+    "noise": 0.01 / NOISE_CUT,
+}
+"""Errors that the navigator is told beyond the bounds, one at a time; units as in `Settings`."""
+FACTORS = (0.0, 1.0, 1.5, 2.0, 3.0, 5.0)
+"""Ratios of the true error to the one that is told."""
+SECONDS, SPEED = 15.0, 4.0
+"""Longest duration [s], in simulated time, and top speed [m/s] of a drive beyond the bounds."""
+LIE = "free, confidence 1.0"
+"""Predictor of these drives, which makes the car fast: all is free."""
+COSTS = (
+    *({"delay": delay} for delay in (0.0, 0.1, 0.2, 0.3)),
+    *({"pose_error": error} for error in (0.02, 0.05)),
+)
+"""Errors whose cost is measured; the first is none."""
+PLACES = ("corridor", "office")
+"""Families in which it is measured."""
+DENSITY, WALK = 0.05, 1.4
+"""People per area of floor [1/m²] and their walking speed [m/s]."""
+
+
+@cache
+def cases_of(part: str) -> Sequence[dict[str, Any]]:
+    """Return the cases of a part of the study; each is driven in every building."""
+    match part:
+        case "beyond":
+            return [{"setting": setting, "factor": f} for setting, f in product(TOLD, FACTORS)]
+        case "cost":
+            return [
+                {"family": family, "arm": arm, "error": error}
+                for family, arm, error in product(PLACES, ("known", "predicted"), COSTS)
+            ]
+    return [
+        {"v_max": v_max, "apart": apart} for v_max, apart in product((2.0, 4.0, 6.0), (APART, 0.0))
+    ]
+
+
+def driven_case(part: str, seed: int, index: int) -> dict[str, Any]:
+    """Drive one case in one building, and return the entry of the drive in the results.
+
+    Args:
+        part: part of the study.
+        seed: seed of the first building.
+        index: number of the drive: all cases of a building follow one another.
+    """
+    cases = cases_of(part)
+    building, number = divmod(index, len(cases))
+    case = cases[number]
+    entry = {"index": index, "building": building, "commit": commit(), **case}
+    works: dict[str, Callable[..., dict[str, Any]]]
+    works = {"beyond": _beyond, "cost": _cost, "people": _among_people}
+    try:
+        return entry | works[part](seed + building, **case)
+    except NoTaskError as error:
+        return entry | {"outcome": NO_TASK, "note": str(error)}
+
+
+def _beyond(seed: int, setting: str, factor: float) -> dict[str, Any]:
+    """Drive with one error that is a multiple of what the navigator is told."""
+    given: dict[str, Any] = {setting: factor * TOLD[setting], f"told_{setting}": TOLD[setting]}
+    family = FAMILIES[seed % len(FAMILIES)]
+    settings = Settings(
+        world=(family,), seed=seed, arms=("predicted",), v_max=SPEED, predictor="none", **given
+    )
+    rng = np.random.default_rng([seed, 5])
+    scenario = Scenario(
+        seed, LIE, "usual", (), settings, car=limits_for(settings), worst=WorstErrors.draw(rng)
+    )
+    drawn = {"family": family, "worst": asdict(scenario.worst) if scenario.worst else None}
+    return drawn | driven(scenario, make_task(settings, 0), SECONDS)
+
+
+def _cost(seed: int, family: str, arm: str, error: dict[str, float]) -> dict[str, Any]:
+    """Drive to the goal with errors that the navigator is told."""
+    given: dict[str, Any] = error
+    settings = Settings(world=(family,), route="fixed", seed=seed, arms=(arm,), **given)
+    result = drive(settings, 0, arm).result
+    names = ("outcome", "time", "mean_speed", "min_clearance", "faults")
+    return {name: getattr(result, name) for name in names}
+
+
+def _among_people(seed: int, v_max: float, apart: float) -> dict[str, Any]:
+    """Drive in a corridor with people, until the drive ends."""
+    settings = Settings(world=("corridor",), route="fixed", seed=seed, v_max=v_max)
+    task, arm, limits = make_task(settings, 0), ARMS["predicted"], limits_for(settings)
+    driver = navigator_for(settings, arm, task, predictor_for(settings, arm, task), 600.0)
+    rng, crowd = np.random.default_rng([seed, 2]), np.random.default_rng([seed, 3])
+    people = People(
+        task.world, DENSITY, np.array(task.start[:2]), crowd, speeds=(WALK, WALK), apart=apart
+    )
+    lidar = CrowdedLidar(LidarConfig(), people)
+    episode = run_episode(task, driver, DubinsCar(limits), lidar, EpisodeConfig(), rng)
+    states, places = episode.trace["states"][:-1], np.array(lidar.places)
+    touch = first_touch(states, places, limits.body)
+    return {
+        "outcome": str(episode.outcome),
+        "people": len(people.places),
+        "seconds": touch["at"] if touch else episode.time,
+        "touch": touch,
+    }

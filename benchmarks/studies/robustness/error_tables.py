@@ -1,0 +1,104 @@
+"""The tables of the study of errors, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.statistics import wilson
+from benchmarks.studies.robustness.error_drives import COSTS, FACTORS, TOLD, cases_of
+from foresee.infra.markdown import figure, interval, records
+from foresee.mapping.conventions import NOISE_CUT
+from foresee.statistics import grouped_mean
+
+Drives = list[dict[str, Any]]
+TITLES = {
+    "delay": "delay {:g} s",
+    "jitter": "jitter {:g} s",
+    "lag": "lag {:g} s",
+    "pose_error": "position {:g} m",
+    "yaw_error": "yaw {:g} rad",
+    "noise": "ranges {:g} m",
+}
+"""Setting of an error → its name in tables, with its value."""
+
+
+def table(part: str, drives: Drives) -> str:
+    """Return the table of a part of the study.
+
+    Args:
+        part: part of the study.
+        drives: its drives.
+    """
+    rows: dict[str, Callable[[Drives], Iterator[dict[str, Any]]]]
+    rows = {"beyond": _beyond, "cost": _cost, "people": _people}
+    return records(list(rows[part]([d for d in drives if d["outcome"] != NO_TASK])))
+
+
+def _of(drives: Drives, case: Mapping[str, Any]) -> Drives:
+    return [d for d in drives if all(d[name] == value for name, value in case.items())]
+
+
+def _beyond(drives: Drives) -> Iterator[dict[str, Any]]:
+    """Yield a row for each error that is told, with the contacts at each multiple of it."""
+    for setting, told in TOLD.items():
+        cells = {}
+        for factor in FACTORS:
+            them = _of(drives, {"setting": setting, "factor": factor})
+            met = [d for d in them if d.get("touched") or d["outcome"] in ("collided", "crashed")]
+            cells[f"× {factor:g}"] = f"{len(met)} of {len(them)}"
+        value = told * (NOISE_CUT if setting == "noise" else 1.0)
+        yield {"told": TITLES[setting].format(value), **cells}
+
+
+def _cost(drives: Drives) -> Iterator[dict[str, Any]]:
+    """Yield a row for each case, compared with the same tasks without errors."""
+    for case in cases_of("cost"):
+        them = _of(drives, case)
+        exact = {d["building"]: d for d in _of(drives, case | {"error": COSTS[0]})}
+        both = [d for d in them if d["building"] in exact]
+        goal = [
+            d
+            for d in both
+            if d["outcome"] == "reached" and exact[d["building"]]["outcome"] == "reached"
+        ]
+        ratio = grouped_mean(
+            np.array([d["building"] for d in goal], dtype=np.int64),
+            np.array([d["time"] for d in goal], dtype=np.float64),
+            np.array([exact[d["building"]]["time"] for d in goal], dtype=np.float64),
+        )
+        ((error, value),) = case["error"].items()
+        yield {
+            "family": case["family"],
+            "arm": f"`{case['arm']}`",
+            "error": TITLES[error].format(value) if value else "none",
+            "drives": len(them),
+            "reached": sum(d["outcome"] == "reached" for d in them),
+            "collided": sum(d["outcome"] == "collided" for d in them),
+            "time ratio": interval(ratio, ".2f") if value else "1",
+        }
+
+
+def _people(drives: Drives) -> Iterator[dict[str, Any]]:
+    """Yield a row for each case: contacts with people, and how fast the car was then."""
+    for case in cases_of("people"):
+        them = _of(drives, case)
+        touches = [d["touch"] for d in them if d["touch"]]
+        moving = [t["speed"] for t in touches if not t["rest"]]
+        hours, count = sum(d["seconds"] for d in them) / 3600.0, max(1, len(them))
+        ends = wilson(len(touches), count)
+        yield {
+            "top speed [m/s]": f"{case['v_max']:g}",
+            "people": f"keep {case['apart']:g} m away" if case["apart"] else "do not look",
+            "drives": len(them),
+            "touched a person": figure(len(touches) / count, ends, ".0f", 100.0, " %"),
+            "of these at rest": len(touches) - len(moving),
+            "moving, per hour": f"{len(moving) / hours:.0f}" if hours else "",
+            "speed of the moving car [m/s]": (
+                f"{np.median(moving):.1f}, at most {max(moving):.1f}" if moving else ""
+            ),
+            "hours": f"{hours:.2f}",
+        }
