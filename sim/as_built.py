@@ -329,9 +329,11 @@ def _stops(
     canvas: TurnedCanvas, spaces: list[Space], mapping: Mapping, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Return where a robot stops: along all corridors, and in the rooms that it visits."""
+    # The largest space is visited always, since a wing may have no corridor.
+    largest = max(spaces, key=lambda space: math.prod(space.size))
     points = []
     for space in spaces:
-        if not space.corridor and rng.random() >= mapping.visited:
+        if not (space.corridor or space is largest or rng.random() < mapping.visited):
             continue
         counts = [max(1, round(extent / 3.5)) for extent in space.size]
         grids = [
@@ -339,8 +341,6 @@ def _stops(
             for axis in (0, 1)
         ]
         points.append(np.stack(np.meshgrid(*grids), axis=-1).reshape(-1, 2))
-    if not points:
-        return np.zeros((0, 2))
     return turned(np.concatenate(points), canvas.yaw) + canvas.origin
 
 
