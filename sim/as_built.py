@@ -24,7 +24,7 @@ from sim.subdivision import Layout
 from sim.turned_canvas import TurnedCanvas, turned
 from sim.wing import Port, Wing, draw_wing
 
-LARGEST = 84.0
+LARGEST = 88.0
 """Largest extent of a building along x and along y [m]."""
 SMALLEST = 350.0
 """Smallest area of the box around a building of one wing [m²]."""
@@ -66,16 +66,16 @@ class Style(Layout):
         by_robot = rng.random() < 0.45
         return cls(
             wall=float(rng.choice([rng.uniform(0.1, 0.2), rng.uniform(0.2, 0.45)])),
-            corridor=rng.uniform(1.6, 3.4),
-            deepest=rng.uniform(4.5, 10.0),
-            room=rng.uniform(2.8, 9.0),
+            corridor=rng.uniform(1.6, 3.2) if by_robot else rng.uniform(1.6, 4.0),
+            deepest=rng.uniform(4.0, 9.0) if by_robot else rng.uniform(5.0, 12.0),
+            room=rng.uniform(2.8, 7.0) if by_robot else rng.uniform(2.8, 11.0),
             halls=rng.uniform(0.0, 0.3),
             mapping=Mapping.drawn(rng) if by_robot else None,
-            wings=int(rng.choice([1, 2, 3, 4], p=[0.3, 0.35, 0.25, 0.1])),
+            wings=int(rng.choice([1, 2, 3, 4], p=[0.25, 0.25, 0.25, 0.25])),
             closed=float(rng.choice([0.1, 0.3, 0.7] if by_robot else [0.0, 0.0, 0.1])),
             ajar=float(rng.choice([0.0, 0.2, 0.5])) if by_robot else 0.0,
             stairs=rng.uniform(0.0, 0.15),
-            furnished=float(rng.choice([0.4, 0.9] if by_robot else [0.0, 0.0, 0.0, 0.3])),
+            furnished=float(rng.choice([0.6, 1.0] if by_robot else [0.0, 0.0, 0.0, 0.0, 0.3])),
             glass=float(rng.choice([0.0, 0.0, 0.3])),
             pillars=rng.uniform(0.0, 0.4),
             niches=float(rng.choice([0.0, 0.05, 0.15])),
@@ -151,7 +151,7 @@ def _arrange(style: Style, rng: np.random.Generator) -> tuple[list[Placed], list
         out, entry = ports[rng.integers(len(ports))], wing.ports[rng.integers(len(wing.ports))]
         kink = rng.uniform(-0.9, 0.9) if rng.random() < 0.3 else 0.0
         yaw = parent.yaw + out.heading + math.pi - entry.heading + kink
-        gap = rng.choice([0.3, rng.uniform(0.5, 10.0)])
+        gap = 0.3 if rng.random() < 0.7 else rng.uniform(0.5, 10.0)
         heading = parent.yaw + out.heading
         end = parent.place(np.array([out.end]))[0]
         end = end + gap * np.array([math.cos(heading), math.sin(heading)])
