@@ -24,10 +24,12 @@ from sim.subdivision import Layout
 from sim.turned_canvas import TurnedCanvas, turned
 from sim.wing import Port, Wing, draw_wing
 
-LARGEST = 84.0
+LARGEST = 88.0
 """Largest extent of a building along x and along y [m]."""
 SMALLEST = 350.0
 """Smallest area of the box around a building of one wing [m²]."""
+STOPS = 4.5
+"""Approximate distance between the places where a robot stops [m]."""
 EDGE = 1.0
 """Width of the solid ground around a building [m]."""
 
@@ -66,18 +68,18 @@ class Style(Layout):
         by_robot = rng.random() < 0.45
         return cls(
             wall=float(rng.choice([rng.uniform(0.1, 0.2), rng.uniform(0.2, 0.45)])),
-            corridor=rng.uniform(1.6, 3.4),
-            deepest=rng.uniform(4.5, 10.0),
-            room=rng.uniform(2.8, 9.0),
+            corridor=rng.uniform(1.6, 3.2) if by_robot else rng.uniform(1.6, 4.0),
+            deepest=rng.uniform(4.0, 9.0) if by_robot else rng.uniform(5.0, 12.0),
+            room=rng.uniform(2.8, 7.0) if by_robot else rng.uniform(2.8, 11.0),
             halls=rng.uniform(0.0, 0.3),
             mapping=Mapping.drawn(rng) if by_robot else None,
-            wings=int(rng.choice([1, 2, 3, 4], p=[0.3, 0.35, 0.25, 0.1])),
+            wings=int(rng.choice([1, 2, 3, 4], p=[0.25, 0.25, 0.25, 0.25])),
             closed=float(rng.choice([0.1, 0.3, 0.7] if by_robot else [0.0, 0.0, 0.1])),
             ajar=float(rng.choice([0.0, 0.2, 0.5])) if by_robot else 0.0,
             stairs=rng.uniform(0.0, 0.15),
-            furnished=float(rng.choice([0.4, 0.9] if by_robot else [0.0, 0.0, 0.0, 0.3])),
+            furnished=float(rng.choice([0.6, 1.0] if by_robot else [0.0, 0.0, 0.0, 0.0, 0.3])),
             glass=float(rng.choice([0.0, 0.0, 0.3])),
-            pillars=rng.uniform(0.0, 0.4),
+            pillars=rng.uniform(0.0, 0.3),
             niches=float(rng.choice([0.0, 0.05, 0.15])),
             stubs=rng.uniform(0.0, 0.2),
         )
@@ -151,7 +153,7 @@ def _arrange(style: Style, rng: np.random.Generator) -> tuple[list[Placed], list
         out, entry = ports[rng.integers(len(ports))], wing.ports[rng.integers(len(wing.ports))]
         kink = rng.uniform(-0.9, 0.9) if rng.random() < 0.3 else 0.0
         yaw = parent.yaw + out.heading + math.pi - entry.heading + kink
-        gap = rng.choice([0.3, rng.uniform(0.5, 10.0)])
+        gap = 0.3 if rng.random() < 0.7 else rng.uniform(0.5, 10.0)
         heading = parent.yaw + out.heading
         end = parent.place(np.array([out.end]))[0]
         end = end + gap * np.array([math.cos(heading), math.sin(heading)])
@@ -329,18 +331,18 @@ def _stops(
     canvas: TurnedCanvas, spaces: list[Space], mapping: Mapping, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Return where a robot stops: along all corridors, and in the rooms that it visits."""
+    # The largest space is visited always, since a wing may have no corridor.
+    largest = max(spaces, key=lambda space: math.prod(space.size))
     points = []
     for space in spaces:
-        if not space.corridor and rng.random() >= mapping.visited:
+        if not (space.corridor or space is largest or rng.random() < mapping.visited):
             continue
-        counts = [max(1, round(extent / 3.5)) for extent in space.size]
+        counts = [max(1, round(extent / STOPS)) for extent in space.size]
         grids = [
             space.low[axis] + (np.arange(counts[axis]) + 0.5) * space.size[axis] / counts[axis]
             for axis in (0, 1)
         ]
         points.append(np.stack(np.meshgrid(*grids), axis=-1).reshape(-1, 2))
-    if not points:
-        return np.zeros((0, 2))
     return turned(np.concatenate(points), canvas.yaw) + canvas.origin
 
 

@@ -50,8 +50,8 @@ class Mapping:
             visited=float(rng.choice([0.2, 0.6, 0.95])),
             missing=rng.uniform(0.0, 0.1),
             drift=float(rng.choice([0.0, 0.05, 0.15])),
-            rough=rng.uniform(0.02, 0.2),
-            specks=float(rng.choice([0.0, 0.02, 0.1])),
+            rough=rng.uniform(0.03, 0.35),
+            specks=float(rng.choice([0.01, 0.1, 0.4])),
             doubled=int(rng.choice([0, 0, 2, 5])),
         )
 

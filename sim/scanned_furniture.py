@@ -26,12 +26,12 @@ def furnish_as_scanned(canvas: Canvas, room: Room, rng: np.random.Generator) -> 
     if min(room.high[0] - room.low[0], room.high[1] - room.low[1]) < 2.0:
         return
     kind = rng.random()
-    if kind < 0.2:
+    if kind < 0.15:
         furnish(canvas, room, rng)
         return
-    if kind < 0.5:
+    if kind < 0.55:
         _rows_of_desks(canvas, room, rng)
-    elif kind < 0.7:
+    elif kind < 0.9:
         _table(canvas, room, rng)
     for name in rng.choice(list(SOLID), int(rng.integers(1, 5))):
         length, depth = SOLID[str(name)]

@@ -52,14 +52,14 @@ class Wing:
 
 def draw_wing(layout: Layout, rng: np.random.Generator) -> Wing:
     """Draw a wing."""
-    kind = rng.choice(4, p=[0.5, 0.17, 0.2, 0.13])
+    kind = rng.choice(4, p=[0.45, 0.15, 0.25, 0.15])
     draw = (_along_corridor, _around_courtyard, _deep_block, _hall)[int(kind)]
     return draw(layout, rng)
 
 
 def _along_corridor(layout: Layout, rng: np.random.Generator) -> Wing:
     """Rooms on one side of a corridor, or on both."""
-    length = min(LONGEST, 12.0 + rng.exponential(18.0))
+    length = min(LONGEST, 14.0 + rng.exponential(18.0))
     width = layout.corridor * rng.uniform(0.85, 1.2)
     below, above = layout.deepest * rng.uniform(0.6, 1.1, 2)
     if rng.random() < 0.3:
@@ -128,7 +128,7 @@ def _around_courtyard(layout: Layout, rng: np.random.Generator) -> Wing:
 
 def _deep_block(layout: Layout, rng: np.random.Generator) -> Wing:
     """Rooms and corridors in a rectangle that is divided again and again."""
-    whole = Space((0.0, 0.0), (rng.uniform(16.0, 40.0), rng.uniform(12.0, 28.0)))
+    whole = Space((0.0, 0.0), (rng.uniform(16.0, 48.0), rng.uniform(14.0, 34.0)))
     return _with_ports(whole, list(divided(whole, layout, rng)), rng)
 
 
