@@ -35,6 +35,7 @@ TABLES = {
     "risk drives": "benchmarks.runs.drive_file:table_of_outcomes",
     "worth": "benchmarks.studies.worth.tables:tables",
     "worth drives": "benchmarks.runs.drive_file:table_of_outcomes",
+    "buildings": "benchmarks.studies.buildings:table",
 }
 """Kind of results → function that makes its tables; imported when it is needed."""
 

@@ -34,6 +34,7 @@ STUDIES = {
     "stuck": ("driver.stuck", "find out why drives got stuck"),
     "weave": ("driver.weave", "count steering oscillations on straights"),
     "sweeps": ("driver.sweeps", "compare scores that limit the reliance on a prediction"),
+    "buildings": ("buildings", "compare generated buildings with maps by numbers"),
 }
 """Command of a study → module in `benchmarks.studies`, and description."""
 

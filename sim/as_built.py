@@ -28,6 +28,8 @@ LARGEST = 88.0
 """Largest extent of a building along x and along y [m]."""
 SMALLEST = 350.0
 """Smallest area of the box around a building of one wing [m²]."""
+STOPS = 4.5
+"""Approximate distance between the places where a robot stops [m]."""
 EDGE = 1.0
 """Width of the solid ground around a building [m]."""
 
@@ -77,7 +79,7 @@ class Style(Layout):
             stairs=rng.uniform(0.0, 0.15),
             furnished=float(rng.choice([0.6, 1.0] if by_robot else [0.0, 0.0, 0.0, 0.0, 0.3])),
             glass=float(rng.choice([0.0, 0.0, 0.3])),
-            pillars=rng.uniform(0.0, 0.4),
+            pillars=rng.uniform(0.0, 0.3),
             niches=float(rng.choice([0.0, 0.05, 0.15])),
             stubs=rng.uniform(0.0, 0.2),
         )
@@ -335,7 +337,7 @@ def _stops(
     for space in spaces:
         if not (space.corridor or space is largest or rng.random() < mapping.visited):
             continue
-        counts = [max(1, round(extent / 3.5)) for extent in space.size]
+        counts = [max(1, round(extent / STOPS)) for extent in space.size]
         grids = [
             space.low[axis] + (np.arange(counts[axis]) + 0.5) * space.size[axis] / counts[axis]
             for axis in (0, 1)

@@ -22,6 +22,7 @@ COMMANDS = {
     "benchmarks.tables": "benchmarks",
     "benchmarks.studies.driver.weave": "benchmarks",
     "benchmarks.studies.driver.sweeps": "benchmarks",
+    "benchmarks.studies.buildings": "benchmarks",
     "predictor.check": "predictor",
     "predictor.dataset": "predictor",
     "predictor.drives": "predictor",

@@ -29,6 +29,7 @@ COMMANDS = {
     "risk drives": "benchmarks.studies.risk",
     "worth": "benchmarks.studies.worth",
     "worth drives": "benchmarks.studies.worth",
+    "buildings": "benchmarks.studies.buildings",
 }
 """Kind of results → command that writes it."""
 MOST_BYTES = 4 * 10**8

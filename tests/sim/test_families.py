@@ -4,12 +4,16 @@ from scipy.ndimage import binary_dilation, label
 
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import OCCUPIED, UNKNOWN
+from sim.as_built import LARGEST, Style
+from sim.building_statistics import building_statistics
 from sim.families import empty_straight, generate
 
 SEEDS = range(6)
 CASES = [(family, seed) for family in FAMILIES for seed in SEEDS]
 # A building of which no room was left.
 CASES.append(("floor_plan", 1_200_982))
+# A hall alone, of which a robot would enter no room.
+CASES.append(("as_built", 439))
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -45,7 +49,8 @@ def test_a_building_is_one_piece_of_the_right_size(family, seed):
     grid = generate(family, seed).grid
     pieces, _ = label(grid.free)
     assert np.bincount(pieces[grid.free]).max() > 0.97 * grid.free.sum()
-    assert 20 < max(grid.frame.size) < 90
+    # A turned corner, the ground around and walls add to the largest extent of `as_built`.
+    assert 20 < max(grid.frame.size) < LARGEST + 2
 
 
 def test_widths_of_corridors_are_those_of_the_paper():
@@ -78,3 +83,18 @@ def test_the_papers_buildings_have_ways_round_and_the_papers_widths(seed):
     assert world.clearance.max() < 10 / 2 * np.sqrt(2) + 0.1
     middle, _ = label(world.clearance > 3.5 / 2 - 0.1)
     assert np.bincount(middle[middle > 0]).max() > 0.95 * (middle > 0).sum()
+
+
+def test_robots_maps_are_rougher_and_more_cluttered_than_architects_plans():
+    numbers = {True: [], False: []}
+    for seed in range(30):
+        style = Style.drawn(np.random.default_rng([FAMILIES.index("as_built"), seed]))
+        of = building_statistics(generate("as_built", seed), np.random.default_rng(0))
+        numbers[style.mapping is not None].append((of["walls"], of["small"], -of["clearance"]))
+    robots, plans = (np.median(numbers[by_robot], axis=0) for by_robot in (True, False))
+    assert (robots > plans).all()
+    # Quartiles of the validation maps: walls 0.36–0.81 m/m² in plans; 46–101 small obstacles per
+    # 100 m² in robots' maps, none in most plans.
+    assert 0.25 < plans[0] < 1.2
+    assert plans[1] < 5.0
+    assert 5.0 < robots[1] < 150.0
