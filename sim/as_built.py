@@ -131,7 +131,12 @@ def draw_as_built(rng: np.random.Generator) -> Canvas:
     _keep_largest_piece(canvas)
     if style.mapping is not None:
         places = np.concatenate(stops)
-        survey(canvas, places + rng.uniform(-0.4, 0.4, places.shape), style.mapping, rng)
+        places += rng.uniform(-0.4, 0.4, places.shape)
+        if not any(canvas.is_free(x, y) for x, y in places):
+            # The largest piece is a room with closed doors that the robot did not mean to visit.
+            row, col = rng.choice(np.argwhere(canvas.free))
+            places = np.array([canvas.frame.centre(row, col)])
+        survey(canvas, places, style.mapping, rng)
         disturb(canvas, style.mapping, rng)
     _thicken(canvas.free)
     _keep_largest_piece(canvas)

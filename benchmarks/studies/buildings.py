@@ -58,7 +58,8 @@ def _run(settings: BuildingsSettings) -> None:
     for place, seed in tqdm(items, unit="building"):
         world = generate(place, seed) if place in FAMILIES else read_building(Path(place))
         numbers = building_statistics(world, np.random.default_rng(seed))
-        groups.setdefault(report_group(place), []).append(numbers)
+        rounded = {name: round(number, 4) for name, number in numbers.items()}
+        groups.setdefault(report_group(place), []).append(rounded)
     results = {"commit": commit(), "seed": settings.seed, "groups": groups}
     write_results(settings.out, "buildings", results)
     print(table(results), "", settings.out, sep="\n")

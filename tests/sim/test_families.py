@@ -14,6 +14,8 @@ CASES = [(family, seed) for family in FAMILIES for seed in SEEDS]
 CASES.append(("floor_plan", 1_200_982))
 # A hall alone, of which a robot would enter no room.
 CASES.append(("as_built", 439))
+# A room behind closed doors that is larger than the corridors along which the robot would drive.
+CASES.append(("as_built", 10_368))
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -183,4 +183,5 @@ def test_a_calibration_of_ones_own_lets_a_predictor_drive_at_its_risk(tmp_path):
 
 
 def test_the_mixture_is_that_of_the_learned_families():
-    assert set(MIXTURE) == set(LEARNED)
+    # No certificate holds in as_built, from which networks learn since.
+    assert set(MIXTURE) == set(LEARNED) - {"as_built"}
