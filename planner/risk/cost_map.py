@@ -24,6 +24,9 @@ a place where it got stuck, and beside a prescribed route."""
 WAY_BACK, WALL, LANES = 30.0, 0.3, 6
 """Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], how
 thick a thin wall is to a route [m], and how many lanes lie side by side in an opening."""
+FAR_LANES = 24
+"""The same number for far predictions, which are blurred: where a way leads on is seldom known, and
+there are more ways round."""
 WALL_PRIOR, WALL_REACH = 15.0, 2.5
 """Additional cost of a metre of unobserved space right beside an occupied cell, and distance from
 the cell at which it has fallen to 0 [m]. Walls usually continue, so that a route should turn off
@@ -216,7 +219,8 @@ def remember_far(belief: Belief | None, frame: GridFrame, prediction: Prediction
     """Return the belief with a new far prediction added, whose cells are larger than its own.
 
     Args:
-        belief: what was predicted far ahead so far, or None.
+        belief: what was predicted far ahead so far, or None. `blocked` is such that `blocked_cost`
+            gives the cost for `FAR_LANES`.
         frame: frame of the observed map.
         prediction: new prediction; a cell counts as free if all of it is.
     """
@@ -235,7 +239,8 @@ def remember_far(belief: Belief | None, frame: GridFrame, prediction: Prediction
     here = np.ix_(inside_rows, inside_cols)
     there = np.ix_(rows[inside_rows], cols[inside_cols])
     free[here] = (prediction.confidence * prediction.p_free)[there]
-    blocked[here] = np.minimum(1.0 - prediction.p_free, prediction.confidence)[there]
+    not_free = np.minimum(1.0 - prediction.p_free, prediction.confidence)
+    blocked[here] = (not_free ** (FAR_LANES / LANES))[there]
     return Belief(coarse, free, blocked)
 
 

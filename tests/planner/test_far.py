@@ -8,7 +8,15 @@ from foresee.mapping.context import FAR_CELL, FINER, SIDE, coarse_map
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from foresee.prediction import Prediction
 from planner.navigator import Navigator, NavigatorConfig
-from planner.risk.cost_map import Belief, coarsened, remember_far
+from planner.risk.cost_map import (
+    FAR_LANES,
+    WALL,
+    WAY_BACK,
+    Belief,
+    blocked_cost,
+    coarsened,
+    remember_far,
+)
 
 FRAME = GridFrame(0.05, (-3.0, 2.0), (800, 800))
 
@@ -62,7 +70,9 @@ def test_a_far_prediction_is_remembered_where_its_cells_lie():
         cell = belief.frame.cell(x, y)
         wanted = free[frame.cell(x, y)]
         assert belief.free[cell] == pytest.approx(wanted)
-        assert belief.blocked[cell] == pytest.approx(1 - wanted)
+        assert blocked_cost(belief.blocked)[cell] == pytest.approx(
+            WAY_BACK / WALL * (1 - wanted) ** FAR_LANES, rel=1e-4
+        )
     x, y = belief.frame.centres()
     inside = (x > 2.1)[None] & (x < 6.1)[None] & (y < 3.0)[:, None]
     assert np.array_equal(np.isfinite(belief.free), inside)
