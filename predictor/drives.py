@@ -1,11 +1,11 @@
-"""Make training samples for the compact network on simulated drives through buildings.
+"""Make training samples for the networks compact and far on simulated walks through buildings.
 
     python -m predictor.drives                        the truth is the whole building
     python -m predictor.drives --simulated-logs 1     the truth is the map of a simulated log
 
-The car drives with the project's own planner, without prediction. Each drive is then replayed with
-LIDARs of other windows and other noise, which takes a tenth of the time of driving. Interrupted, it
-continues when the same command is given again.
+A point walks along the planner's routes, without prediction, which takes a hundredth of the time of
+driving. Each walk is replayed with LIDARs of other windows and other noise. Interrupted, the command
+continues when it is given again.
 """
 
 from __future__ import annotations

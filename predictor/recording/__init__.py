@@ -2,10 +2,11 @@
 
 - `settings`: settings and options of all recorded drives.
 - `own_buildings`: reads a user's own maps and logs.
-- `replay`: drives without prediction, and repeats a drive with another LIDAR.
+- `walk`: walks through buildings along the planner's routes.
+- `replay`: repeats a walk or drive with another LIDAR.
 - `simulated_log`: simulates the log of a robot.
 - `sample_set`: makes the files of samples in parallel, apart from other seeds.
-- `training_drives`: the samples of `predictor.drives` and `predictor.train`, made with these three
+- `training_drives`: the samples of `predictor.drives` and `predictor.train`, made with these four
   modules.
 - `exploration`: the samples of `predictor.train_frontiers`, and where frontiers truly lead.
 - `paper_drives`: the drives of the paper's simulated data set.

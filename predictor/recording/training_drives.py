@@ -1,8 +1,8 @@
-"""Training samples of `predictor.drives` and `predictor.train`, recorded on simulated drives.
+"""Training samples of `predictor.drives` and `predictor.train`, recorded on simulated walks.
 
-The car drives with the project's own planner, without prediction, through generated buildings and
-the user's own ones. Each drive is then replayed with LIDARs of other windows and other noise, which
-takes a tenth of the time of driving. Logs of robots, simulated or the user's, are replayed as well.
+A point walks along the planner's routes, without prediction, through generated buildings and the
+user's own ones. Each walk is replayed with LIDARs of other windows and other noise. Logs of robots,
+simulated or the user's, are replayed as well.
 """
 
 from __future__ import annotations
