@@ -4,8 +4,8 @@
     python -m predictor.drives --simulated-logs 1     the truth is the map of a simulated log
 
 A point walks along the planner's routes, without prediction, which takes a hundredth of the time of
-driving. Each walk is replayed with LIDARs of other windows and other noise. Interrupted, the command
-continues when it is given again.
+driving. Each walk is replayed with LIDARs of other windows and other noise. Interrupted, it
+continues when the same command is given again.
 """
 
 from __future__ import annotations
