@@ -435,7 +435,7 @@ def test_a_field_of_the_wrong_kind_is_refused_in_one_line(tmp_path, value):
     fits = {"world", "arm", "outcome", "commit", "vehicle"} if value == "x" else set()
     fits |= {"impact_speed", "t_opt", "t_bound", "sct", "detour", "commit", "shortest_length"}
     fits |= {"hard_stops", "level", "calibrated", "time_limit", "top_speed", "score_speed"}
-    fits |= {"published_length"}
+    fits |= {"published_length", "late_ticks", "late_predictions"}
     flags = {"learned", "uncertified"}
     fits = fits if value in (None, "x") else flags if value is True else set()
     fits |= {"faults", "paths"} if value == {} else set()

@@ -143,7 +143,7 @@ class NavigatorSettings(CarSettings):
         0.5, "margin around the body that counts as free where a map begins", "m", low=0.0
     )
     deadline: float = parameter(
-        0.08, "longest wait for a prediction; a later one is ignored", "s", low=0.001
+        0.08, "longest wait for a prediction; a later one is used when it is there", "s", low=0.001
     )
     latency: float = parameter(
         0.0, "time from a command to its effect, for which the state is predicted", "s", low=0.0
