@@ -257,8 +257,11 @@ class Navigator:
         faults += failed
         faults += self.guide.take(state)
         ahead, tube = self._sent.at_effect(state)
-        # A car that still rolls would not change its gear.
-        self.guide.begin_leg(ahead if abs(state[3]) < REST else state)
+        # A car that rolls, or is yet to roll, would not change its gear.
+        waits = self.guide.awaits_leg(ahead if abs(state[3]) < REST else state)
+        if waits and self._sent.holds:
+            self.guide.begin_leg()
+            waits = False
         self._change_gear()
         # A car in reverse is treated as one with the opposite heading that drives forward.
         driven = ahead if self.guide.gear > 0 else mirrored(ahead)
@@ -276,12 +279,17 @@ class Navigator:
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
         turn = self.guide.turn_rate(state, risk)
         afresh = self._tick % FRESH_GUESS_TICKS == 0 or self.guide.is_new
-        choice = self.chooser.stand(driven) if turn else self.chooser.choose(now, afresh)
+        if turn:
+            choice = self.chooser.stand(driven)
+        elif waits:
+            choice = self.chooser.halt(driven)
+        else:
+            choice = self.chooser.choose(now, afresh)
         faults += choice.faults
         clock.lap("mpc")
         clock.total("cycle", first_path)
 
-        if turn:
+        if turn or waits:
             self._rested = self._lingered = 0
         else:
             faults += self._plan_next_path(driven, choice.plan.states, risk, steering)

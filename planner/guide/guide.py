@@ -96,17 +96,20 @@ class Guide:
         self.turn_to: float | None = None
         self._stuck = np.empty((0, 2))
 
-    def begin_leg(self, state: NDArray[np.float64]) -> None:
-        """Begin the next leg of a recovery manoeuvre if the car stands at the end of the last one.
+    def awaits_leg(self, state: NDArray[np.float64]) -> bool:
+        """Return whether the car stands where the next leg of a recovery manoeuvre begins.
 
         Args:
             state: current x, y, yaw, v of the car, (4,).
         """
         if not self._legs or abs(state[3]) > REST:
-            return
+            return False
+        end = self._legs[0][1].points[-1]
+        return not self.on_leg or math.dist(end, state[:2]) <= self.config.leg_end
+
+    def begin_leg(self) -> None:
+        """Begin the next leg of a recovery manoeuvre, in its gear."""
         if self.on_leg:
-            if math.dist(self._legs[0][1].points[-1], state[:2]) > self.config.leg_end:
-                return
             del self._legs[0]
         self.gear, path = self._legs[0]
         self._adopt(path)

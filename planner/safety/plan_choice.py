@@ -150,6 +150,22 @@ class PlanChooser:
         plan = self.mpc.roll(state, np.zeros((self.mpc.stages, 2)))
         return Choice(plan, plan, ())
 
+    def halt(self, state: NDArray[np.float64]) -> Choice:
+        """Return the choice to go on with the manoeuvre that was kept, which stops the car.
+
+        Args:
+            state: x, y, yaw, v of the car when the control acts, (4,).
+        """
+        plan = self._carried_on(state)
+        self._keep(plan)
+        self._intended, self._curvature = plan, float(plan.controls[0, 1])
+        return Choice(plan, plan, ())
+
+    def _carried_on(self, state: NDArray[np.float64]) -> Plan:
+        """Return the rest of the manoeuvre that was kept, as the plan and as the last resort."""
+        self.resort.controls = shifted(self._kept, self.mpc.limits.braking)
+        return self.mpc.roll(state, self._kept)
+
     def choose(self, now: Situation, afresh: bool) -> Choice:
         """Choose the plan to drive.
 
@@ -175,10 +191,9 @@ class PlanChooser:
         if self._bounded and not {Fault.EMERGENCY, Fault.NO_LAST_RESORT}.isdisjoint(faults):
             # What was kept has been tested for all errors within the bounds, from where the car was
             # then. It remains safe, although the newest estimate does not show it.
-            plan = intended = self.mpc.roll(now.state, self._kept)
+            plan = intended = self._carried_on(now.state)
             unsafe = Fault.EMERGENCY, Fault.NO_LAST_RESORT
             faults = (*(fault for fault in faults if fault not in unsafe), Fault.OPEN_LOOP)
-            self.resort.controls = shifted(self._kept, self.mpc.limits.braking)
         self._keep(plan)
         self._intended, self._curvature = intended, float(plan.controls[0, 1])
         return Choice(plan, intended, faults)

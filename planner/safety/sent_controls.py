@@ -42,6 +42,12 @@ class SentControls:
         """Add the control that was sent in this tick."""
         self._sent.append(control)
 
+    @property
+    def holds(self) -> bool:
+        """Whether a car that stands stays there: all controls that may still act brake."""
+        _, *acting = self._sent
+        return self.bounds.moves_exactly or all(c.acceleration < 0.0 for c in acting)
+
     def at_effect(self, state: NDArray[np.float64]) -> tuple[NDArray[np.float64], Tube]:
         """Predict the state in which the control of this tick will act.
 
