@@ -32,7 +32,7 @@ class Fault(StrEnum):
     PREDICTOR_BAD = "predictor_bad"
     """The predictor returned an invalid result."""
     FAR_FAILED = "far_failed"
-    """The far predictor failed, or was too late."""
+    """The far predictor failed."""
     FRONTIERS_FAILED = "frontiers_failed"
     """The predictor of frontiers failed."""
     PREDICTOR_NAN = "predictor_nan"

@@ -1,7 +1,4 @@
-"""Walks through buildings: a point follows routes to a goal, without a car's dynamics.
-
-A walk takes a hundredth of the time of a drive, and observes much the same.
-"""
+"""Walks through buildings: a point follows routes to a goal, without a car's dynamics."""
 
 from __future__ import annotations
 
