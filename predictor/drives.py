@@ -3,8 +3,9 @@
     python -m predictor.drives                        the truth is the whole building
     python -m predictor.drives --simulated-logs 1     the truth is the map of a simulated log
 
-A point walks along the planner's routes, without prediction and without a car's dynamics. Each walk is replayed with LIDARs of other windows and other noise. Interrupted, it
-continues when the same command is given again.
+A point walks along the planner's routes, without prediction and without a car's dynamics. Each
+walk is replayed with LIDARs of other windows and other noise. Interrupted, it continues when the
+same command is given again.
 """
 
 from __future__ import annotations
