@@ -264,6 +264,8 @@ class Navigator:
             waits = False
         self._change_gear()
         # A car in reverse is treated as one with the opposite heading that drives forward.
+        if self.guide.gear < 0:
+            tube = tube.mirrored()
         driven = ahead if self.guide.gear > 0 else mirrored(ahead)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])
         risk = self._risk_map(driven, prediction)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.body import Body
 from foresee.mapping.conventions import GOAL_RADIUS, TICK
-from sim.car import DubinsCar
+from sim.car import REST, DubinsCar
 from sim.driver_protocol import Decision, Driver
 from sim.errors import Errors, Robot
 from sim.lidar import Lidar
@@ -135,7 +135,7 @@ def run_episode(
         if observer is not None:
             observer(len(states) - 1, decision)
         state, collided = states[-1], False
-        moving = abs(state[3]) >= STANDSTILL
+        moving = abs(state[3]) >= REST
         for control, span in robot.actuators.during(decision.control, dt, moving):
             collided = collided or car.collides(world, state, control, span)
             state = car.step(state, control, span)

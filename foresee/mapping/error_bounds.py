@@ -46,8 +46,8 @@ class ErrorBounds:
 
     @property
     def shift(self) -> float:
-        """Mean time from a scan until its control acts, of which a lag is a part [s]."""
-        return self.delay + 0.5 * self.jitter + self.lag
+        """Mean time from a scan until its control begins to act [s]."""
+        return self.delay + 0.5 * self.jitter
 
     def apart(self, distance: float) -> float:
         """Return how far a point at a distance from the robot may be from where it seems [m]."""

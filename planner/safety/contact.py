@@ -12,7 +12,7 @@ from foresee.mapping.body import Scene, meets
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along, rollout
 from planner.safety.course import rejoins
-from planner.safety.tube import LEAST, grown, overshoot, widened
+from planner.safety.tube import LEAST, carried_out, grown, overshoot, widened
 
 CONTACT_SPACING = 0.02
 """Largest distance between the poses at which a plan is tested [m]."""
@@ -42,7 +42,7 @@ def plan_contact(states, controls, dt, spacing, scene, tube):  # type: ignore[no
     """Find where and how fast the body first meets a blocked cell on a plan.
 
     The body is tested at the poses that `planner.motion.dynamics.swept` returns, grown by the
-    radius of the plan's tube.
+    radius of the plan's tube. With a lag, these are poses of the plan as the car carries it out.
 
     Args:
         states: x, y, yaw, v of the plan, (N+1, 4).
@@ -55,18 +55,22 @@ def plan_contact(states, controls, dt, spacing, scene, tube):  # type: ignore[no
     Returns:
         Distance along the plan [m] and speed [m/s] at the first contact; both are -1 without one.
     """
+    states, controls, commands, dt = carried_out(tube, states, controls, dt)
     radius, off, slip, speed = tube.radius, tube.yaw, tube.slip, tube.speed
     if meets(grown(scene, radius, radius), states[0, 0], states[0, 1], states[0, 2]):
         return 0.0, states[0, 3]
-    along, before, curvature = 0.0, tube.acceleration, tube.curvature
+    along, before, curvature, bent = 0.0, tube.acceleration, tube.curvature, tube.response[1]
     for k in range(controls.shape[0]):
         a, kappa, v = controls[k, 0], controls[k, 1], states[k, 3]
         s = v * dt + 0.5 * a * dt * dt
         if s <= LEAST:
             continue
-        change, bend = abs(a - before), abs(kappa - curvature)
-        radius, off, slip, speed = widened(tube, radius, off, slip, speed, v, change, bend, s, dt)
-        before, curvature = a, kappa
+        change, bend = abs(commands[k, 0] - before), abs(commands[k, 1] - curvature)
+        turn = abs(kappa - bent)
+        radius, off, slip, speed = widened(
+            tube, radius, off, slip, speed, v, change, bend, turn, s, dt
+        )
+        before, curvature, bent = commands[k, 0], commands[k, 1], kappa
         x, y, yaw = states[k, 0], states[k, 1], states[k, 2]
         count = math.ceil(s / spacing)
         around = grown(scene, radius, radius)
@@ -77,9 +81,11 @@ def plan_contact(states, controls, dt, spacing, scene, tube):  # type: ignore[no
                 return along + part, math.sqrt(max(v * v + 2.0 * a * part, 0.0))
         along += s
     beyond, last = overshoot(tube, slip, speed), states[-1]
+    if tube.lag > 0.0 and last[3] > LEAST:
+        return along, last[3]
     if beyond > 0.0:
         # In a curve, the car also moves sideways while it goes on beyond the end.
-        aside = radius + abs(curvature) * beyond * (tube.reach + 0.5 * beyond)
+        aside = radius + abs(bent) * beyond * (tube.reach + 0.5 * beyond)
         if meets(grown(scene, radius + beyond, aside), last[0], last[1], last[2]):
             return along, 0.0
     return -1.0, -1.0

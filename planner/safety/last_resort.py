@@ -27,6 +27,7 @@ from planner.safety.contact import (
 )
 from planner.safety.course import Course, rejoins
 from planner.safety.foresight import reveal
+from planner.safety.tube import Tube
 
 ACCELERATIONS = 16
 """Number of accelerations, from the plan's own to full braking, tried for the first step."""
@@ -67,11 +68,13 @@ class _Tests(NamedTuple):
         scene: cells that the last resort must not enter, and the body.
         arcs: arcs on which the car may go on.
         course: path that it may follow.
+        tube: tube of the manoeuvres.
     """
 
     scene: Scene
     arcs: Arcs
     course: Course
+    tube: Tube
 
 
 class LastResort:
@@ -135,6 +138,7 @@ class LastResort:
             self.checker.body_in(~risk.certain, risk.frame),
             self.checker.arcs_in(risk.barred, risk.frame),
             course,
+            self.checker.tube,
         )
         accelerations = np.linspace(plan.controls[0, 0], -braking, ACCELERATIONS)
         firsts = np.column_stack([accelerations, np.full(ACCELERATIONS, plan.controls[0, 1])])
@@ -202,6 +206,8 @@ class LastResort:
         stop = mpc.roll(after, mpc.pursue(after, line, 0, LOOK, 0.0))
         dt, spacing = mpc.config.dt, checker.spacing
         certain, arcs = risk.certain.copy(), checker.arcs_in(risk.barred, risk.frame)
+        # Where the lag will have led by then is not foreseen.
+        tube = checker.tube.without_lag()
         # At rest it meets something or nothing, so that no tick is beyond the plan's end.
         for tick in (0, *demand.ticks):
             states, controls = stop.states[tick:], stop.controls[tick:]
@@ -210,14 +216,14 @@ class LastResort:
                 half = 0.5 * self.window
                 reveal(certain, risk.barred, risk.safe, *risk.frame.lattice, x, y, half)
             scene = checker.body_in(~certain, risk.frame)
-            if plan_contact(states, controls, dt, spacing, scene, checker.tube)[0] < 0.0:
+            if plan_contact(states, controls, dt, spacing, scene, tube)[0] < 0.0:
                 return True
             if tick:
                 rest = np.full((mpc.stages, 2), (-mpc.limits.braking, 0.0))
                 rest[: len(controls)] = controls
                 manoeuvres = self._completed(rest)
                 manoeuvres[:, 0] = rest[0]
-                tests = _Tests(scene, arcs, course)
+                tests = _Tests(scene, arcs, course, tube)
                 if self._first_free(states[0], manoeuvres, demand.foreseen_end, tests) < 0:
                     return False
         return False
@@ -293,8 +299,8 @@ class LastResort:
     ) -> int:
         """Return the index of the first manoeuvre that passes the tests, or -1."""
         dt, limits = self.mpc.config.dt, self.mpc.limits.driving
-        scene, arcs, course = tests
-        spacing, tube = self.checker.spacing, self.checker.tube
+        scene, arcs, course, tube = tests
+        spacing = self.checker.spacing
         return int(
             first_free(state, manoeuvres, dt, limits, spacing, scene, tube, end, arcs, course)
         )

@@ -22,7 +22,7 @@ from planner.mpc.mpc import MPC, MPCConfig, Solution
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
-from planner.safety.tube import EXACT, Tube, planned, radii
+from planner.safety.tube import EXACT, Tube, growth, planned
 
 FRESH_GUESS_SPEED = 0.3
 """Speed below which the MPC always starts from a pure-pursuit guess, too, since the last plan may
@@ -433,7 +433,7 @@ class PlanChooser:
         The tube of a plan is known only with the plan: it is that of the guess at first.
         """
         if now.tube != EXACT:
-            self.mpc.growth = self._radii(now, self.mpc.roll(now.state, guess))
+            self.mpc.growth = self._growth(now, self.mpc.roll(now.state, guess))
         for again in range(TUBES):
             solution = self.mpc.solve(
                 now.state, path, now.risk, guess, now.segment, self._curvature
@@ -441,15 +441,15 @@ class PlanChooser:
             plan = solution.plan
             if now.tube == EXACT or again == TUBES - 1 or self.checker.is_safe(plan, now.risk):
                 break
-            self.mpc.growth = np.maximum(self.mpc.growth, self._radii(now, plan))
+            self.mpc.growth = np.maximum(self.mpc.growth, self._growth(now, plan))
             guess = plan.controls
         return solution
 
-    def _radii(self, now: Situation, plan: Plan) -> NDArray[np.float64]:
+    def _growth(self, now: Situation, plan: Plan) -> NDArray[np.float64]:
         """Return how much the circles of the MPC grow with a plan's tube [m], (N+1,)."""
         # The corners of a body that grows on every side move out diagonally.
         dt = self.mpc.config.dt
-        return math.sqrt(2.0) * np.asarray(radii(now.tube, plan.states, plan.controls, dt))
+        return math.sqrt(2.0) * np.asarray(growth(now.tube, plan.states, plan.controls, dt))
 
     def _pursuit(
         self, now: Situation, path: Path, look: float = LOOK, free: float = math.inf

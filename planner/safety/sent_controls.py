@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +15,30 @@ from foresee.mapping.control import Control
 from foresee.mapping.error_bounds import ErrorBounds
 from planner.motion.dynamics import rollout
 from planner.motion.plan import mirrored
-from planner.safety.tube import EXACT, Tube, widened
+from planner.safety.tube import EXACT, LEAST, SETTLED, Tube, widened
 
-SETTLED = 3.0
-"""Time after which the response to a control counts as complete, in time constants of the lag."""
+
+class _Motion(NamedTuple):
+    """State x, y, yaw, v of the car (4,), and its acceleration [m/s²] and curvature [1/m]."""
+
+    state: NDArray[np.float64]
+    acceleration: float
+    curvature: float
+
+
+class _Acting(NamedTuple):
+    """A sent control, when it begins to act, and for how long it does in some time from now [s]."""
+
+    control: Control
+    begin: float
+    spent: float
 
 
 class SentControls:
     """Remembers the controls that were sent, and predicts where the next one will act.
 
-    A control acts only after `ErrorBounds.shift`. Until then the car does what it was told before.
+    A control acts only after `ErrorBounds.shift`, and the car follows it with a lag. Until then the
+    car does what it was told before.
 
     Args:
         car: limits and body of the car.
@@ -37,10 +53,14 @@ class SentControls:
         count = math.ceil(memory / dt - 1e-9) + 1
         standing = Control(-car.braking, 0.0)
         self._sent = deque([standing] * count, maxlen=count)
+        self._motion = _Motion(np.zeros(4), 0.0, 0.0)
 
     def add(self, control: Control) -> None:
-        """Add the control that was sent in this tick."""
+        """Add the control that was sent in this tick, at the end of the tick."""
         self._sent.append(control)
+        for control, _, spent in self._acting(self.dt, newest=0):
+            if spent > 0.0:
+                self._motion = self._after(self._motion, control, spent)
 
     @property
     def holds(self) -> bool:
@@ -55,51 +75,100 @@ class SentControls:
             state: estimated x, y, yaw, v of the car in this tick, (4,).
 
         Returns:
-            The state then, and the tube of plans that begin with it.
+            The state in which plans begin, and their tube.
         """
-        bounds, dt = self.bounds, self.dt
+        bounds = self.bounds
+        self._motion = motion = self._motion._replace(state=state)
         exact = bounds.senses_exactly and bounds.moves_exactly
         if exact and bounds.delay == 0.0:
             return state, EXACT
         reach = self.car.body.radius
         tube = EXACT._replace(
-            half=0.5 * bounds.jitter, lag=bounds.lag, reach=reach, braking=self.car.braking
+            half=0.5 * bounds.jitter, reach=reach, braking=self.car.braking, lag=bounds.lag
         )
         radius, yaw, slip, speed = bounds.apart(reach), bounds.yaw, 0.0, 0.0
-        before, *controls = self._sent
-        for number, control in enumerate(controls):
-            back = len(controls) - number
-            begin, end = bounds.shift - back * dt, bounds.shift - (back - 1) * dt
-            change = abs(control.acceleration - before.acceleration)
-            bend = abs(control.curvature - before.curvature)
-            spent = end - max(begin, 0.0)
-            v = abs(float(state[3]))
-            length = 0.0
-            if spent > 1e-9:
-                state = self._after(state, control, spent)
-                length = 0.5 * (v + abs(float(state[3]))) * spent
-            # A control that has acted for sure has left its mark on the state already.
-            acting = begin + 0.5 * bounds.jitter <= 0.0
+        before = self._sent[0]
+        for control, begin, spent in self._acting(bounds.shift, newest=1):
+            v, bent = abs(float(motion.state[3])), motion.curvature
+            if spent > 0.0:
+                motion = self._after(motion, control, spent)
+            # A control that has acted for sure has left its mark on the state already, or the part
+            # of it that the lag has let through.
+            done = begin + 0.5 * bounds.jitter <= 0.0
+            left = 0.0 if bounds.lag == 0.0 else math.exp(begin / bounds.lag)
             radius, yaw, slip, speed = widened(
-                tube._replace(half=0.0) if acting else tube,
-                *(radius, yaw, slip, speed, v, change, bend, length, max(spent, 0.0)),
+                tube._replace(half=tube.half * left) if done else tube,
+                *(radius, yaw, slip, speed, v),
+                abs(control.acceleration - before.acceleration),
+                abs(control.curvature - before.curvature),
+                abs(motion.curvature - bent) if spent > 0.0 else 0.0,
+                0.5 * (v + abs(float(motion.state[3]))) * spent,
+                spent,
             )
             before = control
+        start, gear = motion.state, before.gear
+        if bounds.lag > 0.0:
+            # In the long run, a lag is a delay: until its time constant has passed, the car goes on
+            # as it does.
+            on = Control(motion.acceleration, motion.curvature, gear)
+            ahead = self._held(start, on, bounds.lag)
+        else:
+            ahead = start
         if exact:
-            return state, EXACT
-        return state, tube._replace(
+            return ahead, EXACT
+        # The brakes of a car that stands for sure do not hold it back once they are released.
+        stands = speed == 0.0 and abs(float(start[3])) < LEAST
+        return ahead, tube._replace(
             radius=radius,
             yaw=yaw,
             slip=slip,
             speed=speed,
-            acceleration=before.acceleration,
+            acceleration=max(before.acceleration, 0.0) if stands else before.acceleration,
             curvature=before.curvature,
+            start=tuple(start.tolist()),
+            response=(motion.acceleration, motion.curvature),
         )
 
-    def _after(
+    def _acting(self, duration: float, newest: int) -> Iterator[_Acting]:
+        """Yield the sent controls but the oldest, and how long they act in the next time.
+
+        Args:
+            duration: the time, from now [s].
+            newest: age of the newest control, in ticks.
+        """
+        dt, count = self.dt, len(self._sent)
+        for number, control in enumerate(self._sent):
+            back = count - 1 - number + newest
+            begin = self.bounds.shift - back * dt
+            spent = min(begin + dt, duration) - max(begin, 0.0)
+            if number > 0:
+                yield _Acting(control, begin, spent if spent > 1e-9 else 0.0)
+
+    def _after(self, motion: _Motion, control: Control, duration: float) -> _Motion:
+        """Return the motion after a control has acted for a time [s]."""
+        lag, (state, a, kappa) = self.bounds.lag, motion
+        if lag == 0.0:
+            state = self._held(state, control, duration)
+            return _Motion(state, control.acceleration, control.curvature)
+        if abs(float(state[3])) < LEAST:
+            a = max(a, 0.0)
+        # The response approaches the command exponentially.
+        left = math.exp(-duration / lag)
+        mean = (1.0 - left) * lag / duration
+        off, bent = a - control.acceleration, kappa - control.curvature
+        held = Control(
+            control.acceleration + off * mean, control.curvature + bent * mean, control.gear
+        )
+        return _Motion(
+            self._held(state, held, duration),
+            control.acceleration + off * left,
+            control.curvature + bent * left,
+        )
+
+    def _held(
         self, state: NDArray[np.float64], control: Control, duration: float
     ) -> NDArray[np.float64]:
-        """Return the state after a control has acted for a time [s]."""
+        """Return the state after a control was held for a time [s]."""
         wanted = np.array([[control.acceleration, control.curvature]])
         driven = state if control.gear > 0 else mirrored(state)
         driven = np.array([*driven[:3], max(driven[3], 0.0)])

@@ -16,6 +16,7 @@ from planner.risk.risk_map import RiskMap
 from planner.safety import last_resort
 from planner.safety.collision import CollisionChecker
 from planner.safety.last_resort import LastResort
+from planner.safety.tube import EXACT
 
 CAR, DT = CarLimits(), 0.1
 CHECKER = CollisionChecker(CAR, DT)
@@ -280,7 +281,8 @@ def test_the_fastest_first_step_that_meets_one_of_the_demands_is_taken(
     resort._fastest = lambda state, firsts, manoeuvres, end, tests: ends[end]
     resort._can_follow = lambda *args: follows[args[-1].end == last_resort.ON_COURSE]
     assert (
-        resort._foreseen(state, plan, np.zeros((3, 2)), risk, last_resort._Tests(0, 0, 0)) == best
+        resort._foreseen(state, plan, np.zeros((3, 2)), risk, last_resort._Tests(0, 0, 0, EXACT))
+        == best
     )
 
 
