@@ -40,6 +40,8 @@ RELIANCES = (0.0, 0.05, 0.2, 0.5, 0.99)
 SPEEDS = (2.0, 4.0, 6.0)
 ERROR_SPEEDS = (1.0, 2.0, 4.0, 6.0, 8.0)
 """Top speeds of drives with errors [m/s]."""
+ERROR_WINDOWS = (5.0, 5.0, 20.0)
+"""Windows of drives with errors [m]: only where the car sees far does it reach such speeds."""
 HONEST_ARMS = {"none": "known", "compact": "predicted"}
 HONEST = tuple(HONEST_ARMS)
 """Predictors of drives with errors that should reach their goal, with their arms."""
@@ -147,6 +149,7 @@ class Scenario:
             settings = replace(settings, predictor=kind)
         if maps and situation == "usual" and rng.random() < 0.5:
             settings = replace(settings, world=(str(rng.choice(maps)),))
+        settings = replace(settings, window=float(rng.choice(ERROR_WINDOWS)))
         limits = limits_for(settings)
         car = replace(car, v_max=limits.v_max) if "body" in odd else limits
         return replace(
