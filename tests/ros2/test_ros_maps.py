@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.grid import HIGHEST, LOWEST, GridFrame
 from foresee.prediction import Prediction
 from planner.navigator import NavigatorConfig
@@ -44,14 +45,22 @@ def test_from_the_speed_limit_the_car_stops_within_the_distance(distance, delay)
     assert speed == CAR.v_max or needed == pytest.approx(distance, abs=1e-9)
 
 
+def limit_at(x: float, bounds: ErrorBounds = NO_ERRORS) -> float:
+    """Return the speed limit at a distance along a corridor that ends at 12 m [m/s]."""
+    forecaster = Forecaster(NavigatorConfig(car=CAR, bounds=bounds), None, 0.05)
+    motion = Motion(0.0, (x, 2.0, 0.0), 1.0, 0.0)
+    scan = Lidar().scan(empty_straight(12.0, 3.0), motion.pose)
+    return forecaster.look(motion, scan).speed_limit
+
+
 def test_the_speed_limit_falls_towards_a_wall():
-    world, lidar = empty_straight(12.0, 3.0), Lidar()
-    limits = []
-    for x in (4.0, 8.0, 10.0, 11.3, 11.8):
-        forecaster = Forecaster(NavigatorConfig(car=CAR), None, 0.05, 0.0)
-        motion = Motion(0.0, (x, 2.0, 0.0), 1.0, 0.0)
-        limits.append(forecaster.look(motion, lidar.scan(world, motion.pose)).speed_limit)
+    limits = [limit_at(x) for x in (4.0, 8.0, 10.0, 11.3, 11.8)]
     # Until the window ends at the wall, the end of the window limits the speed.
     assert limits[0] == pytest.approx(limits[1], abs=0.1)
     assert limits == sorted(limits, reverse=True)
     assert limits[-1] < 0.5 < limits[0]
+
+
+@pytest.mark.parametrize("late", ["delay", "jitter", "lag"])
+def test_the_speed_limit_falls_with_the_time_until_the_robot_brakes(late):
+    assert limit_at(4.0, ErrorBounds(**{late: 0.3})) < limit_at(4.0) - 0.1

@@ -48,7 +48,6 @@ class Forecaster:
         config: settings; `reliance` and `bounds` decide which cells the robot may enter.
         predictor: predictor; None: no predictions.
         resolution: side of a cell of the map [m].
-        latency: time from a command to its effect [s].
 
     Attributes:
         known: observed map; None: nothing was observed.
@@ -59,11 +58,10 @@ class Forecaster:
         config: NavigatorConfig,
         predictor: PredictorProcess | None,
         resolution: float,
-        latency: float,
     ) -> None:
         self.known: OccupancyGrid | None = None
         self._config, self._predictor = config, predictor
-        self._resolution, self._latency = resolution, latency
+        self._resolution = resolution
 
     def forget(self) -> None:
         """Begin a new map, since the old one does not fit the poses any more."""
@@ -87,7 +85,8 @@ class Forecaster:
         seen = self.known.crop(self.known.frame.square(*centre, config.risk_side))
         risk = RiskMap.from_prediction(seen, prediction, config.reliance)
         free = free_distance(risk, motion, config.car)
-        limit = fastest(free, config.car, self._latency + TICK)
+        bounds = config.bounds
+        limit = fastest(free, config.car, bounds.delay + bounds.jitter + bounds.lag + TICK)
         return Forecast(limit, prediction, (*faults, *more))
 
     def _predict(self, motion: Motion) -> tuple[Prediction | None, tuple[Fault, ...]]:

@@ -57,7 +57,7 @@ class NavigatorNode(Node):
         self._pilot = Pilot(
             config, predictor, settings.resolution, settings.goal_radius, self._searches
         )
-        self._forecaster = Forecaster(config, predictor, settings.resolution, settings.latency)
+        self._forecaster = Forecaster(config, predictor, settings.resolution)
         self._track = Track(
             config.car,
             settings.timeout,
@@ -147,8 +147,6 @@ class NavigatorNode(Node):
             motion = self._track.at(now)
         if not complaints and (taken is None or motion is None):
             complaints = ("no odometry at the time of the scan, or now",)
-        if motion is not None:
-            motion = motion.after(self._settings.latency)
         self._around = replace(self._around, complaints=complaints)
         report = self._act(scan, taken, motion)
         self._ticked = time.monotonic()

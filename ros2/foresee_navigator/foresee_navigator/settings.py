@@ -139,14 +139,18 @@ class NavigatorSettings(CarSettings):
         0.0, "largest error of the estimated position", "m", low=0.0, high=0.5
     )
     yaw_error: float = parameter(0.0, "largest error of the estimated yaw", "rad", low=0, high=0.2)
+    delay: float = parameter(
+        0.0, "time from a command until it begins to act", "s", low=0.0, high=1.0
+    )
+    jitter: float = parameter(0.0, "how much longer it may take", "s", low=0.0, high=0.5)
+    lag: float = parameter(
+        0.0, "time constant with which the robot follows its commands", "s", low=0.0, high=0.5
+    )
     start_margin: float = parameter(
         0.5, "margin around the body that counts as free where a map begins", "m", low=0.0
     )
     deadline: float = parameter(
         0.08, "longest wait for a prediction; a later one is used when it is there", "s", low=0.001
-    )
-    latency: float = parameter(
-        0.0, "time from a command to its effect, for which the state is predicted", "s", low=0.0
     )
     goal_radius: float = parameter(
         0.5, "distance from the goal within which it is reached, and the car stops", "m", low=0.05
@@ -179,7 +183,12 @@ class NavigatorSettings(CarSettings):
             level=self.level,
             steer=self.steer,
             bounds=ErrorBounds(
-                range=self.range_error, position=self.pose_error, yaw=self.yaw_error
+                delay=self.delay,
+                jitter=self.jitter,
+                lag=self.lag,
+                range=self.range_error,
+                position=self.pose_error,
+                yaw=self.yaw_error,
             ),
             start_margin=self.start_margin,
             deadline=self.deadline,

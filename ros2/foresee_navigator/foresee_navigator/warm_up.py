@@ -54,7 +54,7 @@ def warm_up(settings: NavigatorSettings, predictor: PromptPredictor | None) -> f
             observed_values(pilot.known.log_odds)
     if settings.predict_only:
         motion = Motion(0.0, START, 0.0, 0.0)
-        forecaster = Forecaster(config, predictor, settings.resolution, settings.latency)
+        forecaster = Forecaster(config, predictor, settings.resolution)
         forecaster.look(motion, lidar.scan(world, START))
     if predictor is not None:
         predictor.is_warm = True
