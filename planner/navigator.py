@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.limiting_factor import Limit, what_limits
-from planner.safety.plan_choice import Choice, PlanChooser, Situation
+from planner.safety.plan_choice import Choice, Memory, PlanChooser, Situation
 from planner.safety.sent_controls import SentControls
 from planner.safety.tube import planned
 
@@ -336,8 +336,7 @@ class Navigator:
             # How long it took remains to be seen.
             before = replace(before, times=late.times)
         self.chooser, self._last = self._before.chooser, before
-        vars(self.chooser).update(self._before.kept)
-        vars(self.chooser.resort).update(self._before.resort)
+        self.chooser.recall(self._before.memory)
         self._unsent = None
 
     def _assume_sent(self) -> None:
@@ -485,20 +484,18 @@ class _Before(NamedTuple):
 
     Attributes:
         chooser: chooser of the gear.
-        kept: its attributes, of which none is changed in place.
-        resort: those of its last resort.
+        memory: what it remembers.
         decision: decision before; None: there was none.
     """
 
     chooser: PlanChooser
-    kept: dict[str, Any]
-    resort: dict[str, Any]
+    memory: Memory
     decision: Decision | None
 
     @classmethod
     def of(cls, chooser: PlanChooser, decision: Decision | None) -> _Before:
         """Return what there is before a step."""
-        return cls(chooser, dict(vars(chooser)), dict(vars(chooser.resort)), decision)
+        return cls(chooser, chooser.memory(), decision)
 
 
 class _Clock:

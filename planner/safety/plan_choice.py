@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,13 @@ class _Solutions(NamedTuple):
     faults: tuple[Fault, ...]
 
 
+class Memory(NamedTuple):
+    """What a `PlanChooser` remembers: its attributes, and those of its last resort."""
+
+    chooser: dict[str, Any]
+    resort: dict[str, Any]
+
+
 class PlanChooser:
     """Chooses a plan in every tick, for one gear.
 
@@ -137,6 +144,16 @@ class PlanChooser:
         self._curvature = 0.0
         # A car at rest may stay at rest.
         self._kept = stop_controls(self.mpc.stages, self.mpc.limits.braking, 0.0)
+
+    def memory(self) -> Memory:
+        """Return what is remembered of the ticks before, for `recall`."""
+        # None of the attributes is changed in place.
+        return Memory(vars(self).copy(), vars(self.resort).copy())
+
+    def recall(self, memory: Memory) -> None:
+        """Go back to what was remembered when `memory` was called."""
+        vars(self).update(memory.chooser)
+        vars(self.resort).update(memory.resort)
 
     def stand(self, state: NDArray[np.float64]) -> Choice:
         """Return the choice to stand, as on a turn on the spot, and forget the last plan.
