@@ -92,12 +92,13 @@ class SentControls:
             v, bent = abs(float(motion.state[3])), motion.curvature
             if spent > 0.0:
                 motion = self._after(motion, control, spent)
-            # A control that has acted for sure has left its mark on the state already, or the part
-            # of it that the lag has let through.
-            done = begin + 0.5 * bounds.jitter <= 0.0
-            left = 0.0 if bounds.lag == 0.0 else math.exp(begin / bounds.lag)
+            half = tube.half
+            if begin + half <= 0.0:
+                # A control that has acted for sure has left its mark on the state already, but for
+                # what the lag has still to let through.
+                half *= math.exp(begin / bounds.lag) if bounds.lag > 0.0 else 0.0
             radius, yaw, slip, speed = widened(
-                tube._replace(half=tube.half * left) if done else tube,
+                tube._replace(half=half),
                 *(radius, yaw, slip, speed, v),
                 abs(control.acceleration - before.acceleration),
                 abs(control.curvature - before.curvature),

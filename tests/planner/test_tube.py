@@ -24,6 +24,7 @@ BOUNDS = {
     "jitter": ErrorBounds(delay=0.1, jitter=0.05),
     "lag": ErrorBounds(lag=0.1),
     "long lag": ErrorBounds(lag=0.25),
+    "short lag": ErrorBounds(delay=0.1, lag=1e-4),
     "pose": ErrorBounds(position=0.05, yaw=0.02),
     "all": ErrorBounds(delay=0.15, jitter=0.03, lag=0.1, position=0.05, yaw=0.02),
 }
