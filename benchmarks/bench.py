@@ -1,0 +1,98 @@
+"""Drive a suite of the race with an arm of this project, or a predictor or driver of your own.
+
+    foresee bench --suite corridor-v1 --predictor my_module:MyPredictor --out mine.json
+
+All entries of a suite drive in the same buildings, with the same scans. The file of the results
+holds what is needed to repeat them; `foresee rank` compares several. Interrupted, the command
+continues when it is given again.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import MISSING, asdict, dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+from foresee.infra.command_line import Command, UsageError
+from foresee.infra.options import Options, given, jobs_option, option
+
+
+@dataclass(frozen=True)
+class RaceSettings(Options):
+    """What drives, and where."""
+
+    suite: str = option(
+        MISSING, "corridor-v1, office-v1, floor-plans-v1 or mixed-v1: the buildings", "SUITE"
+    )
+    size: str = option(
+        "full",
+        "small: the first 12 buildings of the suite; full: all 60",
+        choices=("small", "full"),
+    )
+    predictor: str | None = option(
+        None, "predictor with which the arm predicted drives, as in foresee corridor", "P"
+    )
+    driver: str | None = option(
+        None,
+        "driver of your own, module:Class: a class with the method control(state, scan, known)",
+        "D",
+    )
+    arm: str | None = option(None, "arm of this project, such as known", "ARM")
+    name: str | None = option(
+        None, "name in the ranking (default: that of the predictor, driver or arm)", "NAME"
+    )
+    out: Path = option(MISSING, "file of the results", "FILE.json")
+    jobs: int = jobs_option()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.entry) != 1:
+            raise UsageError("give one of --predictor, --driver and --arm")
+
+    @property
+    def entry(self) -> dict[str, str]:
+        """The kind of what drives, and its name on the command line."""
+        return given(predictor=self.predictor, driver=self.driver, arm=self.arm)
+
+
+def _run(settings: RaceSettings) -> None:
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
+    from benchmarks.race.entry import Entry
+    from benchmarks.race.race_drive import race_drive
+    from benchmarks.runs.drive_file import DriveFile
+    from benchmarks.runs.warm_up import warm_up_if_cold
+    from foresee.infra.environment import machine
+    from sim.suite import Suite
+
+    suite = Suite.read(settings.suite)
+    ((kind, of),) = settings.entry.items()
+    entry = Entry.load(kind, of)
+    count = suite.count(settings.size)
+    facts = {
+        "suite": suite.name,
+        "digest": suite.digest,
+        "buildings": count,
+        "name": settings.name or of,
+        "entry": asdict(entry),
+        "version": version("foresee"),
+        "machine": machine(),
+    }
+    warm_up_if_cold()
+    file = DriveFile(settings.out, "race", facts, "buildings")
+    file.fill(
+        partial(race_drive, suite.name, entry),
+        range(count),
+        settings.jobs,
+        lambda drive: f"{drive['outcome']} in {drive['time']:.1f} s",
+    )
+    outcomes = Counter(drive["outcome"] for drive in file.first(count))
+    print(f"{settings.out}: " + ", ".join(f"{n} {what}" for what, n in outcomes.most_common()))
+
+
+main = Command("benchmarks.bench", __doc__, _run)
+
+if __name__ == "__main__":
+    sys.exit(main())
