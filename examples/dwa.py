@@ -15,7 +15,7 @@ from foresee.mapping.control import Control
 TICK = 0.1
 AHEAD = 2.0
 """Distance of the point on the route that the car heads for [m]."""
-HEADING, CLEARANCE, SPEED = 1.0, 0.5, 0.6
+HEADING, CLEARANCE, SPEED = 1.0, 0.5, 1.5
 """Weights of the three objectives."""
 MARGIN = 0.1
 """Distance kept around the circle about the body, as cells and points of an arc are coarse [m]."""
