@@ -27,6 +27,7 @@ class RaceSettings(Options):
     suite: str = option(
         MISSING, "corridor-v1, office-v1, floor-plans-v1 or mixed-v1: the buildings", "SUITE"
     )
+    out: Path = option(MISSING, "file of the results", "FILE.json")
     size: str = option(
         "full",
         "small: the first 12 buildings of the suite; full: all 60",
@@ -44,7 +45,6 @@ class RaceSettings(Options):
     name: str | None = option(
         None, "name in the ranking (default: that of the predictor, driver or arm)", "NAME"
     )
-    out: Path = option(MISSING, "file of the results", "FILE.json")
     jobs: int = jobs_option()
 
     def __post_init__(self) -> None:
