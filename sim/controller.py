@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from foresee.infra.errors import LineError, one_line
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.grid import Grid
+from foresee.mapping.grid import Grid, OccupancyGrid
 from foresee.mapping.scan import Scan
+from sim.sight import Sight
 from sim.task import Task
 
 
@@ -111,8 +112,7 @@ class ControllerDriver:
         window: float,
         prescribed: bool,
     ) -> None:
-        self.known = task.blank(window)
-        self.known.mark_free(task.start, car.body, task.start_margin(car.body))
+        self._sight = Sight(task, car.body, window)
         self.path_counts = dict[str, int]()
         self._car, self._last = car, Control(0.0, 0.0)
         self._name = getattr(make, "__qualname__", repr(make))
@@ -124,6 +124,11 @@ class ControllerDriver:
         except Exception as error:
             raise ControllerError(f"{self._name} could not be made: {one_line(error)}") from error
 
+    @property
+    def known(self) -> OccupancyGrid:
+        """Map of all that has been observed so far."""
+        return self._sight.known
+
     def step(self, state: NDArray[np.float64], scan: Scan) -> ControllerDecision:
         """Add the scan to the map, and ask the controller.
 
@@ -131,11 +136,9 @@ class ControllerDriver:
             ControllerError: if the controller raises an error, or returns no proper control.
         """
         started = time.perf_counter()
-        self.known.integrate(scan, state)
-        self.known.mark_under(state, self._car.body)
-        short = within(scan, self.known.window)
+        seen = self._sight.add(scan, state)
         try:
-            control = self._controller.control(state.copy(), short, self.known.whole())
+            control = self._controller.control(state.copy(), seen, self.known.whole())
         except Exception as error:
             raise ControllerError(f"{self._name}.control: {one_line(error)}") from error
         self._check(control)
@@ -166,16 +169,3 @@ class ControllerDriver:
             raise ControllerError(f"{what}, whose gear must be {gears}")
         if control.turn_rate and self._car.turn_rate == 0:
             raise ControllerError(f"{what}: this car cannot turn on the spot")
-
-
-def within(scan: Scan, window: float) -> Scan:
-    """Return a scan that reaches no further than a window around the car.
-
-    Args:
-        scan: scan of the LIDAR.
-        window: side of the square around the car [m]. The scan reaches as far as the circle around
-            the sensor that lies inside of it.
-    """
-    reach = min(scan.range_max, 0.5 * window - math.hypot(*scan.mount[:2]))
-    ranges = np.where(scan.ranges >= reach, np.inf, scan.ranges)
-    return replace(scan, ranges=ranges, range_max=reach)

@@ -155,7 +155,7 @@ def ranking_page(entrants: Sequence[Entrant]) -> str:
     parts += [
         "## Entries",
         "To repeat one, check out its commit, and give the command with an --out.",
-        markdown([ENTRIES, *map(_repeat, order)]),
+        markdown([ENTRIES, *(_repeat(suite, entrant) for entrant in order)]),
     ]
     mixed = several_states((d.commit for e in order for d in e.drives), "drives")
     if mixed:
@@ -209,9 +209,9 @@ def _duel(arms: ResultsByArm, first: str, second: str) -> list[str]:
     return [first, second, f"{wins[0]} : {wins[1]}", f"{p:.2g}", interval(ratio, ".2f") or DASH]
 
 
-def _repeat(entrant: Entrant) -> list[str]:
+def _repeat(suite: Suite, entrant: Entrant) -> list[str]:
     settings, entry = entrant.settings, entrant.settings["entry"]
-    size = "small" if settings["buildings"] == 12 else "full"
+    size = "small" if settings["buildings"] == suite.count("small") else "full"
     commits = {drive.commit for drive in entrant.drives}
     return [
         entrant.name,

@@ -17,19 +17,21 @@ from foresee.infra.options import Options, option
 
 BUILDINGS = 60
 """Number of buildings of each suite."""
-SEED = 1_900_000_000
-"""Seed of the first building. No training, calibration, tuning or published run uses seeds from
-here on; the suites are 1 000 000 apart."""
+SEED = 900_000_000
+"""Seed of the first building of the first suite. No training, calibration, tuning or published run
+uses seeds from here to 910 000 000."""
 APART = 1_000_000
-CORRIDORS = {"route": "fixed", "window": 5.0, "v_max": 4.0, "reverse": 0.0}
+"""Difference of the first seeds of two suites."""
+PRESCRIBED = {"route": "fixed", "window": 5.0, "v_max": 4.0, "reverse": 0.0}
+"""Rules of a suite with prescribed routes."""
 SUITES: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
-    "corridor-v1": (("corridor",), CORRIDORS),
-    "office-v1": (("office",), CORRIDORS),
-    "floor-plans-v1": (("floor_plan",), CORRIDORS),
+    "corridor-v1": (("corridor",), PRESCRIBED),
+    "office-v1": (("office",), PRESCRIBED),
+    "floor-plans-v1": (("floor_plan",), PRESCRIBED),
     # A free route leads into dead ends, so the car has a reverse gear.
     "mixed-v1": (
         ("corridor", "office", "narrow", "floor_plan", "trap", "as_built"),
-        CORRIDORS | {"route": "free", "reverse": 0.5},
+        PRESCRIBED | {"route": "free", "reverse": 0.5},
     ),
 }
 """Suite → the families that take turns, and its rules. Never change one: add another version."""
