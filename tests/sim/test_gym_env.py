@@ -20,8 +20,9 @@ def test_each_suite_has_an_environment():
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("observe", ["scan", "map"])
-@pytest.mark.parametrize("name", ["foresee/Corridor-v1", "foresee/Mixed-v1"])
+@pytest.mark.parametrize(
+    ("name", "observe"), [("foresee/Corridor-v1", "scan"), ("foresee/Mixed-v1", "map")]
+)
 def test_it_passes_the_checker_of_gymnasium(name, observe):
     check_env(gymnasium.make(name, observe=observe).unwrapped)
 
