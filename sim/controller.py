@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,20 @@ class Mission:
     car: CarLimits
     window: float
     seed: int
+
+    @classmethod
+    def of(cls, task: Task, car: CarLimits, window: float, prescribed: bool) -> Self:
+        """Return what a controller is told of a task.
+
+        Args:
+            task: task to drive.
+            car: the car's limits and its body.
+            window: side of the square around the car in which the LIDAR is used [m].
+            prescribed: whether the controller is told the route.
+        """
+        waypoints = task.waypoints.copy() if prescribed else None
+        radius = task.rules.goal_radius
+        return cls(task.start, task.goal, radius, waypoints, car, window, task.seed)
 
 
 class Controller(Protocol):
@@ -116,11 +130,8 @@ class ControllerDriver:
         self.path_counts = dict[str, int]()
         self._car, self._last = car, Control(0.0, 0.0)
         self._name = getattr(make, "__qualname__", repr(make))
-        radius = task.rules.goal_radius
-        waypoints = task.waypoints.copy() if prescribed else None
-        mission = Mission(task.start, task.goal, radius, waypoints, car, window, task.seed)
         try:
-            self._controller = make(mission)
+            self._controller = make(Mission.of(task, car, window, prescribed))
         except Exception as error:
             raise ControllerError(f"{self._name} could not be made: {one_line(error)}") from error
 

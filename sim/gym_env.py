@@ -3,12 +3,14 @@
     import foresee.gym, gymnasium
     env = gymnasium.make("foresee/Corridor-v1")
 
-No other module of this package imports gymnasium.
+`as_driver` makes a driver of the race from what an agent has learned in it. No other module of this
+package imports gymnasium.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -17,11 +19,13 @@ from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
 from foresee.mapping.control import Control
-from foresee.mapping.grid import FREE, OCCUPIED
+from foresee.mapping.conventions import RESOLUTION
+from foresee.mapping.grid import Grid, OccupancyGrid
 from foresee.mapping.polyline import arc_length
 from foresee.mapping.scan import Scan
 from sim.buildings import task_in_world
 from sim.car import REST, DubinsCar
+from sim.controller import Controller, Mission
 from sim.episode import EpisodeConfig, Outcome, outcome_of
 from sim.families import generate
 from sim.lidar import Lidar
@@ -40,14 +44,110 @@ BACK, FORTH, STEP = 2.0, 4.0, 0.1
 distance of the points that are tried [m]."""
 FARTHEST = 1000.0
 """Bound of the coordinates in an observation [m]."""
-GREY = {FREE: 0, OCCUPIED: 255}
-"""Cell of the observed map → its grey value; unknown cells are 127."""
 FIRST_SEED, SEEDS = 200_000_000, 500_000_000
 """First seed of the buildings to learn in, and number of them. The suites, and all published
 drives, use others."""
 OBSERVATIONS = ("scan", "map")
 
 Observation = dict[str, NDArray[Any]]
+
+
+class Interface:
+    """Turns what a controller gets into an observation, and an action into a control.
+
+    Args:
+        mission: what a controller is told of the drive.
+        observe: "scan" or "map".
+    """
+
+    def __init__(self, mission: Mission, observe: str) -> None:
+        self.mission, self.observe = mission, observe
+        waypoints = mission.waypoints
+        self._route = None if waypoints is None else Along(mission.start, waypoints)
+
+    def observation(
+        self, state: NDArray[np.float64], scan: Scan, known: Grid | OccupancyGrid
+    ) -> Observation:
+        """Return what an agent observes, see `DriveEnv`; the arguments are those of a controller.
+
+        To be called once in each tick, since the place on the route is followed.
+        """
+        x, y, yaw, speed = state
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        goal = np.array(self.mission.goal)
+        point = goal
+        if self._route is not None:
+            self._route.move(state)
+            point = self._route.ahead(AHEAD)
+        ends = (np.array([goal, point]) - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
+        motion = np.array([speed, cos, sin, *ends.ravel()], dtype=np.float32)
+        if self.observe == "scan":
+            return {"motion": motion, "scan": _ranges(scan)}
+        near = known.crop(known.frame.square(x, y, self.mission.window))
+        return {"motion": motion, "map": _image(near)}
+
+    def control(self, action: NDArray[np.float32], speed: float) -> Control:
+        """Return the control that an action stands for, see `DriveEnv`, at a speed [m/s]."""
+        limits = self.mission.car
+        drive, steer = (float(value) for value in np.clip(action, -1.0, 1.0))
+        backwards = speed < -REST or (limits.reverse > 0 and speed < REST and drive < 0)
+        along = -drive if backwards else drive
+        acceleration = along * (limits.acceleration if along > 0 else limits.braking)
+        return Control(acceleration, steer * limits.max_curvature, -1 if backwards else 1)
+
+
+class Along:
+    """A place that moves along a way.
+
+    Args:
+        start: x, y, ... of the start of the way [m].
+        points: its further points, (n, 2) [m].
+    """
+
+    def __init__(self, start: tuple[float, ...], points: NDArray[np.float64]) -> None:
+        way = np.vstack([start[:2], points])
+        length = arc_length(way)
+        self.along = np.arange(0.0, length[-1] + STEP, STEP).clip(max=length[-1])
+        self.points = np.stack([np.interp(self.along, length, way[:, i]) for i in (0, 1)], axis=1)
+        self.index = 0
+
+    def move(self, state: NDArray[np.float64]) -> float:
+        """Move the place to the point near it that is nearest to the car.
+
+        Returns:
+            How far it moved [m]; less than 0: backwards.
+        """
+        first, before = max(0, self.index - round(BACK / STEP)), self.along[self.index]
+        near = self.points[first : self.index + round(FORTH / STEP) + 1]
+        self.index = first + int(np.hypot(*(near - state[:2]).T).argmin())
+        return float(self.along[self.index] - before)
+
+    def ahead(self, distance: float) -> NDArray[np.float64]:
+        """Return the point a distance [m] further along the way, (2,) [m]; at most its end."""
+        point: NDArray[np.float64] = self.points[
+            min(self.index + round(distance / STEP), len(self.points) - 1)
+        ]
+        return point
+
+
+def as_driver(act: Callable[[Observation], Any], observe: str = "scan") -> type[Controller]:
+    """Return a driver of the race that acts as an agent does in `DriveEnv`.
+
+    Args:
+        act: function from an observation to an action, such as the prediction of a learned policy.
+        observe: what the agent observes, "scan" or "map".
+    """
+
+    class Agent:
+        def __init__(self, mission: Mission) -> None:
+            self._interface = Interface(mission, observe)
+
+        def control(self, state: NDArray[np.float64], scan: Scan, known: Grid) -> Control:
+            """Return the control that the agent's action stands for."""
+            action = act(self._interface.observation(state, scan, known))
+            return self._interface.control(np.asarray(action), float(state[3]))
+
+    return Agent
 
 
 class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -101,7 +201,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             beams = len(range(0, self._lidar.config.beams, EVERY))
             spaces["scan"] = Box(0.0, 0.5 * self.suite.window, (beams,), np.float32)
         else:
-            cells = round(self.suite.window / 0.05)
+            cells = round(self.suite.window / RESOLUTION)
             spaces["map"] = Box(0, 255, (1, cells, cells), np.uint8)
         self.observation_space = Dict(spaces)
 
@@ -124,18 +224,18 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._states = [np.array([*self._task.start, 0.0])]
         self._left = self._config.ticks(self._task, self.suite.v_max)
         self._sight = Sight(self._task, self.suite.car.body, self.suite.window)
-        way = np.vstack([self._task.start[:2], self._task.waypoints])
-        along = arc_length(way)
-        self._along = np.arange(0.0, along[-1] + STEP, STEP).clip(max=along[-1])
-        self._way = np.stack([np.interp(self._along, along, way[:, i]) for i in (0, 1)], axis=1)
-        self._at = 0
+        self._way = Along(self._task.start, self._task.waypoints)
+        prescribed = self.suite.route == "fixed"
+        mission = Mission.of(self._task, self.suite.car, self.suite.window, prescribed)
+        self._interface = Interface(mission, self.observe)
         return self._observe(), self._info(None)
 
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for a tick; see the class."""
-        state, control = self._states[-1], self._control(action)
+        state = self._states[-1]
+        control = self._interface.control(action, float(state[3]))
         collided = self._car.collides(self._task.world, state, control, self._config.dt)
         self._states.append(self._car.step(state, control, self._config.dt))
         self._left -= 1
@@ -143,7 +243,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if outcome is None and self._left <= 0:
             outcome = Outcome.TIMED_OUT
         terminated = outcome in (Outcome.REACHED, Outcome.COLLIDED)
-        reward = self._progress() - COLLISION * collided
+        reward = self._way.move(self._states[-1]) - COLLISION * collided
         truncated = outcome is not None and not terminated
         return self._observe(), reward, terminated, truncated, self._info(outcome)
 
@@ -164,46 +264,11 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             if self.suite.route == "free" or not task.comes_back:
                 return task
 
-    def _control(self, action: NDArray[np.float32]) -> Control:
-        """Return the control that an action stands for."""
-        limits, speed = self.suite.car, float(self._states[-1][3])
-        drive, steer = (float(value) for value in np.clip(action, -1.0, 1.0))
-        backwards = speed < -REST or (limits.reverse > 0 and speed < REST and drive < 0)
-        along = -drive if backwards else drive
-        acceleration = along * (limits.acceleration if along > 0 else limits.braking)
-        return Control(acceleration, steer * limits.max_curvature, -1 if backwards else 1)
-
-    def _progress(self) -> float:
-        """Return how far the car has come along its way in the last tick [m]."""
-        first = max(0, self._at - round(BACK / STEP))
-        near = self._way[first : self._at + round(FORTH / STEP) + 1]
-        before = self._along[self._at]
-        self._at = first + int(np.hypot(*(near - self._states[-1][:2]).T).argmin())
-        return float(self._along[self._at] - before)
-
     def _observe(self) -> Observation:
-        """Take a scan, and return what the car observes."""
+        """Take a scan, and return what the agent observes."""
         state = self._states[-1]
-        seen = self._sight.add(self._lidar.scan(self._task.world, state), state)
-        x, y, yaw, speed = state
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        goal = np.array(self._task.goal)
-        point = goal
-        if self.suite.route == "fixed":
-            point = self._way[min(self._at + round(AHEAD / STEP), len(self._way) - 1)]
-        ends = (np.array([goal, point]) - (x, y)) @ np.array([[cos, -sin], [sin, cos]])
-        motion = np.array([speed, cos, sin, *ends.ravel()], dtype=np.float32)
-        part = {"scan": _ranges(seen)} if self.observe == "scan" else {"map": self._image(state)}
-        return {"motion": motion} | part
-
-    def _image(self, state: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Return the observed map of the window as an image, (1, n, n)."""
-        known = self._sight.known
-        cells = known.crop(known.frame.square(state[0], state[1], known.window)).cells
-        image = np.full(cells.shape, 127, dtype=np.uint8)
-        for cell, grey in GREY.items():
-            image[cells == cell] = grey
-        return image[None]
+        scan = self._sight.add(self._lidar.scan(self._task.world, state), state)
+        return self._interface.observation(state, scan, self._sight.known)
 
     def _info(self, outcome: Outcome | None) -> dict[str, Any]:
         return {
@@ -217,3 +282,10 @@ def _ranges(scan: Scan) -> NDArray[np.float32]:
     """Return every tenth range of a scan, at most its reach, and 0 without a measurement [m]."""
     ranges = np.minimum(scan.ranges[::EVERY], scan.range_max)
     return np.nan_to_num(ranges, nan=0.0).astype(np.float32)
+
+
+def _image(known: Grid) -> NDArray[np.uint8]:
+    """Return an observed map as an image, (1, rows, columns)."""
+    image = np.full(known.frame.shape, 127, dtype=np.uint8)
+    image[known.free], image[known.occupied] = 0, 255
+    return image[None]

@@ -13,7 +13,7 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.trace import Trace
 from sim import DubinsCar, Lidar
-from sim.controller import ControllerDriver
+from sim.controller import ControllerDriver, ControllerError
 from sim.episode import EpisodeConfig, run_episode
 from sim.suite import Suite
 from sim.task import Task
@@ -38,10 +38,13 @@ def race_drive(suite_name: str, entry: Entry, index: int) -> dict[str, Any]:
     suite = Suite.read(suite_name)
     task = suite.task(index)
     settings = settings_of(suite, entry, index)
-    if entry.kind == "driver":
-        result = _drive_own(suite, settings, entry, index, task)
-    else:
-        result = drive(settings, index, entry.arm, task).result
+    try:
+        if entry.kind == "driver":
+            result = _drive_own(suite, settings, entry, index, task)
+        else:
+            result = drive(settings, index, entry.arm, task).result
+    except ControllerError as error:
+        raise ControllerError(f"building {index}: {error}") from error
     return {"map": suite.places[index].map} | asdict(result)
 
 

@@ -9,7 +9,10 @@ import gymnasium
 from gymnasium.utils.env_checker import check_env
 
 from foresee.gym import SUITES
-from sim.gym_env import COLLISION
+from sim import DubinsCar, Lidar
+from sim.controller import ControllerDriver
+from sim.episode import EpisodeConfig, run_episode
+from sim.gym_env import COLLISION, as_driver
 from sim.suite import Suite, suites
 
 FULL_AHEAD = np.array([1.0, 0.0], dtype=np.float32)
@@ -105,3 +108,26 @@ def test_the_map_shows_free_and_occupied_cells():
 def test_an_unknown_observation_is_refused():
     with pytest.raises(ValueError, match="observe is 'camera', it must be of scan, map"):
         gymnasium.make("foresee/Corridor-v1", observe="camera")
+
+
+@pytest.mark.parametrize(("name", "observe"), [("Corridor", "scan"), ("Mixed", "map")])
+def test_an_agent_drives_in_the_race_as_in_the_environment(name, observe):
+    def act(observed):
+        """Head for the point ahead at 1 m/s."""
+        speed, *_, x, y = observed["motion"]
+        assert observe in observed
+        return np.array([1.0 - speed, 1.6 * y / (x**2 + y**2)], dtype=np.float32)
+
+    env = gymnasium.make(f"foresee/{name}-v1", observe=observe, evaluate=True).unwrapped
+    observed, ended = env.reset(seed=0)[0], False
+    while not ended:
+        observed, _, terminated, truncated, info = env.step(act(observed))
+        ended = terminated or truncated
+    suite, task = env.suite, env.suite.task(0)
+    prescribed = suite.route == "fixed"
+    driver = ControllerDriver(as_driver(act, observe), task, suite.car, suite.window, prescribed)
+    rng = np.random.default_rng(0)
+    episode = run_episode(task, driver, DubinsCar(suite.car), Lidar(), EpisodeConfig(), rng)
+    assert episode.time == pytest.approx(info["time"])
+    assert episode.outcome == info["outcome"]
+    assert episode.path_length > 5.0
