@@ -2,7 +2,7 @@
 
     pip install 'foresee[gym]' stable-baselines3
     python examples/learn.py 200000
-    foresee bench --suite corridor-v1 --size small --driver examples.learn:Learned --out learned.json
+    foresee bench --suite corridor-v1 --driver examples.learn:Learned --out learned.json
 
 200 000 ticks take minutes to hours, and are few for a good driver.
 """
