@@ -16,6 +16,7 @@ from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import several_states
+from foresee.infra.errors import shown
 from foresee.infra.markdown import DASH, interval, markdown, span
 from foresee.infra.plain_json import fits
 from sim.suite import Suite
@@ -24,8 +25,11 @@ FACTS = {
     **dict.fromkeys(("suite", "digest", "name"), str),
     "buildings": int,
     "entry": dict[str, str | None],
+    "machine": dict[str, str | int | dict[str, str] | None],
 }
 """Settings that each file of a race must have, and their types."""
+LONGEST_NAME = 40
+"""Length above which a name is cut [characters]."""
 SHORT = 10
 """Number of digits of a hash that a table shows."""
 
@@ -60,7 +64,7 @@ class Entrant:
             raise UsageError(f"{path} is no file of foresee bench: it has no proper {wrong[0]}")
         drives = sorted(content["drives"], key=lambda drive: drive["index"])
         count = settings["buildings"]
-        if [drive["index"] for drive in drives] != list(range(count)):
+        if len(drives) != count or any(i != drive["index"] for i, drive in enumerate(drives)):
             raise UsageError(
                 f"{path} has {len(drives)} of {count} drives: give its command foresee bench again"
             )
@@ -73,7 +77,7 @@ class Entrant:
     @property
     def name(self) -> str:
         """Name of the entry."""
-        return str(self.settings["name"])
+        return shown(self.settings["name"], LONGEST_NAME)
 
 
 def read_entrants(paths: Sequence[Path]) -> list[Entrant]:
@@ -93,14 +97,12 @@ def read_entrants(paths: Sequence[Path]) -> list[Entrant]:
                 f"{entrant.path} is of suite {entrant.settings['suite']}, {first.path} of "
                 f"{suite.name}: only drives in the same buildings can be ranked"
             )
-        places = suite.places[: len(entrant.maps)]
-        others = [
-            index
-            for index, (place, drive, digest) in enumerate(
-                zip(places, entrant.drives, entrant.maps, strict=False)
-            )
-            if (place.map, place.seed) != (digest, drive.seed)
-        ]
+        driven = zip(entrant.maps, entrant.drives, strict=True)
+        present = [(digest, drive.seed) for digest, drive in driven]
+        wanted = [(place.map, place.seed) for place in suite.places]
+        if not 0 < len(present) <= len(wanted):
+            raise UsageError(f"{entrant.path} has {len(present)} of {len(wanted)} buildings")
+        others = [i for i, pair in enumerate(present) if pair != wanted[i]]
         if entrant.settings["digest"] != suite.digest or others:
             where = f"building {others[0]} is another" if others else "its digest is another"
             raise UsageError(
@@ -219,5 +221,5 @@ def _repeat(suite: Suite, entrant: Entrant) -> list[str]:
         f"{entry.get('of')}`",
         ", ".join(sorted(str(c)[:SHORT] for c in commits)),
         str(entry.get("fingerprint") or DASH)[:SHORT],
-        str(settings.get("machine", {}).get("processor", DASH)),
+        str(settings["machine"].get("processor", DASH)),
     ]

@@ -9,6 +9,7 @@ from short_drive import drive, straight
 import benchmarks.bench
 import benchmarks.rank
 import sim.suite
+from benchmarks.race.ranking import ranking_page, read_entrants
 from foresee.infra.plug_in import load_plug_in
 from foresee.mapping.car_limits import CarLimits
 from sim.controller import ControllerDriver
@@ -138,6 +139,9 @@ def other_map(content):
         (lambda c: c["drives"].pop(), "has 1 of 2 drives"),
         (lambda c: c["settings"].update(name="dwa"), "two entries are called 'dwa'"),
         (lambda c: c["settings"].pop("entry"), "it has no proper entry"),
+        (lambda c: (c["settings"].update(buildings=0), c["drives"].clear()), "has 0 of 60"),
+        (lambda c: c["settings"].update(buildings=10**9), "has 2 of 1000000000 drives"),
+        (lambda c: c["settings"].update(machine="fast"), "it has no proper machine"),
         (lambda c: c["drives"][0].pop("time"), "lacks a proper time"),
         (lambda c: c.update(kind="comparison"), "is no file of benchmarks.bench"),
     ],
@@ -178,3 +182,10 @@ def test_an_arm_drives_as_in_a_comparison(two_buildings, tmp_path):
     compared = compare(settings_of(suite, entry, 1), 0, "known").result
     assert (raced["outcome"], raced["time"]) == (compared.outcome, compared.time)
     assert (raced["path_length"], raced["sct"]) == (compared.path_length, compared.sct)
+
+
+def test_the_published_ranking_is_that_of_its_files():
+    folder = ROOT / "docs/results/race"
+    for page in folder.glob("*.md"):
+        entrants = read_entrants(sorted((folder / page.stem).glob("*.json")))
+        assert page.read_text() == ranking_page(entrants)
