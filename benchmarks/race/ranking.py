@@ -11,6 +11,7 @@ from typing import Any, Self
 from scipy.stats import binomtest
 
 from benchmarks.runs import statistics
+from benchmarks.runs.arms import ARMS
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import ResultsByArm
@@ -182,11 +183,10 @@ def _row(place: int, entrant: Entrant, arms: ResultsByArm) -> list[str]:
 
     collided = [drive.outcome == "collided" for drive in drives]
     ends = statistics.rate_interval(collided, [drive.world for drive in drives])
-    learned = sum(drive.learned for drive in drives)
     cycle = (sorted(d.cycle_ms[i] for d in drives)[len(drives) // 2] for i in (0, 1))
     return [
         str(place),
-        name + (f" (trained in {learned} of these buildings)" if learned else ""),
+        name + _remark(entrant, sum(drive.learned for drive in drives)),
         interval(statistics.success(arms, name), ".2f"),
         interval(statistics.mean_speed(arms, name), ".2f"),
         count("reached"),
@@ -197,6 +197,20 @@ def _row(place: int, entrant: Entrant, arms: ResultsByArm) -> list[str]:
         interval(statistics.promises_broken(drives), ".1f", 100, " %") or DASH,
         " / ".join(f"{value:.0f}" for value in cycle),
     ]
+
+
+def _remark(entrant: Entrant, learned: int) -> str:
+    """Return what must be said of an entry beside its name.
+
+    Args:
+        entrant: the entry.
+        learned: number of buildings in which its network was trained.
+    """
+    entry = entrant.settings["entry"]
+    arm = ARMS.get(str(entry.get("of"))) if entry.get("kind") == "arm" else None
+    if arm is not None and (arm.whole_map or arm.predictor == "oracle"):
+        return " (knows the true map)"
+    return f" (trained in {learned} of these buildings)" if learned else ""
 
 
 def _duel(arms: ResultsByArm, first: str, second: str) -> list[str]:

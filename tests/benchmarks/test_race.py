@@ -126,6 +126,13 @@ def test_the_ranking_orders_the_entries_and_compares_each_two(files, tmp_path, c
     assert duel[2] == f"{wins} : {2 - wins}"
 
 
+def test_an_arm_that_knows_the_true_map_is_named_so(files, tmp_path, capsys):
+    entry = {"kind": "arm", "of": "full", "fingerprint": None}
+    full = edited(files["stop"], tmp_path / "f.json", lambda c: c["settings"].update(entry=entry))
+    assert benchmarks.rank.main([str(full), str(files["dwa"])]) == 0
+    assert capsys.readouterr().out.count("(knows the true map)") == 1
+
+
 def other_map(content):
     content["drives"][1]["map"] = "0" * 32
 
