@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from dataclasses import MISSING, asdict, dataclass
+from dataclasses import MISSING, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -42,6 +42,20 @@ class RaceSettings(Options):
         "D",
     )
     arm: str | None = option(None, "arm of this project, such as known", "ARM")
+    risk: float = option(
+        0.0,
+        "accepted probability of a collision in a drive, of --predictor; 0: collisions are excluded "
+        "by construction",
+        "δ",
+        low=0,
+        high=1,
+    )
+    calibration: Path | None = option(
+        None,
+        "calibration.json of foresee calibrate for --risk (default: the one that ships with foresee "
+        "for these drives)",
+        "FILE",
+    )
     name: str | None = option(
         None, "name in the ranking (default: that of the predictor, driver or arm)", "NAME"
     )
@@ -51,6 +65,10 @@ class RaceSettings(Options):
         super().__post_init__()
         if len(self.entry) != 1:
             raise UsageError("give one of --predictor, --driver and --arm")
+        if self.risk > 0 and self.predictor is None:
+            raise UsageError(
+                "--risk needs --predictor: no other entry takes a risk that it is told"
+            )
 
     @property
     def entry(self) -> dict[str, str]:
@@ -60,8 +78,9 @@ class RaceSettings(Options):
 
 def _run(settings: RaceSettings) -> None:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
+    from benchmarks.calibration.certificate import at_risk
     from benchmarks.race.entry import Entry
-    from benchmarks.race.race_drive import race_drive
+    from benchmarks.race.race_drive import race_drive, settings_of
     from benchmarks.runs.drive_file import DriveFile
     from benchmarks.runs.warm_up import warm_up_if_cold
     from foresee.infra.environment import machine
@@ -69,19 +88,25 @@ def _run(settings: RaceSettings) -> None:
 
     suite = Suite.read(settings.suite)
     ((kind, of),) = settings.entry.items()
-    entry = Entry.load(kind, of)
+    entry = replace(Entry.load(kind, of), risk=settings.risk)
+    families = tuple(dict.fromkeys(place.family for place in suite.places))
+    certified = at_risk(replace(settings_of(suite, entry, 0), world=families), settings.calibration)
+    entry = replace(entry, level=certified.level, calibrated=certified.calibrated)
+    risk = f" {100 * settings.risk:g} %" if settings.risk else ""
     count = suite.count(settings.size)
     facts = {
         "suite": suite.name,
         "digest": suite.digest,
         "buildings": count,
-        "name": settings.name or of,
-        "entry": asdict(entry),
+        "name": settings.name or of + risk,
+        "entry": entry.facts,
+        "risk": entry.risk,
+        "level": entry.level,
         "version": version("foresee"),
         "machine": machine(),
     }
     warm_up_if_cold()
-    file = DriveFile(settings.out, "race", facts, "buildings")
+    file = DriveFile(settings.out, "race", facts, "buildings", {"risk": 0.0, "level": 0.0})
     file.fill(
         partial(race_drive, suite.name, entry),
         range(count),

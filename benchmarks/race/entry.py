@@ -10,6 +10,7 @@ from benchmarks.runs.drive import run_fingerprint
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.plug_in import PlugInError, load_plug_in, source_hash
+from planner.revision import FIRST
 
 
 @dataclass(frozen=True)
@@ -21,11 +22,17 @@ class Entry:
         of: name of the arm; or the predictor or driver as on the command line.
         fingerprint: of the weights of a learned predictor, or hash of the file that defines the
             class; None: it is a part of this project without weights.
+        risk: accepted probability of a collision in a drive of a predictor.
+        level: level λ that a calibration certifies for the risk.
+        calibrated: revision of the driving that the calibration was measured with.
     """
 
     kind: str
     of: str
     fingerprint: str | None
+    risk: float = 0.0
+    level: float = 0.0
+    calibrated: int = FIRST
 
     @classmethod
     def load(cls, kind: str, of: str) -> Self:
@@ -49,6 +56,11 @@ class Entry:
             source = source_hash(load_plug_in(of, "predictor"))
             fingerprint = " and ".join(filter(None, (fingerprint, source)))
         return cls(kind, of, fingerprint)
+
+    @property
+    def facts(self) -> dict[str, str | None]:
+        """What takes part, as plain data for JSON, without the risk."""
+        return {"kind": self.kind, "of": self.of, "fingerprint": self.fingerprint}
 
     @property
     def arm(self) -> str:

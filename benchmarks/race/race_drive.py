@@ -62,6 +62,9 @@ def settings_of(suite: Suite, entry: Entry, index: int) -> Settings:
         reverse=suite.car.reverse or Settings.reverse,
         arms=(entry.arm,),
         predictor=entry.predictor,
+        risk=entry.risk,
+        level=entry.level,
+        calibrated=entry.calibrated,
     )
 
 

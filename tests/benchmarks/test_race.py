@@ -9,7 +9,13 @@ from short_drive import drive, straight
 import benchmarks.bench
 import benchmarks.rank
 import sim.suite
+from benchmarks.calibration.certificate import at_risk
+from benchmarks.race.entry import Entry
+from benchmarks.race.race_drive import race_drive, settings_of
 from benchmarks.race.ranking import ranking_page, read_entrants
+from benchmarks.runs.drive import drive as compare
+from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.settings import Settings
 from foresee.infra.plug_in import load_plug_in
 from foresee.mapping.car_limits import CarLimits
 from sim.controller import ControllerDriver
@@ -166,6 +172,8 @@ def test_what_cannot_be_compared_is_refused(files, tmp_path, change, message, ca
     [
         ((), "give one of --predictor, --driver and --arm"),
         (("--arm", "known", "--predictor", "none"), "give one of --predictor, --driver and --arm"),
+        (("--arm", "known", "--risk", "0.02"), "--risk needs --predictor"),
+        (("--predictor", "none", "--risk", "0.02"), "no calibration"),
         (("--arm", "nobody"), "no arm is called 'nobody'"),
         (("--driver", "examples.dwa:Nobody"), "module examples.dwa has no Nobody"),
         (("--driver", "examples.dwa:AHEAD"), "must be a class or a function"),
@@ -178,12 +186,20 @@ def test_what_cannot_drive_is_refused(words, message, tmp_path, capsys):
     assert not (tmp_path / "out.json").exists()
 
 
+def test_a_risk_gives_the_level_that_a_calibration_certifies(tmp_path, monkeypatch):
+    monkeypatch.setattr(DriveFile, "fill", lambda *_: {})
+    assert bench(tmp_path / "out.json", "--predictor", "compact", "--risk", "0.02") == 0
+    settings = json.loads((tmp_path / "out.json").read_text())["settings"]
+    certified = at_risk(Settings(route="fixed", arms=("predicted",), risk=0.02))
+    assert settings["level"] == certified.level > 0
+    assert (settings["name"], settings["risk"]) == ("compact 2 %", 0.02)
+    entry = Entry("predictor", "compact", None, 0.02, settings["level"])
+    drives = settings_of(sim.suite.Suite.read("corridor-v1"), entry, 3)
+    assert (drives.risk, drives.level) == (0.02, settings["level"])
+
+
 @pytest.mark.slow(20)
 def test_an_arm_drives_as_in_a_comparison(two_buildings, tmp_path):
-    from benchmarks.race.entry import Entry
-    from benchmarks.race.race_drive import race_drive, settings_of
-    from benchmarks.runs.drive import drive as compare
-
     entry, suite = Entry.load("arm", "known"), sim.suite.Suite.read("corridor-v1")
     raced = race_drive(suite.name, entry, 1)
     compared = compare(settings_of(suite, entry, 1), 0, "known").result
