@@ -44,16 +44,16 @@ class RaceSettings(Options):
     arm: str | None = option(None, "arm of this project, such as known", "ARM")
     risk: float = option(
         0.0,
-        "accepted probability of a collision in a drive, of --predictor; 0: collisions are excluded "
-        "by construction",
+        "accepted probability of a collision in a drive of --predictor; 0: collisions are "
+        "excluded by construction",
         "δ",
         low=0,
         high=1,
     )
     calibration: Path | None = option(
         None,
-        "calibration.json of foresee calibrate for --risk (default: the one that ships with foresee "
-        "for these drives)",
+        "calibration.json of foresee calibrate for --risk (default: the one that ships with "
+        "foresee for these drives)",
         "FILE",
     )
     name: str | None = option(
@@ -66,9 +66,9 @@ class RaceSettings(Options):
         if len(self.entry) != 1:
             raise UsageError("give one of --predictor, --driver and --arm")
         if self.risk > 0 and self.predictor is None:
-            raise UsageError(
-                "--risk needs --predictor: no other entry takes a risk that it is told"
-            )
+            raise UsageError("--risk needs --predictor: no other entry is told a risk")
+        if self.calibration is not None and self.risk == 0:
+            raise UsageError("--calibration needs a --risk above 0")
 
     @property
     def entry(self) -> dict[str, str]:

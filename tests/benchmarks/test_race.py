@@ -173,6 +173,7 @@ def test_what_cannot_be_compared_is_refused(files, tmp_path, change, message, ca
         ((), "give one of --predictor, --driver and --arm"),
         (("--arm", "known", "--predictor", "none"), "give one of --predictor, --driver and --arm"),
         (("--arm", "known", "--risk", "0.02"), "--risk needs --predictor"),
+        (("--predictor", "none", "--calibration", "c"), "--calibration needs a --risk above 0"),
         (("--predictor", "none", "--risk", "0.02"), "no calibration"),
         (("--arm", "nobody"), "no arm is called 'nobody'"),
         (("--driver", "examples.dwa:Nobody"), "module examples.dwa has no Nobody"),
