@@ -132,8 +132,13 @@ class Suite:
         """Return the task in a building, after a check that it is the one of the suite.
 
         Raises:
-            SuiteError: if this version draws another building or task.
+            SuiteError: if there is no such building, or this version draws another one or another
+                task.
         """
+        if not 0 <= index < len(self.places):
+            raise SuiteError(
+                f"suite {self.name} has no building {index}, only 0 to {len(self.places) - 1}"
+            )
         wanted = self.places[index]
         what = f"suite {self.name}, building {index} ({wanted.family}, seed {wanted.seed})"
         try:

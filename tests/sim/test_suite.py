@@ -59,6 +59,12 @@ def test_a_task_that_is_another_is_refused(fact):
         other.task(0)
 
 
+@pytest.mark.parametrize("index", [-1, 60])
+def test_a_building_that_a_suite_does_not_have_is_refused(index):
+    with pytest.raises(SuiteError, match=r"has no building .*, only 0 to 59"):
+        Suite.read("corridor-v1").task(index)
+
+
 def test_a_suite_that_does_not_exist_is_refused():
     with pytest.raises(SuiteError, match="no suite is called 'corridor-v9'; there are corridor-v1"):
         Suite.read("corridor-v9")
