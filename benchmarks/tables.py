@@ -36,6 +36,7 @@ TABLES = {
     "worth": "benchmarks.studies.worth.tables:tables",
     "worth drives": "benchmarks.runs.drive_file:table_of_outcomes",
     "buildings": "benchmarks.studies.buildings:table",
+    "race": "benchmarks.runs.drive_file:table_of_outcomes",
 }
 """Kind of results → function that makes its tables; imported when it is needed."""
 

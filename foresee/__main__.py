@@ -10,6 +10,8 @@ from foresee.infra.streams import lasting_streams
 
 COMMANDS = {
     "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
+    "bench": ("benchmarks.bench", "drive a suite of the race with a predictor or driver"),
+    "rank": ("benchmarks.rank", "rank the results of a race"),
     "warm-up": ("benchmarks.warm_up", "compile what is compiled at first use, once"),
     "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
     "tables": ("benchmarks.tables", "print the tables of results files"),
@@ -37,6 +39,7 @@ STUDIES = {
     "weave": ("driver.weave", "count steering oscillations on straights"),
     "sweeps": ("driver.sweeps", "compare scores that limit the reliance on a prediction"),
     "buildings": ("buildings", "compare generated buildings with maps by numbers"),
+    "suites": ("suites", "draw the suites of the race again, and compare them"),
 }
 """Command of a study → module in `benchmarks.studies`, and description."""
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-import os
-import sys
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
+from foresee.infra.plug_in import PlugInError, load_plug_in
 from foresee.prediction import BadPredictionError, Caller, Predictor
 from predictor.compact import Compact
 from predictor.far import Far
@@ -144,29 +141,7 @@ def _of_weights(path: Path) -> Predictor:
 
 
 def _imported(spec: str) -> Any:
-    path, _, attribute = spec.partition(":")
-    if not path or not attribute or path.startswith("."):
-        raise PredictorError(f"{spec!r} is not of the form package.module:Class")
-    factory: Any = _module(path, spec)
-    for name in attribute.split("."):
-        if not hasattr(factory, name):
-            raise PredictorError(f"predictor {spec!r}: module {path} has no {attribute}")
-        factory = getattr(factory, name)
-    return factory
-
-
-def _module(path: str, spec: str) -> ModuleType:
-    here = os.getcwd()
-    if here not in sys.path and "" not in sys.path:
-        # `python -m` puts it first; here it is last, and stays for later imports of the plug-in.
-        sys.path.append(here)
     try:
-        return importlib.import_module(path)
-    except ModuleNotFoundError as error:
-        if error.name is not None and (path == error.name or path.startswith(error.name + ".")):
-            raise PredictorError(
-                f"predictor {spec!r}: no module {error.name}, neither installed nor in {here}"
-            ) from error
-        raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
-    except (Exception, SystemExit) as error:
-        raise PredictorError(f"predictor {spec!r}: importing {path}: {one_line(error)}") from error
+        return load_plug_in(spec, "predictor")
+    except PlugInError as error:
+        raise PredictorError(str(error)) from error

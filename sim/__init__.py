@@ -7,6 +7,8 @@ them what a robot maps (`robot_map`). `map_server` reads and writes maps as file
 turns, scales and clutters a building. `task` draws a start and a goal, between which `arc_search`
 finds a path; `task_file` reads them from a file. In an `episode`, `lidar` takes a scan, a driver
 (`driver_protocol`) decides, and `car` moves, in each tick; `recorder` collects what happens.
+`controller` is a simpler protocol for drivers of others, which get what `sight` keeps; `suite` has
+sets of tasks that never change; `gym_env` is the loop as an environment of Gymnasium.
 `people` walk about in recorded logs: the LIDAR sees them, but they are not in the true map.
 """
 

@@ -60,6 +60,18 @@ class EpisodeConfig:
     stuck_time: float = 10.0
     time_limit: float | None = None
 
+    def ticks(self, task: Task, v_max: float) -> int:
+        """Return the number of ticks after which a drive times out.
+
+        Args:
+            task: task of the drive.
+            v_max: top speed of the car [m/s].
+        """
+        limit = self.time_limit
+        if limit is None:
+            limit = self.timeout * task.path_length / v_max
+        return math.ceil(limit / self.dt)
+
 
 @dataclass(frozen=True, eq=False)
 class Episode:
@@ -121,11 +133,8 @@ def run_episode(
     robot = robot or Robot(Errors(), rng)
     states = [np.array([*task.start, 0.0])]
     recorder = Recorder(world)
-    outcome, impact = Outcome.TIMED_OUT, None
-    limit_time = config.time_limit
-    if limit_time is None:
-        limit_time = config.timeout * task.path_length / car.limits.v_max
-    for _ in range(math.ceil(limit_time / dt)):
+    outcome: Outcome | None = None
+    for _ in range(config.ticks(task, car.limits.v_max)):
         started = time.perf_counter()
         scan = lidar.scan(world, states[-1], rng)
         scan_ms = 1e3 * (time.perf_counter() - started)
@@ -140,20 +149,14 @@ def run_episode(
             collided = collided or car.collides(world, state, control, span)
             state = car.step(state, control, span)
         states.append(state)
-        if collided:
-            outcome, impact = Outcome.COLLIDED, abs(float(states[-2][3]))
-            break
-        if math.hypot(*(states[-1][:2] - task.goal)) <= config.goal_radius:
-            outcome = Outcome.REACHED
-            break
-        if _is_stuck(states, config):
-            outcome = Outcome.STUCK
+        outcome = outcome_of(states, collided, task.goal, config)
+        if outcome is not None:
             break
     drive = np.array(states)
     length, duration = _length(drive), (len(drive) - 1) * config.dt
     speed = np.abs(drive[:, 3])
     return Episode(
-        outcome=outcome,
+        outcome=outcome or Outcome.TIMED_OUT,
         time=duration,
         path_length=length,
         mean_speed=length / duration,
@@ -161,11 +164,32 @@ def run_episode(
         min_clearance=_clearance(task.world, drive, car.limits.body),
         stops=int(((speed[1:] < STANDSTILL) & (speed[:-1] >= STANDSTILL)).sum()),
         hard_stops=_hard_stops(drive[:, 3], HARD_BRAKING * car.limits.braking * dt),
-        impact_speed=impact,
+        impact_speed=abs(float(drive[-2, 3])) if outcome == Outcome.COLLIDED else None,
         faults=dict(recorder.faults),
         paths=dict(driver.path_counts),
         trace={"states": drive} | recorder.arrays(),
     )
+
+
+def outcome_of(
+    states: list[NDArray[np.float64]],
+    collided: bool,
+    goal: tuple[float, float],
+    config: EpisodeConfig,
+) -> Outcome | None:
+    """Return how a drive has ended; None: it goes on, if there is time left.
+
+    Args:
+        states: x, y, yaw, v of the car, (4,) each, at the start and after each tick.
+        collided: whether the car collided in the last tick.
+        goal: x, y of the goal [m].
+        config: settings of the closed loop.
+    """
+    if collided:
+        return Outcome.COLLIDED
+    if math.hypot(*(states[-1][:2] - goal)) <= config.goal_radius:
+        return Outcome.REACHED
+    return Outcome.STUCK if _is_stuck(states, config) else None
 
 
 def _is_stuck(states: list[NDArray[np.float64]], config: EpisodeConfig) -> bool:

@@ -21,7 +21,7 @@ PAGES = sorted(
 )
 KINDS = ("tutorial", "how-to", "reference", "explanation")
 PACKAGES = ("foresee", "sim", "planner", "predictor", "benchmarks")
-FOLDERS = (*PACKAGES, "tests", "docs", "ros2")
+FOLDERS = (*PACKAGES, "tests", "docs", "examples", "ros2")
 """Folders of the repository; `results` and `data` are those of the reader."""
 CARDS = {"compact.md", "compact-logs.md", "compact-paper.md", "frontiers.md"}
 """Model cards: they give the commands as they were at the commit of the training."""

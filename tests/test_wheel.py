@@ -11,6 +11,7 @@ import pytest
 from benchmarks.calibration.certificate import SHIPPED
 from foresee.__main__ import COMMANDS, STUDIES
 from foresee.mapping.car_file import PRESETS
+from sim.suite import suites
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("foresee", "planner", "predictor", "sim", "benchmarks")
@@ -66,6 +67,7 @@ def test_the_wheel_holds_the_packages_and_neither_studies_nor_tests(wheel):
     assert weights <= names
     assert {f"foresee/mapping/cars/{name}.yaml" for name in PRESETS} <= names
     assert {f"benchmarks/calibration/shipped/{path.name}" for path in SHIPPED} <= names
+    assert {f"sim/suites/{name}.json" for name in suites()} <= names
     assert not [name for name in names if name.startswith("benchmarks/studies")]
 
 

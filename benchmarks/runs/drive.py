@@ -41,7 +41,7 @@ from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import load_far, load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
-from sim.episode import EpisodeConfig, Outcome, run_episode
+from sim.episode import Episode, EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
 from sim.task import NoTaskError, Task
 from sim.wall_clock import OnWallClock
@@ -310,20 +310,61 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     )
     _give_back()
     trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
+    result = result_of(
+        settings,
+        index,
+        arm_name,
+        task,
+        episode,
+        trace,
+        learned=any(
+            has_learned(part, task.world.grid.cells) for part in (predictor, frontiers, far)
+        ),
+        level=settings.level if arm.takes_risk else None,
+        calibrated=settings.calibrated if at_risk else None,
+        uncertified=settings.uncertified and at_risk,
+        late_ticks=None if on_clock is None else on_clock.late,
+        late_predictions=(
+            navigator.faults[Fault.PREDICTOR_LATE]
+            if settings.real_time or settings.deadline is not None
+            else None
+        ),
+    )
+    return Drive(result, trace)
+
+
+def result_of(
+    settings: Settings,
+    index: int,
+    arm_name: str,
+    task: Task,
+    episode: Episode,
+    trace: Trace,
+    **more: Any,
+) -> DriveResult:
+    """Return the measures of a drive that has ended.
+
+    Args:
+        settings: settings of the drive.
+        index: number of the episode.
+        arm_name: name of the arm.
+        task: task that was driven.
+        episode: the drive.
+        trace: its trace.
+        more: fields of the result that only the driver knows.
+    """
+    car, rules = limits_for(settings), task.rules
     measured: dict[str, Any] = {name: float(getattr(episode, name)) for name in MEASURES}
     shortest = shortest_length(task, car.body.half_width)
     measured |= score(
         episode.outcome, episode.time, episode.path_length, shortest, car, rules.goal_radius
     )
-    result = DriveResult(
+    return DriveResult(
         arm=arm_name,
         vehicle=settings.vehicle,
         index=index,
         **task_facts(task),
         **asdict(rules),
-        learned=any(
-            has_learned(part, task.world.grid.cells) for part in (predictor, frontiers, far)
-        ),
         shortest=float(task.path_length),
         outcome=str(episode.outcome),
         **measured,
@@ -338,18 +379,9 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
         revision=REVISION,
-        level=settings.level if arm.takes_risk else None,
-        calibrated=settings.calibrated if at_risk else None,
-        uncertified=settings.uncertified and at_risk,
-        late_ticks=None if on_clock is None else on_clock.late,
-        late_predictions=(
-            navigator.faults[Fault.PREDICTOR_LATE]
-            if settings.real_time or settings.deadline is not None
-            else None
-        ),
         cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
+        **more,
     )
-    return Drive(result, trace)
 
 
 def _give_back() -> None:

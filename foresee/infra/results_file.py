@@ -31,6 +31,7 @@ COMMANDS = {
     "worth": "benchmarks.studies.worth",
     "worth drives": "benchmarks.studies.worth",
     "buildings": "benchmarks.studies.buildings",
+    "race": "benchmarks.bench",
 }
 """Kind of results → command that writes it."""
 MOST_BYTES = 4 * 10**8

@@ -27,6 +27,7 @@ from PIL import Image
 
 from benchmarks import tables
 from benchmarks.calibration.certificate import conditions_for, load_calibration
+from benchmarks.race.ranking import ranking_page, read_entrants
 from benchmarks.runs.drive_file import DriveFile
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
@@ -54,8 +55,10 @@ from predictor.training.checkpoint import TrainError, read_checkpoint, write_che
 from predictor.weights import WeightsError, load_weights, read_facts, save_weights
 from sim import empty_straight
 from sim.map_server import MapError, load_world
+from sim.suite import SuiteError
 from sim.task_file import TaskFile, TaskFileError
 
+ROOT = Path(__file__).parents[2]
 MUTATIONS = int(os.environ.get("MUTATIONS", "200"))
 """Number of mutated files for each reader."""
 MOST_SECONDS = 5.0
@@ -393,6 +396,15 @@ def read_pictures(folder):
     assert len(samples.numbers) == len(samples.sizes) == len(samples)
 
 
+def write_race(folder):
+    for name in ("known", "dwa"):
+        shutil.copy(ROOT / f"docs/results/race/corridor-v1-small/{name}.json", folder)
+
+
+def read_race(folder):
+    ranking_page(read_entrants(sorted(folder.glob("*.json"))))
+
+
 READERS = {
     "maps": Reader(write_map, read_maps, (MapError,)),
     "images": Reader(
@@ -412,6 +424,7 @@ READERS = {
     "traces": Reader(write_run, read_run, (RunError, UsageError), only=("traces.npz",)),
     "run folders": Reader(write_run, open_run, (RunError, UsageError)),
     "optimum": Reader(write_optimum, read_optimum, (UsageError,)),
+    "race": Reader(write_race, read_race, (UsageError, SuiteError)),
     "tasks": Reader(write_tasks, read_tasks, (TaskFileError,)),
     "calibrations": Reader(
         lambda folder: calibrations.written(folder / "calibration.json"),

@@ -1,0 +1,123 @@
+"""Drive a suite of the race with an arm of this project, or a predictor or driver of your own.
+
+    foresee bench --suite corridor-v1 --predictor my_module:MyPredictor --out mine.json
+
+All entries of a suite drive in the same buildings, with the same scans. The file of the results
+holds what is needed to repeat them; `foresee rank` compares several. Interrupted, the command
+continues when it is given again.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import MISSING, dataclass, replace
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+from foresee.infra.command_line import Command, UsageError
+from foresee.infra.options import Options, given, jobs_option, option
+
+
+@dataclass(frozen=True)
+class RaceSettings(Options):
+    """What drives, and where."""
+
+    suite: str = option(
+        MISSING, "corridor-v1, office-v1, floor-plans-v1 or mixed-v1: the buildings", "SUITE"
+    )
+    out: Path = option(MISSING, "file of the results", "FILE.json")
+    size: str = option(
+        "full",
+        "small: the first 12 buildings of the suite; full: all 60",
+        choices=("small", "full"),
+    )
+    predictor: str | None = option(
+        None, "predictor with which the arm predicted drives, as in foresee corridor", "P"
+    )
+    driver: str | None = option(
+        None,
+        "driver of your own, module:Class: a class with the method control(state, scan, known)",
+        "D",
+    )
+    arm: str | None = option(None, "arm of this project, such as known", "ARM")
+    risk: float = option(
+        0.0,
+        "accepted probability of a collision in a drive of --predictor; 0: collisions are "
+        "excluded by construction",
+        "δ",
+        low=0,
+        high=1,
+    )
+    calibration: Path | None = option(
+        None,
+        "calibration.json of foresee calibrate for --risk (default: the one that ships with "
+        "foresee for these drives)",
+        "FILE",
+    )
+    name: str | None = option(
+        None, "name in the ranking (default: that of the predictor, driver or arm)", "NAME"
+    )
+    jobs: int = jobs_option()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.entry) != 1:
+            raise UsageError("give one of --predictor, --driver and --arm")
+        if self.risk > 0 and self.predictor is None:
+            raise UsageError("--risk needs --predictor: no other entry is told a risk")
+        if self.calibration is not None and self.risk == 0:
+            raise UsageError("--calibration needs a --risk above 0")
+
+    @property
+    def entry(self) -> dict[str, str]:
+        """The kind of what drives, and its name on the command line."""
+        return given(predictor=self.predictor, driver=self.driver, arm=self.arm)
+
+
+def _run(settings: RaceSettings) -> None:
+    # Imported here, so that --help and bad arguments do not wait for slow imports.
+    from benchmarks.calibration.certificate import at_risk
+    from benchmarks.race.entry import Entry
+    from benchmarks.race.race_drive import race_drive, settings_of
+    from benchmarks.runs.drive_file import DriveFile
+    from benchmarks.runs.warm_up import warm_up_if_cold
+    from foresee.infra.environment import machine
+    from sim.suite import Suite
+
+    suite = Suite.read(settings.suite)
+    ((kind, of),) = settings.entry.items()
+    entry = replace(Entry.load(kind, of), risk=settings.risk)
+    families = tuple(dict.fromkeys(place.family for place in suite.places))
+    certified = at_risk(replace(settings_of(suite, entry, 0), world=families), settings.calibration)
+    entry = replace(entry, level=certified.level, calibrated=certified.calibrated)
+    risk = f" {100 * settings.risk:g} %" if settings.risk else ""
+    count = suite.count(settings.size)
+    facts = {
+        "suite": suite.name,
+        "digest": suite.digest,
+        "buildings": count,
+        "name": settings.name or of + risk,
+        "entry": entry.facts,
+        "risk": entry.risk,
+        "level": entry.level,
+        "version": version("foresee"),
+        "machine": machine(),
+    }
+    warm_up_if_cold()
+    file = DriveFile(settings.out, "race", facts, "buildings", {"risk": 0.0, "level": 0.0})
+    file.fill(
+        partial(race_drive, suite.name, entry),
+        range(count),
+        settings.jobs,
+        lambda drive: f"{drive['outcome']} in {drive['time']:.1f} s",
+    )
+    outcomes = Counter(drive["outcome"] for drive in file.first(count))
+    print(f"{settings.out}: " + ", ".join(f"{n} {what}" for what, n in outcomes.most_common()))
+
+
+main = Command("benchmarks.bench", __doc__, _run)
+
+if __name__ == "__main__":
+    sys.exit(main())
