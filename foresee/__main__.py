@@ -5,28 +5,46 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+from importlib.metadata import version
+from textwrap import wrap
+from typing import Any
 
 from foresee.infra.streams import lasting_streams
 
-COMMANDS = {
-    "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
-    "bench": ("benchmarks.bench", "drive a suite of the race with a predictor or driver"),
-    "rank": ("benchmarks.rank", "rank the results of a race"),
-    "warm-up": ("benchmarks.warm_up", "compile what is compiled at first use, once"),
-    "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
-    "tables": ("benchmarks.tables", "print the tables of results files"),
-    "optimum": ("benchmarks.optimum", "compute time-optimal drives"),
-    "calibrate": ("benchmarks.calibrate", "certify a level of the last resort for a risk"),
-    "check": ("predictor.check", "check a predictor of your own"),
-    "dataset": ("predictor.dataset", "make the frames of the paper's study"),
-    "drives": ("predictor.drives", "make samples to train on"),
-    "train": ("predictor.train", "train a network"),
-    "train-frontiers": ("predictor.train_frontiers", "train the network of frontiers"),
-    "study": ("predictor.study", "train all of the paper's networks"),
-    "evaluate": ("predictor.evaluate", "score predictors along drives"),
-    "replay": ("predictor.replay", "predict along a robot's log, and write it for Foxglove"),
+GROUPS = {
+    "Drive": {
+        "corridor": ("benchmarks.corridor", "drive with and without prediction, and compare"),
+        "bench": ("benchmarks.bench", "drive a suite of the race with a predictor or driver"),
+        "rank": ("benchmarks.rank", "rank the results of a race"),
+        "optimum": ("benchmarks.optimum", "compute time-optimal drives"),
+    },
+    "Look": {
+        "plot": ("benchmarks.plot", "draw the figures of saved runs again"),
+        "tables": ("benchmarks.tables", "print the tables of results files"),
+        "replay": ("predictor.replay", "predict along a robot's log, and write it for Foxglove"),
+    },
+    "Predict": {
+        "check": ("predictor.check", "check a predictor of your own"),
+        "evaluate": ("predictor.evaluate", "score predictors along drives"),
+        "calibrate": ("benchmarks.calibrate", "certify a level of the last resort for a risk"),
+    },
+    "Train": {
+        "drives": ("predictor.drives", "make samples to train on"),
+        "train": ("predictor.train", "train a network"),
+        "train-frontiers": ("predictor.train_frontiers", "train the network of frontiers"),
+        "dataset": ("predictor.dataset", "make the frames of the paper's study"),
+        "study": ("predictor.study", "train all of the paper's networks"),
+    },
+    "Set up": {
+        "warm-up": ("benchmarks.warm_up", "compile what is compiled at first use, once"),
+        "completion": ("foresee.completion", "let a shell complete commands and options"),
+    },
 }
-"""Command → module, and description for the list of commands."""
+"""Heading → command → module, and description for the list of commands."""
+COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}
+FIRST = ("corridor", "plot", "check")
+"""The commands that a beginner needs."""
+INDENTED: dict[str, Any] = {"initial_indent": "  ", "subsequent_indent": "  "}
 STUDIES = {
     "prediction": ("katyal2018.__main__", "score predictors on the frames of the paper"),
     "risk": ("risk.__main__", "compare requested with realised risk, and with speed"),
@@ -73,10 +91,28 @@ def _run(words: list[str]) -> int:
     if words and words[0] in STUDIES:
         print(f"foresee {words[0]}: a study, which only a checkout of foresee has", file=sys.stderr)
         return 2
-    listed = [f"  {name:<16} {what}" for name, (_, what) in known.items()]
-    print("usage: foresee COMMAND [options]", "", *listed, "", sep="\n")
-    print("foresee COMMAND --help explains each. `python -m` with the module's name does the same.")
+    if words == ["--version"]:
+        print(f"foresee {version('foresee')}")
+        return 0
+    print(_overview(known))
     return 0 if words in ([], ["-h"], ["--help"]) else 2
+
+
+def _overview(known: dict[str, tuple[str, str]]) -> str:
+    """Return the list of commands: a beginner's first, then the others by their headings."""
+    lines = ["usage: foresee COMMAND [options]", "", "Begin with"]
+    lines += [_line(name) for name in FIRST]
+    for heading, group in GROUPS.items():
+        lines += ["", heading, *(_line(name) for name in group if name not in FIRST)]
+    studies = [name for name in STUDIES if name in known]
+    if studies:
+        lines += ["", "Studies of this checkout", *wrap(", ".join(studies), 78, **INDENTED)]
+    lines += ["", "foresee COMMAND --help explains each, foresee --version tells the version."]
+    return "\n".join(lines)
+
+
+def _line(name: str) -> str:
+    return f"  {name:<16} {COMMANDS[name][1]}"
 
 
 if __name__ == "__main__":

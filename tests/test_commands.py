@@ -34,6 +34,7 @@ COMMANDS = {
     "predictor.replay": "predictor",
     "predictor.study": "predictor",
     "predictor.train": "predictor",
+    "foresee.completion": "foresee",
     "predictor.train_frontiers": "predictor",
 }
 """Command → the package whose own import it cannot do without."""

@@ -164,7 +164,7 @@ def test_matplotlib_is_imported_after_what_lets_it_be_imported_in_any_environmen
 def test_the_console_script_lists_its_commands(capsys):
     assert main([]) == 0
     said = capsys.readouterr().out
-    assert all(f"  {name} " in said for name in commands())
+    assert set(commands()) <= set(said.replace(",", " ").split())
     assert main(["no-such-command"]) == 2
 
 

@@ -85,20 +85,27 @@ class Command:
     def _complain(self, line: str) -> None:
         print(f"{self.name}: {line}", file=sys.stderr)
 
-    def _parsed(self, argv: list[str] | None) -> list[Any]:
-        """Return an instance of the settings class of each parameter of `run`."""
-        hints = get_type_hints(self.run, include_extras=True)
-        hints.pop("return", None)
-        # Settings with a section are annotated as (class, section).
-        parts = [get_args(hint) or (hint, Section()) for hint in hints.values()]
+    def parser(self) -> argparse.ArgumentParser:
+        """Return the parser of the options."""
         parser = _Parser(prog=self.name, description=self.description, formatter_class=_Paragraphs)
         groups: dict[str, argparse._ActionsContainer] = {"": parser}
-        for settings, section in parts:
+        for settings, section in self._parts():
             if section.heading not in groups:
                 groups[section.heading] = parser.add_argument_group(section.heading)
             settings.add_to(groups[section.heading], *section.names)
-        args = parser.parse_args(argv)
-        return [settings.of(args, *section.names) for settings, section in parts]
+        return parser
+
+    def _parts(self) -> list[tuple[Any, Section]]:
+        """Return the settings class of each parameter of `run`, and how it is shown."""
+        hints = get_type_hints(self.run, include_extras=True)
+        hints.pop("return", None)
+        # Settings with a section are annotated as (class, section).
+        return [get_args(hint) or (hint, Section()) for hint in hints.values()]
+
+    def _parsed(self, argv: list[str] | None) -> list[Any]:
+        """Return an instance of the settings class of each parameter of `run`."""
+        args = self.parser().parse_args(argv)
+        return [settings.of(args, *section.names) for settings, section in self._parts()]
 
 
 class _Parser(argparse.ArgumentParser):
