@@ -123,6 +123,8 @@ class Decision:
     Attributes:
         control: control for one tick.
         plan: plan of which the control is the first step.
+        last_resort: controls a, κ of the manoeuvre that stops the car if a prediction is wrong or
+            no decision follows, (N, 2); its first step is that of the plan.
         limit: what keeps the car from going faster.
         faults: faults that were handled in this tick, each once.
         relied: centres of the unobserved cells that the body sweeps on the plan, (k, 2) [m].
@@ -137,6 +139,7 @@ class Decision:
 
     control: Control
     plan: Plan
+    last_resort: NDArray[np.float64]
     limit: Limit
     faults: tuple[Fault, ...]
     relied: NDArray[np.float64]
@@ -317,9 +320,13 @@ class Navigator:
         acceleration, curvature = self.chooser.skip().tolist()
         control = Control(acceleration, curvature, self._last.control.gear)
         self._unsent = control
-        none = np.empty((0, 2))
         self._last = replace(
-            self._last, control=control, faults=(Fault.MISSED_TICK,), relied=none, prediction=None
+            self._last,
+            control=control,
+            last_resort=self._last_resort(control),
+            faults=(Fault.MISSED_TICK,),
+            relied=np.empty((0, 2)),
+            prediction=None,
         )
         return self._last
 
@@ -337,6 +344,12 @@ class Navigator:
         vars(self.chooser).update(self._before.kept)
         vars(self.chooser.resort).update(self._before.resort)
         self._unsent = None
+
+    def _last_resort(self, control: Control) -> NDArray[np.float64]:
+        """Return the controls of a control and of what was kept after it, (N, 2)."""
+        # What was kept is for a car with the opposite heading in reverse.
+        kept = self.chooser.kept * np.array([1.0, control.gear])
+        return np.vstack([[control.acceleration, control.curvature], kept[:-1]])
 
     def _assume_sent(self) -> None:
         """Add the last control to those that were sent, unless it was withdrawn."""
@@ -372,9 +385,11 @@ class Navigator:
         if not config.bounds.moves_exactly and np.abs(plan.states[:2, 3]).max() < REST:
             # A car that is faster than planned brakes on.
             acceleration = -config.car.braking
+        control = Control(acceleration, curvature, plan.gear, turn)
         return Decision(
-            control=Control(acceleration, curvature, plan.gear, turn),
+            control=control,
             plan=plan,
+            last_resort=self._last_resort(control),
             limit=limit,
             faults=faults,
             relied=np.column_stack([xs[cols], ys[rows]]),
