@@ -318,7 +318,8 @@ class Navigator:
         self._assume_sent()
         self.faults.update((Fault.MISSED_TICK,))
         acceleration, curvature = self.chooser.skip().tolist()
-        control = Control(acceleration, curvature, self._last.control.gear)
+        gear = self._last.control.gear
+        control = Control(acceleration, gear * curvature, gear)
         self._unsent = control
         self._last = replace(
             self._last,

@@ -184,6 +184,18 @@ def test_in_reverse_the_plan_is_its_own_last_resort(place):
     assert stops[:, :3, 1] == pytest.approx(plans[:, :3, 1], abs=1e-3)
 
 
+def test_without_a_scan_the_car_goes_on_in_reverse_along_its_last_resort():
+    task = task_in("askew in a pocket")
+    driver, car = driver_in(task), DubinsCar(CarLimits(reverse=FASTEST_BACK))
+    rng, state = np.random.default_rng(0), np.array([*task.start, 0.0])
+    for _ in range(200):
+        decision = driver.step(state, LIDAR.scan(task.world, state, rng))
+        if decision.control.gear < 0 and abs(decision.last_resort[1, 1]) > 0.1:
+            break
+        state = car.step(state, decision.control, DT)
+    assert driver.skip().control == Control(*decision.last_resort[1].tolist(), -1)
+
+
 @pytest.mark.parametrize("place", PLACES)
 def test_every_plan_ends_at_rest_within_the_limits_of_its_gear(place):
     trace = driven(place)[0].trace
