@@ -27,6 +27,7 @@ from planner.guide.guide import REST, Guide
 from planner.guide.guide_config import GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
+from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPCConfig
 from planner.risk.adaptive_level import AdaptiveLevel
 from planner.risk.ask_predictor import FIRST_DEADLINE, Asker, LateError
@@ -324,7 +325,7 @@ class Navigator:
         self._last = replace(
             self._last,
             control=control,
-            last_resort=self._last_resort(control),
+            last_resort=shifted(self._last.last_resort, self.config.car.braking),
             faults=(Fault.MISSED_TICK,),
             relied=np.empty((0, 2)),
             prediction=None,
@@ -346,12 +347,6 @@ class Navigator:
         vars(self.chooser.resort).update(self._before.resort)
         self._unsent = None
 
-    def _last_resort(self, control: Control) -> NDArray[np.float64]:
-        """Return the controls of a control and of what was kept after it, (N, 2)."""
-        # What was kept is for a car with the opposite heading in reverse.
-        kept = self.chooser.kept * np.array([1.0, control.gear])
-        return np.vstack([[control.acceleration, control.curvature], kept[:-1]])
-
     def _assume_sent(self) -> None:
         """Add the last control to those that were sent, unless it was withdrawn."""
         if self._unsent is not None:
@@ -372,6 +367,8 @@ class Navigator:
         `turn` is the yaw rate of a turn on the spot, on which the car stands otherwise [rad/s].
         """
         plan, config = choice.plan, self.config
+        # Within the car's limits, to which its controls are clipped.
+        kept = self.chooser.mpc.roll(plan.states[1], self.chooser.kept)
         rows, cols = swept_cells(
             plan, config.mpc.dt, config.car.body, risk.frame, risk.known.unknown
         )
@@ -381,16 +378,15 @@ class Navigator:
             # The last resort holds the car back, in case the prediction is wrong.
             limit = Limit.UNSEEN
         if self.guide.gear < 0:
-            plan = plan.mirrored()
+            plan, kept = plan.mirrored(), kept.mirrored()
         acceleration, curvature = plan.controls[0].tolist()
         if not config.bounds.moves_exactly and np.abs(plan.states[:2, 3]).max() < REST:
             # A car that is faster than planned brakes on.
             acceleration = -config.car.braking
-        control = Control(acceleration, curvature, plan.gear, turn)
         return Decision(
-            control=control,
+            control=Control(acceleration, curvature, plan.gear, turn),
             plan=plan,
-            last_resort=self._last_resort(control),
+            last_resort=np.vstack([plan.controls[:1], kept.controls[:-1]]),
             limit=limit,
             faults=faults,
             relied=np.column_stack([xs[cols], ys[rows]]),
