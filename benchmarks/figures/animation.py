@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.figures.palette import (
     DASHED,
@@ -35,7 +35,6 @@ from benchmarks.figures.palette import (
 from benchmarks.runs.saved_run import Run
 from foresee.infra.drawing import INK, bare, new_figure, own_style, short_name
 from foresee.mapping.grid import Grid, GridFrame
-from sim.car import along_arc
 
 DPI = 100
 SIZE = (8.4, 6.2)
@@ -51,25 +50,31 @@ MOST = 400
 
 
 def roll_out(
-    state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: float = 1.0
+    state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: ArrayLike = 1.0
 ) -> NDArray[np.float64]:
-    """Compute the states (N+1, 4) of a car under controls; see `sim.car`.
+    """Compute the states (…, N+1, 4) of a car under controls; see `sim.car`.
 
     Args:
-        state: x, y, yaw, v at the start, (4,).
-        controls: acceleration [m/s²] and curvature [1/m] of each step, (N, 2), all in one gear.
+        state: x, y, yaw, v at the start, (…, 4).
+        controls: acceleration [m/s²] and curvature [1/m] of each step, (…, N, 2), all in one gear.
         dt: duration of a step [s].
-        gear: 1 or -1; a car that already moves stays in the gear of its motion.
+        gear: 1 or -1, (…); a car that already moves stays in the gear of its motion.
     """
-    gear = math.copysign(1.0, state[3]) if state[3] != 0 else gear
-    states = np.empty((len(controls) + 1, 4))
-    states[0] = state
-    for k, (a, curvature) in enumerate(np.asarray(controls, dtype=np.float64)):
-        x, y, yaw, v = states[k]
+    a, curvature = np.moveaxis(np.asarray(controls, dtype=np.float64), -1, 0)
+    gear = np.where(state[..., 3] != 0, np.sign(state[..., 3]), gear)
+    states = np.empty((*a.shape[:-1], a.shape[-1] + 1, 4))
+    states[..., 0, :] = state
+    for k in range(a.shape[-1]):
+        x, y, yaw, v = np.moveaxis(states[..., k, :], -1, 0)
         # Clipped, since saved plans are rounded: the car must not roll back at its stop.
-        length = gear * max(abs(v) * dt + 0.5 * a * dt**2, 0.0)
-        speed = max(abs(v) + a * dt, 0.0)
-        states[k + 1] = *along_arc(x, y, yaw, curvature, length), gear * speed
+        length = gear * np.maximum(np.abs(v) * dt + 0.5 * a[..., k] * dt**2, 0.0)
+        half = 0.5 * curvature[..., k] * length
+        chord = length * np.sinc(half / np.pi)
+        after = states[..., k + 1, :]
+        after[..., 0] = x + chord * np.cos(yaw + half)
+        after[..., 1] = y + chord * np.sin(yaw + half)
+        after[..., 2] = np.remainder(yaw + 2 * half + np.pi, 2 * np.pi) - np.pi
+        after[..., 3] = gear * np.maximum(np.abs(v) + a[..., k] * dt, 0.0)
     return states
 
 
