@@ -184,7 +184,7 @@ function drawSpeed(canvas, drive, tick) {
   pen.textAlign = "center";
   const every = [1, 2, 5, 10, 20, 50, 100].find((s) => (s / data.dt / ticks) * width > 50) || 200;
   for (let s = 0; s <= ticks * data.dt; s += every) {
-    pen.fillText(`${s} s`, Math.max(left + 8, across(s / data.dt)), height - 4);
+    pen.fillText(`${s} s`, Math.min(Math.max(left + 8, across(s / data.dt)), width - 12), height - 4);
   }
   for (let k = 0; k < ticks; k++) {
     pen.fillStyle = colours.limits[drive.limit_names[drive.limits[k]]] || "#FFFFFF";

@@ -13,7 +13,7 @@ from urllib.parse import quote, urlencode
 from benchmarks.figures.intervals import forest, speed_and_collisions
 from benchmarks.figures.palette import LIMIT_COLOURS
 from benchmarks.report.command import command_of
-from benchmarks.report.html import inline, picture, table
+from benchmarks.report.html import inline, table
 from benchmarks.report.replay_data import COLOURS, ReplayData
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.episodes_csv import write_episodes
@@ -30,7 +30,7 @@ from benchmarks.runs.summary import (
     title,
 )
 from foresee.infra.atomic_file import write_whole
-from foresee.infra.drawing import own_style
+from foresee.infra.drawing import as_svg, own_style
 
 REPORT = "report.html"
 """Name of the file."""
@@ -152,8 +152,8 @@ def _results(run: Run, settings: dict[str, Any]) -> dict[str, str]:
         "table": table(_as_html(main_rows(summary))),
         "all_rows": table(_as_html(all_rows(summary))),
         "remarks": "".join(f"<p>{inline(text)}</p>" for text in said),
-        "forest": picture(forest(summary), f"Time ratio, SCT and speed of each arm. {INTERVALS}"),
-        "collisions": picture(
+        "forest": as_svg(forest(summary), f"Time ratio, SCT and speed of each arm. {INTERVALS}"),
+        "collisions": as_svg(
             speed_and_collisions(summary), f"Share of collisions over speed. {INTERVALS}"
         ),
     }
