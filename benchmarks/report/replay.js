@@ -42,16 +42,16 @@ async function load(drive) {
   return drive;
 }
 
-/** Return x [m], y [m], yaw [rad] and v [m/s] of a drive at the start of a tick. */
+/** Return x [m], y [m], yaw [rad] and v [m/s] of a drive at the start of a tick, or at its end. */
 function stateAt(drive, tick) {
   const [x, y, yaw, v] = drive.states.subarray(4 * tick, 4 * tick + 4);
   return { x: x / 1e3, y: y / 1e3, yaw: yaw / 1e4, v: v / 1e3 };
 }
 
-/** Return the points [m] of the plan or of the last resort of a tick; none if it is not recorded. */
+/** Return the points [m] of the plan or of the last resort of a tick; none at the end of a drive. */
 function motionAt(drive, name, tick) {
-  if (!drive[name]) return [];
-  const size = drive[name].length / (drive.states.length / 4 - 1);
+  if (!drive[name] || tick === drive.limits.length) return [];
+  const size = drive[name].length / drive.limits.length;
   const { x, y } = stateAt(drive, tick), points = [];
   for (let at = size * tick; at < size * (tick + 1); at += 2) {
     points.push([x + drive[name][at] / 100, y + drive[name][at + 1] / 100]);
@@ -59,7 +59,7 @@ function motionAt(drive, name, tick) {
   return points;
 }
 
-/** Return the belief at a tick as a function of the map's row and column, from -1 to 1. */
+/** Return the belief in a tick, from -certain to certain, as a function of the map's row and column. */
 function beliefAt(drive, tick) {
   if (!drive.beliefs) return () => 0;
   const [rows, cols] = drive.belief_shape, start = tick * rows * cols;
@@ -69,28 +69,39 @@ function beliefAt(drive, tick) {
     const r = Math.floor(((row + 0.5) * cell - top) / block);
     const c = Math.floor(((col + 0.5) * cell - left) / block);
     const inside = r >= 0 && r < rows && c >= 0 && c < cols;
-    return inside ? drive.beliefs[start + r * cols + c] / data.certain : 0;
+    return inside ? drive.beliefs[start + r * cols + c] : 0;
   };
 }
 
-/** Paint what is known and believed at a tick, one pixel for each cell; rows run upwards. */
+/** Return the colour of an unobserved cell. */
+function shade(belief, wall) {
+  const share = Math.abs(belief) / data.certain, target = belief < 0 ? LIKELY_OCCUPIED : LIKELY_FREE;
+  const mixed = UNKNOWN.map((from, i) => from + (target[i] - from) * share);
+  // The true walls, which the car does not know, are a little darker.
+  return wall ? mixed.map((value) => 0.8 * value) : mixed;
+}
+
+/** Return a colour as the bytes of a pixel. */
+const pixel = (colour) => new Uint32Array(Uint8ClampedArray.of(...colour, 255).buffer)[0];
+const beliefs = Array.from({ length: 2 * data.certain + 1 }, (_, i) => i - data.certain);
+const [WHITE, BLACK, GREY] = [FREE, OCCUPIED, UNKNOWN].map(pixel);
+const SHADES = beliefs.map((belief) => pixel(shade(belief, false)));
+const WALL_SHADES = beliefs.map((belief) => pixel(shade(belief, true)));
+
+/** Paint what is known and believed in a tick, one pixel for each cell; rows run upwards. */
 function paintMap(drive, tick, canvas) {
-  const { shape: [rows, cols], cells } = drive.episode;
+  const { shape: [rows, cols], cells } = drive.episode, first = drive.first_seen;
   [canvas.width, canvas.height] = [cols, rows];
   const pen = canvas.getContext("2d"), image = pen.createImageData(cols, rows);
-  const belief = beliefAt(drive, tick), shown = image.data;
+  const belief = beliefAt(drive, tick), pixels = new Uint32Array(image.data.buffer);
   for (let row = 0, at = 0; row < rows; row++) {
     for (let col = 0; col < cols; col++, at++) {
-      const seen = drive.first_seen[at], wall = cells[at] === 100;
-      let colour = cells[at] === 0 ? FREE : wall ? OCCUPIED : UNKNOWN;
-      if (!(seen > 0 && seen <= tick + 1)) {
-        const sure = belief(row, col), target = sure < 0 ? LIKELY_OCCUPIED : LIKELY_FREE;
-        colour = UNKNOWN.map((from, i) => from + (target[i] - from) * Math.abs(sure));
-        // The true walls, which the car does not know, are a little darker.
-        if (wall) colour = colour.map((value) => 0.8 * value);
+      const cell = cells[at];
+      if (first[at] > 0 && first[at] <= tick + 1) {
+        pixels[at] = cell === 0 ? WHITE : cell === 100 ? BLACK : GREY;
+      } else {
+        pixels[at] = (cell === 100 ? WALL_SHADES : SHADES)[belief(row, col) + data.certain];
       }
-      const pixel = 4 * at;
-      [shown[pixel], shown[pixel + 1], shown[pixel + 2], shown[pixel + 3]] = [...colour, 255];
     }
   }
   pen.putImageData(image, 0, 0);
@@ -239,14 +250,14 @@ class Replay {
     this.drive = drive;
     part("arm").replaceChildren(...there.map((each) => new Option(each.arm, each.arm)));
     [part("episode").value, part("arm").value] = [drive.index, drive.arm];
-    part("time").max = drive.limits.length - 1;
+    part("time").max = drive.limits.length;
     const { shape: [rows, cols] } = drive.episode;
     part("far").style.aspectRatio = `${cols} / ${rows}`;
     this.goTo(tick);
   }
 
   goTo(tick) {
-    this.tick = Math.max(0, Math.min(tick, this.drive.limits.length - 1));
+    this.tick = Math.max(0, Math.min(tick, this.drive.limits.length));
     this.draw();
   }
 
@@ -254,7 +265,7 @@ class Replay {
     this.playing = on;
     part("play").textContent = on ? "Pause" : "Play";
     if (!on) return;
-    if (this.tick === this.drive.limits.length - 1) this.goTo(0);
+    if (this.tick === this.drive.limits.length) this.goTo(0);
     let [begun, from] = [performance.now(), this.tick], drive = this.drive;
     const step = (now) => {
       if (!this.playing) return;
@@ -265,7 +276,7 @@ class Replay {
         [begun, from] = [now, this.tick];
         this.goTo(from + passed);
       }
-      if (this.tick === this.drive.limits.length - 1) this.play(false);
+      if (this.tick === this.drive.limits.length) this.play(false);
       else requestAnimationFrame(step);
     };
     requestAnimationFrame(step);
@@ -293,10 +304,11 @@ class Replay {
   draw() {
     if (!this.drive) return;
     const { drive, tick } = this, { origin, cell, shape: [rows, cols] } = drive.episode;
-    const now = stateAt(drive, tick), last = tick === drive.limits.length - 1;
-    const limit = drive.limit_names[drive.limits[tick]];
+    // At its end, the drive is as the last tick has left it.
+    const now = stateAt(drive, tick), decided = Math.min(tick, drive.limits.length - 1);
+    const limit = drive.limit_names[drive.limits[decided]];
     const side = data.window > 10 ? TO_SEE.wide : TO_SEE.near;
-    paintMap(drive, tick, this.map);
+    paintMap(drive, decided, this.map);
     drawMap(part("near"), this.map, drive, tick, {
       x: now.x - side / 2, y: now.y - side / 2, width: side, height: side,
     });
@@ -311,7 +323,7 @@ class Replay {
     part("limit").textContent = limit;
     part("limit").style.borderColor = colours.limits[limit] || "#FFFFFF";
     part("reason").textContent = data.reasons[limit] || "";
-    part("outcome").textContent = last ? drive.outcome : "";
+    part("outcome").textContent = tick > decided ? drive.outcome : "";
   }
 }
 

@@ -26,9 +26,10 @@ from benchmarks.figures.palette import (
     arm_colour,
     shrink,
 )
+from benchmarks.runs.arms import ARMS, arm_kind
 from benchmarks.runs.beliefs import BLOCK, CERTAIN
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import Trace
+from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.drawing import INK
 from foresee.mapping.grid import GridFrame
 
@@ -157,9 +158,10 @@ class ReplayData:
         # In millimetres, 1e-4 rad, and mm/s.
         yield "states", _packed(states * [1e3, 1e3, 1e4, 1e3], "<i4")
         yield "first_seen", _packed(_first_seen(trace, part, factor), "<u2")
-        for name in ("plans", "last_resorts"):
-            if name in trace:
-                yield name, _packed(self._motions(trace, trace.read(name)), "<i2")
+        yield "plans", _packed(self._motions(trace, trace.plans), "<i2")
+        if "last_resorts" in trace and _has_last_resort(trace.arm):
+            motions = self._motions(trace, trace.read("last_resorts"))
+            yield "last_resorts", _packed(motions, "<i2")
         # Several cells that a plan relies on may be one cell of the shown map.
         counts, relied = _relied(trace, part, factor)
         yield "relied_counts", _packed(counts, "<u2")
@@ -176,6 +178,11 @@ class ReplayData:
         starts = trace.states[:-1]
         states = roll_out(starts, controls, self._run.setting("dt"), trace.gears)
         return 100.0 * (states[:, ::EVERY, :2] - starts[:, None, :2])
+
+
+def _has_last_resort(arm: str) -> bool:
+    kind = arm_kind(arm)
+    return kind in ARMS and not ARMS[kind].may_collide
 
 
 def _observed_part(traces: list[Trace], frame: GridFrame) -> GridFrame:
@@ -218,10 +225,11 @@ def _packed(numbers: Any, kind: str) -> str:
     """Return numbers as little-endian bytes, zlib-compressed, in base64; they must fit the type.
 
     Raises:
-        ValueError: if a number does not fit.
+        RunError: if a number does not fit.
     """
     rounded = np.rint(np.asarray(numbers, dtype=np.float64))
     limits = np.iinfo(np.dtype(kind))
     if rounded.size and not (limits.min <= rounded.min() and rounded.max() <= limits.max):
-        raise ValueError(f"{rounded.min():g} to {rounded.max():g} do not fit into {kind}")
+        held = f"{rounded.min():g} to {rounded.max():g}"
+        raise RunError(f"a trace holds {held}, and not {limits.min} to {limits.max}")
     return base64.b64encode(zlib.compress(rounded.astype(kind).tobytes())).decode()

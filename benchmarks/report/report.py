@@ -81,7 +81,7 @@ LISTS = (
     DriveList(
         "Stuck or timed out",
         lambda r: r.outcome in ("stuck", "timed_out"),
-        lambda r: r.path_length / r.shortest,
+        lambda r: r.path_length,
     ),
     DriveList(
         "Most promises broken",

@@ -24,7 +24,7 @@ from benchmarks.figures.race import Race
 from benchmarks.report.command import command_of
 from benchmarks.report.html import inline
 from benchmarks.report.replay_data import REASONS, ReplayData
-from benchmarks.report.report import LISTS, MOST, report
+from benchmarks.report.report import LISTS, MOST, report, write_report
 from benchmarks.runs.beliefs import BLOCK, CERTAIN
 from benchmarks.runs.episodes_csv import COLUMNS, write_episodes
 from benchmarks.runs.saved_run import Run
@@ -193,6 +193,22 @@ def test_no_more_episodes_are_embedded_than_fit_and_the_page_says_so(run):
     assert ReplayData(two, [1, 0], 10).indices == set()
 
 
+def test_a_trace_that_cannot_be_shown_is_refused(run):
+    far = np.array(run.arrays["e0/known/states"])
+    far[5, 0] = 1e8
+    arrays = dict(run.arrays) | {"e0/known/states": far}
+    with pytest.raises(RunError, match="a trace holds"):
+        report(replace(run, arrays=arrays))
+
+
+def test_an_arm_without_a_last_resort_shows_none(run):
+    arrays = {k.replace("/backup/", "/optimistic/"): v for k, v in run.arrays.items()}
+    episodes = [replace(e, arm=e.arm.replace("backup", "optimistic")) for e in run.episodes]
+    data = ReplayData(replace(run, arrays=arrays, episodes=episodes), [0], MOST)
+    shown = {drive["arm"]: "last_resorts" in drive for drive in data.drives}
+    assert shown == {"known": True, "optimistic": False, "predicted": True}
+
+
 def test_a_report_of_a_run_without_embedded_drives_has_no_links(run, monkeypatch):
     monkeypatch.setattr("benchmarks.report.report.MOST", 10)
     text = report(run)
@@ -331,7 +347,7 @@ def test_the_replay_shows_the_tick_of_the_drive_that_the_address_names(window, f
         assert (limit, outcome) == (trace.limits[tick], "")
         assert shown(window, "reason") == [REASONS[limit]]
         assert window.run("return document.getElementById('arm').value") == arm
-    assert window.log() == []
+    assert window.errors() == []
 
 
 @pytest.mark.slow
@@ -342,11 +358,12 @@ def test_keys_and_slider_move_the_replay_and_space_plays_it(window, folder, run)
         (["shift", "right"], 21),
         (["left"], 20),
         (["home"], 0),
-        (["end"], len(run.trace(0, "known").plans) - 1),
+        (["end"], len(run.trace(0, "known").plans)),
     ):
         window.press(*keys)
         assert shown(window, "clock") == [f"{tick / 10:.1f} s"]
     assert shown(window, "outcome") == ["reached"]
+    assert shown(window, "clock") == [f"{run.drives[0, 'known'].time:.1f} s"]
     window.run(
         "const time = document.getElementById('time'); time.value = 33;"
         "time.dispatchEvent(new Event('input'));"
@@ -411,6 +428,18 @@ def test_the_map_shows_what_was_observed_and_believed(window, folder, run):
             assert blue > 220
             return
     raise AssertionError("no cell that was believed free")
+
+
+@pytest.mark.slow
+def test_a_drive_of_an_older_run_is_replayed_without_last_resort_and_prediction(
+    window, run, tmp_path
+):
+    later = ("last_resorts", "beliefs", "belief_corners", "gears")
+    kept = {k: v for k, v in run.arrays.items() if k.rpartition("/")[2] not in later}
+    write_report(replace(run, arrays=kept), tmp_path)
+    opened(window, tmp_path, "#drive=0&arm=predicted&tick=30")
+    assert shown(window, "clock") == ["3.0 s"]
+    assert window.errors() == []
 
 
 @pytest.mark.slow

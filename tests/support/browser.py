@@ -80,9 +80,10 @@ class Browser:
         actions += [{"type": "keyUp", "value": code} for code in reversed(codes)]
         self._ask("/actions", {"actions": [{"type": "key", "id": "keys", "actions": actions}]})
 
-    def log(self):
-        """The messages of the console, such as errors, since it was last asked for."""
-        return [entry["message"] for entry in self._ask("/se/log", {"type": "browser"})]
+    def errors(self):
+        """The errors in the console since it was last asked for."""
+        entries = self._ask("/se/log", {"type": "browser"})
+        return [entry["message"] for entry in entries if entry["level"] == "SEVERE"]
 
     def picture(self, path):
         """Save a screenshot of the window as a PNG file."""
