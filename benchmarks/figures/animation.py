@@ -78,7 +78,29 @@ def roll_out(
     return states
 
 
-class Animation:
+class Ticks:
+    """Which tick each frame of a video shows.
+
+    Args:
+        total: number of ticks of the drive.
+        dt: duration of a tick [s].
+        stride: number of ticks from frame to frame.
+
+    Attributes:
+        ticks: tick of each frame.
+    """
+
+    def __init__(self, total: int, dt: float, stride: int) -> None:
+        # The last tick is always shown, since it shows the outcome.
+        self.ticks = sorted({*range(0, total, stride), *range(total - 1, total)})
+        self.rate = 1.0 / (dt * stride)
+        """Frame rate at which the video runs in real time [1/s]."""
+
+    def __len__(self) -> int:
+        return len(self.ticks)
+
+
+class Animation(Ticks):
     """The frames of the video of one drive, drawn one by one by `frame`.
 
     Args:
@@ -89,7 +111,6 @@ class Animation:
             frames.
 
     Attributes:
-        ticks: tick that each frame shows.
         trace: arrays of the drive.
         truth: true map of the building.
 
@@ -113,9 +134,8 @@ class Animation:
         self.v_max = run.setting("v_max")
         self.window = run.setting("window")
         total = len(self.plans)
-        self.stride = max(1, math.ceil(total / MOST)) if stride is None else stride
-        # The last tick is always shown, since it shows the outcome.
-        self.ticks = sorted({*range(0, total, self.stride), *range(total - 1, total)})
+        stride = max(1, math.ceil(total / MOST)) if stride is None else stride
+        super().__init__(total, self.dt, stride)
         episode = run.drives[self.index, self.arm]
         self._outcome = episode.outcome
         self.goal = episode.goal
@@ -130,14 +150,6 @@ class Animation:
         self._parts = (_Near(near, self), _Far(far, self), _Speed(self._figure, self))
         crash = MARKS["collision"] | {"markersize": 12}
         self._crashes = [ax.plot(*trace.states[-1, :2], **crash)[0] for ax in (near, far)]
-
-    def __len__(self) -> int:
-        return len(self.ticks)
-
-    @property
-    def rate(self) -> float:
-        """Frame rate at which the video runs in real time [1/s]."""
-        return 1.0 / (self.dt * self.stride)
 
     def frame(self, number: int) -> NDArray[np.uint8]:
         """Draw one frame, and return its pixels, (height, width, 3)."""

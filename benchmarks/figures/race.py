@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
-from benchmarks.figures.animation import MARGIN, roll_out
+from benchmarks.figures.animation import MARGIN, Ticks, roll_out
 from benchmarks.figures.moment import BELIEVED_FREE, BELIEVED_OCCUPIED
 from benchmarks.figures.palette import (
     CRASH_COLOUR,
@@ -67,7 +67,7 @@ def write_race(run: Run, folder: Path, index: int | None = None) -> Path:
     return path
 
 
-class Race:
+class Race(Ticks):
     """The frames of a race, drawn one by one by `frame`, in real time.
 
     Args:
@@ -87,11 +87,10 @@ class Race:
                 f"{run.directory}: a race needs two of the arms {', '.join(ARMS)}, and episode "
                 f"{index} has {', '.join(run.driven_arms(index))}"
             )
-        self.index, self.dt = index, run.setting("dt")
+        self.index = index
         traces = [run.trace(index, arm) for arm in arms]
         longest = max(len(trace.plans) for trace in traces)
-        self.stride = math.ceil(longest / MOST)
-        self.ticks = sorted({*range(0, longest, self.stride), longest - 1})
+        super().__init__(longest, run.setting("dt"), math.ceil(longest / MOST))
         result = run.drives[index, arms[0]]
         points = np.vstack([result.goal, *(trace.states[:, :2] for trace in traces)])
         low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
@@ -122,14 +121,6 @@ class Race:
             swatch(BELIEVED_OCCUPIED, "predicted occupied"),
         ]
         figure.legend(handles=[*areas, plan, stop], loc="lower left", ncols=5, **LEGEND)
-
-    def __len__(self) -> int:
-        return len(self.ticks)
-
-    @property
-    def rate(self) -> float:
-        """Frame rate at which the race runs in real time [1/s]."""
-        return 1.0 / (self.dt * self.stride)
 
     def frame(self, number: int) -> NDArray[np.uint8]:
         """Draw one frame, and return its pixels, (height, width, 3)."""

@@ -5,9 +5,12 @@ import csv
 import json
 import re
 import shlex
+import shutil
+import subprocess
 import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import browser
 import numpy as np
@@ -87,6 +90,17 @@ def page(folder):
 
 def unpacked(text, kind):
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), kind)
+
+
+def metres_per_second(text):
+    number, unit = text.split()
+    assert unit == "m/s"
+    return float(number)
+
+
+def rounded(speed):
+    """A speed, as it is shown with two digits."""
+    return pytest.approx(speed, abs=0.0056)
 
 
 def test_the_table_of_the_page_is_that_of_the_run(page, run):
@@ -315,6 +329,27 @@ def test_a_race_needs_two_of_its_arms(run):
         Race(alone, 0)
 
 
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+def test_the_script_of_the_page_says_what_the_trace_holds(folder, run):
+    wanted = [(arm, tick) for arm in ARMS for tick in (0, 37, 70, 10**6)]
+    hashes = [f"#drive=0&arm={arm}&tick={tick}" for arm, tick in wanted]
+    words = ["node", Path(browser.__file__).with_name("replay_in_node.js"), folder / "report.html"]
+    done = subprocess.run([*words, *hashes], capture_output=True, text=True, check=True)
+    for (arm, tick), said in zip(wanted, json.loads(done.stdout), strict=True):
+        trace = run.trace(0, arm)
+        last = len(trace.limits)
+        limit = trace.limits[min(tick, last - 1)]
+        assert metres_per_second(said["speed"]) == rounded(trace.states[min(tick, last), 3])
+        assert said == {
+            "clock": f"{min(tick, last) / 10:.1f} s",
+            "speed": said["speed"],
+            "limit": limit,
+            "reason": REASONS[limit],
+            "outcome": "reached" if tick > last else "",
+            "arm": arm,
+        }
+
+
 @pytest.fixture(scope="module")
 def window():
     if why := browser.missing():
@@ -343,7 +378,8 @@ def test_the_replay_shows_the_tick_of_the_drive_that_the_address_names(window, f
         opened(window, folder, f"#drive=0&arm={arm}&tick={tick}")
         trace = run.trace(0, arm)
         clock, speed, limit, outcome = shown(window, "clock", "speed", "limit", "outcome")
-        assert (clock, speed) == (f"{tick / 10:.1f} s", f"{trace.states[tick, 3]:.2f} m/s")
+        assert clock == f"{tick / 10:.1f} s"
+        assert metres_per_second(speed) == rounded(trace.states[tick, 3])
         assert (limit, outcome) == (trace.limits[tick], "")
         assert shown(window, "reason") == [REASONS[limit]]
         assert window.run("return document.getElementById('arm').value") == arm
