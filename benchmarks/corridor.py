@@ -83,7 +83,9 @@ class Place(Options):
         "FILE",
     )
     out: Path = option(
-        Path("results/corridor"), "folder of results.json, traces.npz and the figures", "DIR"
+        Path("results/corridor"),
+        "folder of results.json, traces.npz, report.html, episodes.csv and the figures",
+        "DIR",
     )
 
     def __post_init__(self) -> None:
@@ -104,8 +106,9 @@ def _run(
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     from benchmarks.calibration.certificate import arms_at
     from benchmarks.figures.run_figures import draw_all
+    from benchmarks.report.report import write_report
     from benchmarks.runs.drive import attempt_arm, run_fingerprint
-    from benchmarks.runs.saved_run import RESULTS
+    from benchmarks.runs.saved_run import RESULTS, Run
     from benchmarks.runs.store import Store
     from benchmarks.runs.summary import in_words, main_table, title
     from benchmarks.runs.tasks import input_hashes, limit_speed, read_rules
@@ -145,8 +148,7 @@ def _run(
         print(f"\ninterrupted; {out} keeps the finished drives, the same command continues the run")
         return 130
     if results["summary"]:
-        for path in draw_all(out):
-            print(path)
+        print(*draw_all(out), *write_report(Run.load(out), out), sep="\n")
     print(f"{out / RESULTS}; `foresee tables {out / RESULTS}` prints all rows")
     print(f"\n{in_words(results['summary'])}")
     return 1 if store.lost else 0

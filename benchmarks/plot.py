@@ -4,9 +4,11 @@
 
 For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
 trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one
-tick). With --mcap also the drive as a file for Foxglove: its scans and predictions, which are not
-saved, are made again from the saved states, and compared with what was saved. For several DIRs also
-speed_profiles.png: all runs in one speed profile.
+tick). With --report also report.html (a page with the table, pictures, and replays of the drives)
+and episodes.csv (a row for each drive). With --race also race-EPISODE.gif: known, backup and
+predicted side by side. With --mcap also the drive as a file for Foxglove: its scans and
+predictions, which are not saved in full, are made again from the saved states, and compared with
+what was saved. For several DIRs also speed_profiles.png: all runs in one speed profile.
 
 Without --out, the figures of a run are written into its DIR, and speed_profiles.png into the first
 DIR. With --out, the figures of one run are written into OUT, those of several runs into OUT/NAME,
@@ -36,6 +38,10 @@ class PlotSettings(Options):
     out: Path | None = option(None, "folder for the figures", "OUT")
     animate: bool = option(False, "also write the drive as a video, in real time")
     mcap: bool = option(False, "also write the drive as an MCAP file, with a layout, for Foxglove")
+    report: bool = option(
+        False, "also write report.html, with replays of the drives, and episodes.csv"
+    )
+    race: bool = option(False, "also write the drives of an episode, side by side, as a GIF")
     format: str = option(
         "auto",
         "format of the video; auto: MP4 if there is ffmpeg, else GIF",
@@ -58,9 +64,11 @@ def _run(settings: PlotSettings) -> None:
     # Imported after loading, so that a bad run is reported without waiting for slow imports.
     from benchmarks.figures.animation import Animation
     from benchmarks.figures.drive_mcap import write_drive
+    from benchmarks.figures.race import write_race
     from benchmarks.figures.run_figures import draw_run
     from benchmarks.figures.speed_profile import speed_profile
     from benchmarks.figures.video import kind_for, write_video
+    from benchmarks.report.report import write_report
     from foresee.infra.drawing import save_figures
 
     out, episode, arm = settings.out, settings.episode, settings.arm
@@ -75,6 +83,10 @@ def _run(settings: PlotSettings) -> None:
             drive = Animation(run, episode, arm, settings.stride)
             paths.append(folder / f"drive-{drive.index}-{drive.arm}.{kind}")
             write_video(drive.frame, len(drive), drive.rate, paths[-1])
+        if settings.race:
+            paths.append(write_race(run, folder, episode))
+        if settings.report:
+            paths += write_report(run, folder)
         if settings.mcap:
             paths += write_drive(run, folder, episode, arm)
     if len(runs) > 1:

@@ -27,6 +27,7 @@ from planner.guide.guide import REST, Guide
 from planner.guide.guide_config import GuideConfig
 from planner.motion.path import Path
 from planner.motion.plan import Plan, mirrored
+from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPCConfig
 from planner.risk.adaptive_level import AdaptiveLevel
 from planner.risk.ask_predictor import FIRST_DEADLINE, Asker, LateError
@@ -123,6 +124,8 @@ class Decision:
     Attributes:
         control: control for one tick.
         plan: plan of which the control is the first step.
+        last_resort: controls a, κ of the manoeuvre that stops the car if a prediction is wrong or
+            no decision follows, (N, 2); its first step is that of the plan.
         limit: what keeps the car from going faster.
         faults: faults that were handled in this tick, each once.
         relied: centres of the unobserved cells that the body sweeps on the plan, (k, 2) [m].
@@ -137,6 +140,7 @@ class Decision:
 
     control: Control
     plan: Plan
+    last_resort: NDArray[np.float64]
     limit: Limit
     faults: tuple[Fault, ...]
     relied: NDArray[np.float64]
@@ -320,9 +324,13 @@ class Navigator:
         gear = self._last.control.gear
         control = Control(acceleration, gear * curvature, gear)
         self._unsent = control
-        none = np.empty((0, 2))
         self._last = replace(
-            self._last, control=control, faults=(Fault.MISSED_TICK,), relied=none, prediction=None
+            self._last,
+            control=control,
+            last_resort=shifted(self._last.last_resort, self.config.car.braking),
+            faults=(Fault.MISSED_TICK,),
+            relied=np.empty((0, 2)),
+            prediction=None,
         )
         return self._last
 
@@ -360,6 +368,8 @@ class Navigator:
         `turn` is the yaw rate of a turn on the spot, on which the car stands otherwise [rad/s].
         """
         plan, config = choice.plan, self.config
+        # Within the car's limits, to which its controls are clipped.
+        kept = self.chooser.mpc.roll(plan.states[1], self.chooser.kept)
         rows, cols = swept_cells(
             plan, config.mpc.dt, config.car.body, risk.frame, risk.known.unknown
         )
@@ -369,7 +379,7 @@ class Navigator:
             # The last resort holds the car back, in case the prediction is wrong.
             limit = Limit.UNSEEN
         if self.guide.gear < 0:
-            plan = plan.mirrored()
+            plan, kept = plan.mirrored(), kept.mirrored()
         acceleration, curvature = plan.controls[0].tolist()
         if not config.bounds.moves_exactly and np.abs(plan.states[:2, 3]).max() < REST:
             # A car that is faster than planned brakes on.
@@ -377,6 +387,7 @@ class Navigator:
         return Decision(
             control=Control(acceleration, curvature, plan.gear, turn),
             plan=plan,
+            last_resort=np.vstack([plan.controls[:1], kept.controls[:-1]]),
             limit=limit,
             faults=faults,
             relied=np.column_stack([xs[cols], ys[rows]]),

@@ -95,6 +95,7 @@ class ControllerDecision:
     control: Control
     plan: OneTick
     times: Mapping[str, float]
+    last_resort: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
     limit: str = "controller"
     faults: Sequence[str] = ()
     relied: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))

@@ -21,6 +21,8 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "gears": ("T",),
     # Controls of the plan, in half precision.
     "plans": ("T", "any", 2),
+    # Controls of the manoeuvre that stops the car if no decision follows, in half precision.
+    "last_resorts": ("T", "any", 2),
     # What kept the car from going faster, as an index into `limit_names`.
     "limits": ("T",),
     "limit_names": ("any",),
@@ -81,6 +83,7 @@ class Recorder:
                 "control": (decision.control.acceleration, decision.control.curvature),
                 "gear": decision.plan.gear,
                 "plan": decision.plan.controls.astype(np.float16),
+                "last_resort": decision.last_resort.astype(np.float16),
                 "limit": str(decision.limit),
                 "emergency": decision.emergency,
                 "relied_cells": cells,
@@ -96,14 +99,13 @@ class Recorder:
         def column(name: str, kind: type) -> NDArray[Any]:
             return np.array([tick[name] for tick in self._ticks], dtype=kind)
 
-        plans, cells = ([tick[name] for tick in self._ticks] for name in ("plan", "relied_cells"))
-        # Plans in reverse have fewer steps, after which the car rests.
-        longest = max(map(len, plans))
+        cells = [tick["relied_cells"] for tick in self._ticks]
         names = sorted({tick["limit"] for tick in self._ticks})
         return {
             "controls": column("control", np.float32),
             "gears": column("gear", np.int8),
-            "plans": np.array([np.pad(p, ((0, longest - len(p)), (0, 0))) for p in plans]),
+            "plans": _stacked([tick["plan"] for tick in self._ticks]),
+            "last_resorts": _stacked([tick["last_resort"] for tick in self._ticks]),
             "limits": np.array([names.index(t["limit"]) for t in self._ticks], dtype=np.uint8),
             "limit_names": np.array(names),
             "emergency": column("emergency", bool),
@@ -125,6 +127,15 @@ class Recorder:
         inside = ((cells >= 0) & (cells < np.array(frame.shape))).all(axis=1)
         broken = bool((~inside).any()) or bool(solid[tuple(cells[inside].T)].any())
         return cells, int(not broken)
+
+
+def _stacked(motions: list[NDArray[np.float16]]) -> NDArray[np.float16]:
+    """Return the controls of motions in one array, (T, N, 2).
+
+    Motions in reverse have fewer steps; zeros follow them, during which the car rests.
+    """
+    longest = max(map(len, motions))
+    return np.array([np.pad(m, ((0, longest - len(m)), (0, 0))) for m in motions])
 
 
 def see(

@@ -68,6 +68,9 @@ def test_the_wheel_holds_the_packages_and_neither_studies_nor_tests(wheel):
     assert {f"foresee/mapping/cars/{name}.yaml" for name in PRESETS} <= names
     assert {f"benchmarks/calibration/shipped/{path.name}" for path in SHIPPED} <= names
     assert {f"sim/suites/{name}.json" for name in suites()} <= names
+    texts = {path.name for path in (ROOT / "benchmarks/report").iterdir() if path.suffix != ".py"}
+    assert texts - {"__pycache__"} == {"replay.js", "report.css", "report.html"}
+    assert {f"benchmarks/report/{name}" for name in texts - {"__pycache__"}} <= names
     assert not [name for name in names if name.startswith("benchmarks/studies")]
 
 

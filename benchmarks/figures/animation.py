@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.figures.palette import (
     DASHED,
@@ -35,7 +35,6 @@ from benchmarks.figures.palette import (
 from benchmarks.runs.saved_run import Run
 from foresee.infra.drawing import INK, bare, new_figure, own_style, short_name
 from foresee.mapping.grid import Grid, GridFrame
-from sim.car import along_arc
 
 DPI = 100
 SIZE = (8.4, 6.2)
@@ -51,29 +50,57 @@ MOST = 400
 
 
 def roll_out(
-    state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: float = 1.0
+    state: NDArray[np.float64], controls: NDArray[Any], dt: float, gear: ArrayLike = 1.0
 ) -> NDArray[np.float64]:
-    """Compute the states (N+1, 4) of a car under controls; see `sim.car`.
+    """Compute the states (…, N+1, 4) of a car under controls; see `sim.car`.
 
     Args:
-        state: x, y, yaw, v at the start, (4,).
-        controls: acceleration [m/s²] and curvature [1/m] of each step, (N, 2), all in one gear.
+        state: x, y, yaw, v at the start, (…, 4).
+        controls: acceleration [m/s²] and curvature [1/m] of each step, (…, N, 2), all in one gear.
         dt: duration of a step [s].
-        gear: 1 or -1; a car that already moves stays in the gear of its motion.
+        gear: 1 or -1, (…); a car that already moves stays in the gear of its motion.
     """
-    gear = math.copysign(1.0, state[3]) if state[3] != 0 else gear
-    states = np.empty((len(controls) + 1, 4))
-    states[0] = state
-    for k, (a, curvature) in enumerate(np.asarray(controls, dtype=np.float64)):
-        x, y, yaw, v = states[k]
+    a, curvature = np.moveaxis(np.asarray(controls, dtype=np.float64), -1, 0)
+    gear = np.where(state[..., 3] != 0, np.sign(state[..., 3]), gear)
+    states = np.empty((*a.shape[:-1], a.shape[-1] + 1, 4))
+    states[..., 0, :] = state
+    for k in range(a.shape[-1]):
+        x, y, yaw, v = np.moveaxis(states[..., k, :], -1, 0)
         # Clipped, since saved plans are rounded: the car must not roll back at its stop.
-        length = gear * max(abs(v) * dt + 0.5 * a * dt**2, 0.0)
-        speed = max(abs(v) + a * dt, 0.0)
-        states[k + 1] = *along_arc(x, y, yaw, curvature, length), gear * speed
+        length = gear * np.maximum(np.abs(v) * dt + 0.5 * a[..., k] * dt**2, 0.0)
+        half = 0.5 * curvature[..., k] * length
+        chord = length * np.sinc(half / np.pi)
+        after = states[..., k + 1, :]
+        after[..., 0] = x + chord * np.cos(yaw + half)
+        after[..., 1] = y + chord * np.sin(yaw + half)
+        after[..., 2] = np.remainder(yaw + 2 * half + np.pi, 2 * np.pi) - np.pi
+        after[..., 3] = gear * np.maximum(np.abs(v) + a[..., k] * dt, 0.0)
     return states
 
 
-class Animation:
+class Ticks:
+    """Which tick each frame of a video shows.
+
+    Args:
+        total: number of ticks of the drive.
+        dt: duration of a tick [s].
+        stride: number of ticks from frame to frame.
+
+    Attributes:
+        ticks: tick of each frame.
+    """
+
+    def __init__(self, total: int, dt: float, stride: int) -> None:
+        # The last tick is always shown, since it shows the outcome.
+        self.ticks = sorted({*range(0, total, stride), *range(total - 1, total)})
+        self.rate = 1.0 / (dt * stride)
+        """Frame rate at which the video runs in real time [1/s]."""
+
+    def __len__(self) -> int:
+        return len(self.ticks)
+
+
+class Animation(Ticks):
     """The frames of the video of one drive, drawn one by one by `frame`.
 
     Args:
@@ -84,7 +111,6 @@ class Animation:
             frames.
 
     Attributes:
-        ticks: tick that each frame shows.
         trace: arrays of the drive.
         truth: true map of the building.
 
@@ -108,9 +134,8 @@ class Animation:
         self.v_max = run.setting("v_max")
         self.window = run.setting("window")
         total = len(self.plans)
-        self.stride = max(1, math.ceil(total / MOST)) if stride is None else stride
-        # The last tick is always shown, since it shows the outcome.
-        self.ticks = sorted({*range(0, total, self.stride), *range(total - 1, total)})
+        stride = max(1, math.ceil(total / MOST)) if stride is None else stride
+        super().__init__(total, self.dt, stride)
         episode = run.drives[self.index, self.arm]
         self._outcome = episode.outcome
         self.goal = episode.goal
@@ -125,14 +150,6 @@ class Animation:
         self._parts = (_Near(near, self), _Far(far, self), _Speed(self._figure, self))
         crash = MARKS["collision"] | {"markersize": 12}
         self._crashes = [ax.plot(*trace.states[-1, :2], **crash)[0] for ax in (near, far)]
-
-    def __len__(self) -> int:
-        return len(self.ticks)
-
-    @property
-    def rate(self) -> float:
-        """Frame rate at which the video runs in real time [1/s]."""
-        return 1.0 / (self.dt * self.stride)
 
     def frame(self, number: int) -> NDArray[np.uint8]:
         """Draw one frame, and return its pixels, (height, width, 3)."""

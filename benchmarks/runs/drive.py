@@ -13,6 +13,7 @@ import numpy as np
 
 from benchmarks.optimal.shortest_path import time_bound
 from benchmarks.runs.arms import ARMS, Arm, arm_kind
+from benchmarks.runs.beliefs import Beliefs
 from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import Moment
@@ -34,7 +35,7 @@ from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
 from planner.fault import Fault
 from planner.guide.search_process import SearchProcess
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Decision, Navigator, NavigatorConfig
 from planner.revision import REVISION
 from planner.risk.predictor_process import PredictorProcess
 from predictor.free import Free
@@ -302,14 +303,19 @@ def drive(settings: Settings, index: int, arm_name: str, task: Task | None = Non
     lidar = Lidar(LidarConfig(range_noise=settings.noise, dropout=settings.dropout))
     # Seeded by the task, so that an episode does not depend on its number in a run.
     rng = np.random.default_rng([task.seed, 2])
-    moment = Moment()
+    moment, beliefs = Moment(), Beliefs(task.world.grid.frame)
     config = EpisodeConfig(goal_radius=rules.goal_radius, time_limit=rules.time_limit)
     robot = Robot(Errors(settings.bounds, settings.missed), rng)
+
+    def observe(tick: int, decision: Decision) -> None:
+        moment.observe(tick, decision)
+        beliefs.observe(decision)
+
     episode = run_episode(
-        task, on_clock or navigator, DubinsCar(car), lidar, config, rng, moment.observe, robot
+        task, on_clock or navigator, DubinsCar(car), lidar, config, rng, observe, robot
     )
     _give_back()
-    trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays())
+    trace = Trace.of(task, index, arm_name, episode.trace | moment.arrays() | beliefs.arrays())
     result = result_of(
         settings,
         index,

@@ -23,8 +23,11 @@ SHAPES = SHAPES_OF_TICKS | {
     "moment_p_free": ("any", "any"),
     "moment_p_occupied": "moment_p_free",
     "moment_confidence": "moment_p_free",
+    # What the predictor expected, and where, see `benchmarks.runs.beliefs.Beliefs`.
+    "beliefs": ("T", "any", "any"),
+    "belief_corners": ("T", 2),
 }
-"""As `sim.recorder.SHAPES`, also for the arrays of the moment."""
+"""As `sim.recorder.SHAPES`, also for the arrays of the moment and of the beliefs."""
 EARLY_TICK, FEW_CELLS = 40, 40
 """Tick that is chosen if no tick before it relied on `FEW_CELLS` unobserved cells or more."""
 

@@ -30,6 +30,8 @@ LATE = {"late_ticks": "late controls / ticks", "late_predictions": "late predict
 """Measure of lateness → title of its row, which is shown where drives could be late."""
 ROLES = {"backup": " (no network)", "oracle": " (upper bound)"}
 """Arm → what is said of it in words."""
+NO_EPISODE = "no episode has been finished by all arms yet"
+"""Text in place of a table."""
 NOT_CERTIFIED = ", not certified"
 """Remark on drives at a risk for which there is no calibration."""
 
@@ -211,7 +213,7 @@ def comparison(results: dict[str, Any]) -> str:
 
 def main_table(summary: dict[str, Any]) -> str:
     """Return the main rows of the summary as a Markdown table; `table` has all."""
-    return _table(summary, lambda title: title.startswith(MAIN_ROWS))
+    return markdown(main_rows(summary)) if summary else NO_EPISODE
 
 
 def table(summary: dict[str, Any], shares: dict[str, Any]) -> str:
@@ -221,19 +223,21 @@ def table(summary: dict[str, Any], shares: dict[str, Any]) -> str:
         summary: result of `summarise`.
         shares: result of `gap`.
     """
-    rows = _table(summary, lambda _: True)
-    return "\n".join([rows, "", *_remarks(summary, shares)]).rstrip()
+    rows = markdown(all_rows(summary)) if summary else NO_EPISODE
+    return "\n".join([rows, "", *remarks(summary, shares)]).rstrip()
 
 
-def _table(summary: dict[str, Any], shown: Callable[[str], bool]) -> str:
-    """Return the rows of the summary that are shown as a Markdown table."""
-    if not summary:
-        return "no episode has been finished by all arms yet"
+def main_rows(summary: dict[str, Any]) -> list[list[str]]:
+    """Return the head and the main rows of a summary with episodes; cells are Markdown."""
+    first, *rows = all_rows(summary)
+    return [first, *(row for row in rows if row[0].startswith(MAIN_ROWS))]
+
+
+def all_rows(summary: dict[str, Any]) -> list[list[str]]:
+    """Return the head and all rows of a summary with episodes; cells are Markdown."""
     entries = list(summary.values())
-    rows = [[f"{entries[0]['episodes']} paired episodes", *map(head, summary, entries)]]
-    cells = _rows(entries).items()
-    rows += [[title, *map(cell, entries)] for title, cell in cells if shown(title)]
-    return markdown(rows)
+    first = [f"{entries[0]['episodes']} paired episodes", *map(head, summary, entries)]
+    return [first, *([title, *map(cell, entries)] for title, cell in _rows(entries).items())]
 
 
 def in_words(summary: dict[str, Any]) -> str:
@@ -351,7 +355,7 @@ def broken(entry: dict[str, Any]) -> str:
     return figure(entry["promises_broken"], entry["promises_broken_interval"], ".2f", 100.0, " %")
 
 
-def _remarks(summary: dict[str, Any], shares: dict[str, Any]) -> Iterator[str]:
+def remarks(summary: dict[str, Any], shares: dict[str, Any]) -> Iterator[str]:
     """Yield the lines below the table: kinds of faults, levels, and shares of the gap."""
     for arm, entry in summary.items():
         if entry["faults"]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.runs.beliefs import BLOCK, CERTAIN
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.moment import SHAPES
 from foresee.infra.errors import LineError
@@ -151,6 +152,21 @@ class Trace:
         """Return the map of what was observed up to a tick, with the true values of cells."""
         seen = (self.first_seen > 0) & (self.first_seen <= tick + 1)
         return Grid(self.truth.frame, np.where(seen, self.truth.cells, np.int8(UNKNOWN)))
+
+    def belief(self, tick: int) -> tuple[NDArray[np.float64], GridFrame] | None:
+        """Return what the predictor expected in a tick, from -1, occupied, to 1, free.
+
+        Returns:
+            The belief in each coarse cell, (rows, columns), see `benchmarks.runs.beliefs.Beliefs`,
+            and the frame of these cells; None if none was recorded.
+        """
+        if "beliefs" not in self:
+            return None
+        cells, corner = self.read("beliefs")[tick], self.read("belief_corners")[tick].astype(float)
+        side = BLOCK * self.truth.frame.resolution
+        x, y = self.truth.frame.origin
+        origin = x + side * corner[1], y + side * corner[0]
+        return cells / CERTAIN, GridFrame(side, origin, (cells.shape[0], cells.shape[1]))
 
     @property
     def moment(self) -> RecordedMoment:

@@ -12,6 +12,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -112,6 +113,22 @@ def bare(ax: Axes) -> None:
     """Format the axes of a map: no ticks, a thin frame, the same scale along x and y."""
     ax.set(aspect="equal", xticks=[], yticks=[])
     ax.spines[:].set(color="#AAAAAA", linewidth=0.8)
+
+
+@own_style()
+def as_svg(figure: Figure, words: str) -> str:
+    """Return a figure as an SVG element of a page, in which its texts stay texts.
+
+    Args:
+        figure: figure.
+        words: what it shows, for readers who cannot see it.
+    """
+    data = io.StringIO()
+    # The same figure gives the same text each time.
+    with style.context({"svg.fonttype": "none", "svg.hashsalt": "figure"}):
+        figure.savefig(data, format="svg", metadata={"Date": None})
+    _, element, rest = data.getvalue().partition("<svg")
+    return f'{element} role="img" aria-label="{escape(words)}"{rest}'
 
 
 @own_style()

@@ -136,6 +136,11 @@ class PlanChooser:
         self._bounded = not (bounds.senses_exactly and bounds.moves_exactly)
         self.forget()
 
+    @property
+    def kept(self) -> NDArray[np.float64]:
+        """Controls a, κ from the next state on that stop the car if no decision follows, (N, 2)."""
+        return self._kept
+
     def forget(self) -> None:
         """Forget the last plan, since the car has changed its gear or its heading."""
         self._intended: Plan | None = None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.compare import drive, plot
+from benchmarks.figures.animation import roll_out
 from foresee.infra.command_line import UsageError
 from sim import generate
 
@@ -33,3 +34,15 @@ def test_a_setting_that_cannot_be_used_is_refused():
 def test_a_risk_above_0_is_refused_for_a_building_without_a_name():
     with pytest.raises(UsageError, match="a calibration is for a family or a map file"):
         drive(generate("corridor", 3), arms=("predicted",), predictor="none", risk=0.05)
+
+
+def test_every_last_resort_stops_in_what_had_been_observed():
+    run = drive("corridor", seed=3, arms=("backup",), route="fixed")
+    trace = run.trace(0, "backup")
+    for tick, controls in enumerate(trace.read("last_resorts")):
+        states = roll_out(trace.states[tick], controls, 0.1)
+        assert states[-1, 3] == pytest.approx(0.0, abs=1e-3)
+        inside, rows, cols = trace.truth.frame.locate(states[:, :2])
+        assert inside.all()
+        seen = trace.first_seen[rows, cols]
+        assert ((seen > 0) & (seen <= tick + 1)).all()

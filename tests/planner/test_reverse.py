@@ -77,6 +77,13 @@ def motion(plan):
     return np.array(poses)
 
 
+def driver_in(task, reverse=FASTEST_BACK):
+    """A navigator that knows nothing at the start."""
+    config = NavigatorConfig(window=5.0, car=CarLimits(reverse=reverse))
+    known = OccupancyGrid(task.world.grid.frame, config.window)
+    return Navigator(config, None, np.array(task.start), task.goal, known, seed=task.seed)
+
+
 @functools.cache
 def driven(place, reverse=FASTEST_BACK, again=0, timeout=25.0):
     """The episode of a car that knows nothing at the start, and how often it relied on the unseen.
@@ -88,10 +95,8 @@ def driven(place, reverse=FASTEST_BACK, again=0, timeout=25.0):
         timeout: as the episode's.
     """
     task = task_in(place)
-    config = NavigatorConfig(window=5.0, car=CarLimits(reverse=reverse))
-    known = OccupancyGrid(task.world.grid.frame, config.window)
-    driver = Navigator(config, None, np.array(task.start), task.goal, known, seed=task.seed)
-    decide, unseen = driver.step, []
+    driver = driver_in(task, reverse)
+    known, decide, unseen = driver.known, driver.step, []
 
     def step(state, scan):
         decision = decide(state, scan)
@@ -167,6 +172,28 @@ def test_in_reverse_every_plan_keeps_to_what_has_been_seen_free(place):
     _, unseen = driven(place)
     assert len(unseen) > 5
     assert set(unseen) == {-1}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_in_reverse_the_plan_is_its_own_last_resort(place):
+    trace = driven(place)[0].trace
+    backwards = trace["gears"] < 0
+    plans, stops = trace["plans"][backwards], trace["last_resorts"][backwards]
+    assert np.abs(plans[:, :, 1]).max() > 0.1
+    # A car that rests brakes on in its last resort.
+    assert stops[:, :3, 1] == pytest.approx(plans[:, :3, 1], abs=1e-3)
+
+
+def test_without_a_scan_the_car_goes_on_in_reverse_along_its_last_resort():
+    task = task_in("askew in a pocket")
+    driver, car = driver_in(task), DubinsCar(CarLimits(reverse=FASTEST_BACK))
+    rng, state = np.random.default_rng(0), np.array([*task.start, 0.0])
+    for _ in range(200):
+        decision = driver.step(state, LIDAR.scan(task.world, state, rng))
+        if decision.control.gear < 0 and abs(decision.last_resort[1, 1]) > 0.1:
+            break
+        state = car.step(state, decision.control, DT)
+    assert driver.skip().control == Control(*decision.last_resort[1].tolist(), -1)
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -38,6 +38,7 @@ class Shunter:
         return SimpleNamespace(
             control=control,
             plan=plan,
+            last_resort=plan.controls,
             limit=Limit.GOAL,
             faults=(),
             emergency=False,
