@@ -42,13 +42,13 @@ async function load(drive) {
   return drive;
 }
 
-/** Return x [m], y [m], yaw [rad] and v [m/s] of a drive at the start of a tick, or at its end. */
+/** Return x, y [m], yaw [rad] and v [m/s] at the start of a tick, or at the end of the drive. */
 function stateAt(drive, tick) {
   const [x, y, yaw, v] = drive.states.subarray(4 * tick, 4 * tick + 4);
   return { x: x / 1e3, y: y / 1e3, yaw: yaw / 1e4, v: v / 1e3 };
 }
 
-/** Return the points [m] of the plan or of the last resort of a tick; none at the end of a drive. */
+/** Return the points [m] of a tick's plan or last resort; none at the end of a drive. */
 function motionAt(drive, name, tick) {
   if (!drive[name] || tick === drive.limits.length) return [];
   const size = drive[name].length / drive.limits.length;
@@ -59,7 +59,7 @@ function motionAt(drive, name, tick) {
   return points;
 }
 
-/** Return the belief in a tick, from -certain to certain, as a function of the map's row and column. */
+/** Return the belief in a tick, from -certain to certain, as a function of row and column. */
 function beliefAt(drive, tick) {
   if (!drive.beliefs) return () => 0;
   const [rows, cols] = drive.belief_shape, start = tick * rows * cols;
@@ -75,7 +75,8 @@ function beliefAt(drive, tick) {
 
 /** Return the colour of an unobserved cell. */
 function shade(belief, wall) {
-  const share = Math.abs(belief) / data.certain, target = belief < 0 ? LIKELY_OCCUPIED : LIKELY_FREE;
+  const share = Math.abs(belief) / data.certain;
+  const target = belief < 0 ? LIKELY_OCCUPIED : LIKELY_FREE;
   const mixed = UNKNOWN.map((from, i) => from + (target[i] - from) * share);
   // The true walls, which the car does not know, are a little darker.
   return wall ? mixed.map((value) => 0.8 * value) : mixed;
@@ -139,7 +140,7 @@ function dot(pen, [x, y], colour, radius) {
   pen.stroke();
 }
 
-/** Draw the map on a canvas; `box` is the shown part: its lower left corner x, y and its size [m]. */
+/** Draw the map on a canvas; `box` is the shown part: lower left corner x, y and size [m]. */
 function drawMap(canvas, map, drive, tick, box) {
   const { pen, width, height } = penOf(canvas);
   const { origin, cell, shape: [rows, cols], goal } = drive.episode;
@@ -195,7 +196,8 @@ function drawSpeed(canvas, drive, tick) {
   pen.textAlign = "center";
   const every = [1, 2, 5, 10, 20, 50, 100].find((s) => (s / data.dt / ticks) * width > 50) || 200;
   for (let s = 0; s <= ticks * data.dt; s += every) {
-    pen.fillText(`${s} s`, Math.min(Math.max(left + 8, across(s / data.dt)), width - 12), height - 4);
+    const x = Math.min(Math.max(left + 8, across(s / data.dt)), width - 12);
+    pen.fillText(`${s} s`, x, height - 4);
   }
   for (let k = 0; k < ticks; k++) {
     pen.fillStyle = colours.limits[drive.limit_names[drive.limits[k]]] || "#FFFFFF";
