@@ -15,7 +15,7 @@ Summary = dict[str, Any]
 """Arm → measures, see `benchmarks.runs.summary.summarise`."""
 POINT: dict[str, Any] = {
     "marker": "o",
-    "markersize": 7,
+    "markersize": 5.5,
     "markeredgecolor": "white",
     "elinewidth": 2,
 }
