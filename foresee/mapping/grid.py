@@ -29,6 +29,8 @@ HIT, MISS = 17, -8
 """Log-odds that a hit and a miss add to a cell, in steps of 0.05 (Hornung et al. 2013, OctoMap)."""
 LOWEST, HIGHEST = -40, 70
 """Bounds of the log-odds, from the same source and in the same unit."""
+ROUNDING = 1e-9
+"""Length above all rounding errors of coordinates [m]."""
 
 
 class Field(NamedTuple):
@@ -347,7 +349,8 @@ class OccupancyGrid:
             around: margin around the body that is also marked [m].
         """
         x, y, yaw = (float(value) for value in np.asarray(pose)[:3])
-        grown = body.inflated(around)
+        # A cell whose edge the body touches counts as under it in one frame, and not in another.
+        grown = body.inflated(around - ROUNDING)
         self.cover(self.frame.square(x, y, 2 * grown.radius + 2 * self.frame.resolution))
         cells = covered(self.frame.shape, *self.frame.lattice, x, y, yaw, *grown.halves)
         inside = tuple(cells.T)

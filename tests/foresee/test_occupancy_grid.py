@@ -338,3 +338,13 @@ def test_marking_free_grows_the_map_under_the_whole_body():
     # The map ends at x = 3 m, the marked cells at 3.15 m.
     known.mark_free((2.4, 0.0, 0.0), Body(0.5, 0.3), 0.5)
     assert known.cells[known.frame.cell(3.12, 0.0)] == FREE
+
+
+def test_the_edge_of_a_body_marks_the_same_cells_wherever_the_frame_begins():
+    # 10.6 + 20.35 = 30.95, to which the body reaches, but for the last digit.
+    for first in (0, 212):
+        frame = GridFrame(0.05, (first * 0.05, 0.0), (600, 900))
+        known = OccupancyGrid(frame, 5.0)
+        known.mark_free((31.5, 11.9, 3.141592653589793), Body(0.5, 0.3), 0.3)
+        cols = np.nonzero((known.log_odds < 0).any(axis=0))[0] + first
+        assert (cols[0], cols[-1]) == (619, 640)
