@@ -22,6 +22,7 @@ TABLES = {
     "comparison": "benchmarks.runs.summary:comparison",
     "optimum": "benchmarks.runs.time_optimal:table",
     "attack": "benchmarks.studies.robustness.hostile_drives:table",
+    "errors": "benchmarks.studies.robustness.error_tables:tables",
     "interrupt": "benchmarks.studies.robustness.interruptions:table",
     "stuck": "benchmarks.studies.driver.stuck:table",
     "weave": "benchmarks.studies.driver.weave:table",

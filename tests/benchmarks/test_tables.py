@@ -3,11 +3,13 @@
 import json
 import re
 from pathlib import Path
+from pkgutil import resolve_name
 
 from comparison import results
 
 from benchmarks import tables
 from benchmarks.runs import overview
+from foresee.infra.results_file import COMMANDS
 
 
 def test_the_tables_of_a_run_are_markdown(narrow, tmp_path, capsys):
@@ -95,3 +97,8 @@ def test_the_overview_says_that_a_calibration_is_of_an_earlier_planner():
         {"run": at_a_risk(1, 2)}
     )
     assert "earlier" not in overview.overview({"run": at_a_risk(2, 2)})
+
+
+def test_each_kind_of_results_has_its_tables():
+    assert set(tables.TABLES) == set(COMMANDS)
+    assert all(callable(resolve_name(home)) for home in tables.TABLES.values())

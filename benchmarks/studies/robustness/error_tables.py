@@ -26,6 +26,11 @@ TITLES = {
 """Setting of an error → its name in tables, with its value."""
 
 
+def tables(results: dict[str, Any]) -> str:
+    """Return the table of a results file of `foresee errors`."""
+    return table(results["settings"]["part"], results["drives"])
+
+
 def table(part: str, drives: Drives) -> str:
     """Return the table of a part of the study.
 
