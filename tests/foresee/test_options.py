@@ -93,4 +93,4 @@ def test_there_is_no_other_kind_of_option():
     packages = ("foresee", "planner", "predictor", "sim", "benchmarks")
     sources = [path for package in packages for path in (ROOT / package).rglob("*.py")]
     parsers = {path.name for path in sources if "import argparse" in path.read_text()}
-    assert parsers == {"command_line.py", "options.py"}
+    assert parsers == {"command_line.py", "completion.py", "options.py"}
