@@ -28,6 +28,7 @@ def learn(ticks):
 
 def Learned(mission):
     """Return a driver that does what the learned policy does."""
+    # The file is unpickled, which runs code: load none of somebody else.
     policy = PPO.load(WEIGHTS)
     return as_driver(lambda observed: policy.predict(observed, deterministic=True)[0])(mission)
 

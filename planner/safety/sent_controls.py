@@ -15,7 +15,7 @@ from foresee.mapping.control import Control
 from foresee.mapping.error_bounds import ErrorBounds
 from planner.motion.dynamics import rollout
 from planner.motion.plan import mirrored
-from planner.safety.tube import EXACT, LEAST, SETTLED, Tube, widened
+from planner.safety.tube import EXACT, LEAST, SETTLED, Tube, lag_shares, widened
 
 
 class _Motion(NamedTuple):
@@ -58,6 +58,9 @@ class SentControls:
     def add(self, control: Control) -> None:
         """Add the control that was sent in this tick, at the end of the tick."""
         self._sent.append(control)
+        if self.bounds.moves_exactly:
+            # Only the state then counts, which is measured anew.
+            return
         for control, _, spent in self._acting(self.dt, newest=0):
             if spent > 0.0:
                 self._motion = self._after(self._motion, control, spent)
@@ -107,14 +110,12 @@ class SentControls:
                 spent,
             )
             before = control
-        start, gear = motion.state, before.gear
+        start = ahead = motion.state
         if bounds.lag > 0.0:
             # In the long run, a lag is a delay: until its time constant has passed, the car goes on
             # as it does.
-            on = Control(motion.acceleration, motion.curvature, gear)
+            on = Control(motion.acceleration, motion.curvature, before.gear)
             ahead = self._held(start, on, bounds.lag)
-        else:
-            ahead = start
         if exact:
             return ahead, EXACT
         # The brakes of a car that stands for sure do not hold it back once they are released.
@@ -153,9 +154,7 @@ class SentControls:
             return _Motion(state, control.acceleration, control.curvature)
         if abs(float(state[3])) < LEAST:
             a = max(a, 0.0)
-        # The response approaches the command exponentially.
-        left = math.exp(-duration / lag)
-        mean = (1.0 - left) * lag / duration
+        mean, left = lag_shares(lag, duration)
         off, bent = a - control.acceleration, kappa - control.curvature
         held = Control(
             control.acceleration + off * mean, control.curvature + bent * mean, control.gear

@@ -121,6 +121,21 @@ def overshoot(tube, slip, speed):  # type: ignore[no-untyped-def]
     return slip + speed * (tube.lag + 0.5 * speed / tube.braking)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def lag_shares(lag, time):  # type: ignore[no-untyped-def]
+    """Return how much is left of the difference between a response and its command.
+
+    Args:
+        lag: time constant of the response [s].
+        time: time since the command began to act [s].
+
+    Returns:
+        The share in the mean over that time, and the share at its end.
+    """
+    left = math.exp(-time / lag)
+    return (1.0 - left) * lag / time, left
+
+
 @njit(cache=True, nogil=True)
 def carried_out(tube, states, controls, dt):  # type: ignore[no-untyped-def]
     """Return what a car without other errors than its lag makes of a plan.
@@ -142,8 +157,7 @@ def carried_out(tube, states, controls, dt):  # type: ignore[no-untyped-def]
     steps = count + math.ceil(SETTLED * tube.lag / step)
     driven, applied = np.empty((steps + 1, 4)), np.empty((steps, 2))
     commands = np.empty((steps, 2))
-    left = math.exp(-step / tube.lag)
-    mean = (1.0 - left) * tube.lag / step
+    mean, left = lag_shares(tube.lag, step)
     driven[0] = tube.start
     a, kappa = tube.response
     for k in range(steps):
