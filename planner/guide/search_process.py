@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
+import signal
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
 from multiprocessing.util import Finalize
+from threading import Timer
 from typing import Any
 
 from foresee.infra.workers import follow_parent, interrupts_blocked
+
+LONGEST = 20.0
+"""Time after which a search counts as stuck [s]; on a busy machine one may take a few seconds."""
 
 
 class SearchProcess(Executor):
     """Runs path searches in a process, one after the other.
 
-    Several navigators may use it in turn. If the process dies, the next search starts another. It
-    ends with this process, even if that is killed, or by `shutdown`.
+    Several navigators may use it in turn. A process whose search takes longer than `LONGEST` is
+    killed. If the process dies, the search fails, and the next one starts another process. It ends
+    with this process, even if that is killed, or by `shutdown`.
 
     A process and not a thread, since a search holds the interpreter's lock for long, above all in
     OMPL, which calls back into Python.
@@ -27,8 +34,9 @@ class SearchProcess(Executor):
         self._pools = [_new_pool()]
         # A process of multiprocessing waits at its end for those that it has started.
         Finalize(self, _end, (self._pools,), exitpriority=10)
+        self._loaded = self._load()
         # The control would wait for the first path while the process imports its modules.
-        self._pools[0].submit(_load).result()
+        self._loaded.result()
 
     def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Start a call, whose arguments must be picklable, and return its future."""
@@ -36,8 +44,18 @@ class SearchProcess(Executor):
             future: Future[Any] = self._pools[0].submit(call, *args, **kwargs)
         except BrokenExecutor:
             self._pools[0] = _new_pool()
+            self._loaded = self._load()
             future = self._pools[0].submit(call, *args, **kwargs)
+        watch = Timer(LONGEST, _kill_if_stuck, (future, self._loaded))
+        watch.daemon = True
+        watch.start()
+        future.add_done_callback(lambda _: watch.cancel())
         return future
+
+    def _load(self) -> Future[int]:
+        """Let the process import what a search needs; its number follows when it has."""
+        loaded: Future[int] = self._pools[0].submit(_load)
+        return loaded
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the process, also while it searches."""
@@ -59,7 +77,15 @@ def _end(pools: list[Any]) -> None:
     pools[0].shutdown(kill_workers=True)
 
 
-def _load() -> None:
-    """Import what a search needs."""
+def _load() -> int:
+    """Import what a search needs, and return the number of the process."""
     for name in ("ompl.base", "planner.guide.path_search"):
         importlib.import_module(name)
+    return os.getpid()
+
+
+def _kill_if_stuck(search: Future[Any], loaded: Future[int]) -> None:
+    """Kill the process of a search that has not ended, so that it fails."""
+    if not search.done() and loaded.done() and loaded.exception() is None:
+        with contextlib.suppress(OSError):
+            os.kill(loaded.result(), signal.SIGKILL)

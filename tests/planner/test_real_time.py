@@ -3,7 +3,14 @@
 import os
 import signal
 import threading
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+import time
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -12,6 +19,7 @@ import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
 from foresee.prediction import Prediction
+from planner.guide import search_process
 from planner.guide.search_process import SearchProcess
 from sim import DubinsCar, generate, sample_task
 from sim.episode import EpisodeConfig
@@ -141,6 +149,17 @@ def test_a_search_process_that_dies_costs_a_path_and_is_replaced():
         broken = driver.guide._running = process.submit(os.kill, pid, signal.SIGKILL)
         assert broken.exception() is not None
         assert "path_failed" in driver.step(state, LIDAR.scan(task.world, state)).faults
+    finally:
+        process.shutdown()
+
+
+def test_a_search_that_does_not_end_is_ended(monkeypatch):
+    monkeypatch.setattr(search_process, "LONGEST", 0.2)
+    process = SearchProcess()
+    try:
+        stuck = process.submit(time.sleep, 1e6)
+        assert isinstance(stuck.exception(timeout=30.0), BrokenExecutor)
+        assert process.submit(abs, -1).result() == 1
     finally:
         process.shutdown()
 

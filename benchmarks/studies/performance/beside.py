@@ -17,6 +17,8 @@ from foresee.infra.workers import follow_parent
 
 ARM = "predicted"
 """Arm that drives."""
+STAGES = {"cycle": "cycle", "predict": "wait for the prediction", "mpc": "MPC and last resort"}
+"""Stages that are reported, and how they are called."""
 
 
 def beside(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, Measure]:
@@ -40,16 +42,17 @@ def beside(drives: int, seed: int, report: Callable[[str], None]) -> dict[str, M
         report(f"cycle on {name}")
         with _load(own[:busy]):
             times, late = _on_cores(drives, seed, own)
-        p50, p99 = np.percentile(times, [50, 99])
-        measures[f"cycle on the wall clock, {name}"] = measure(
-            float(p50), "ms", len(times), p99=float(p99)
-        )
-        measures[f"late controls, {name}"] = measure(float(late), "ticks", len(times))
+        for stage, meaning in STAGES.items():
+            p50, p99 = np.percentile(times[stage], [50, 99])
+            measures[f"{meaning} on the wall clock, {name}"] = measure(
+                float(p50), "ms", len(times[stage]), p99=float(p99)
+            )
+        measures[f"late controls, {name}"] = measure(float(late), "ticks", len(times["cycle"]))
     return measures
 
 
-def _on_cores(drives: int, seed: int, cores: list[int]) -> tuple[list[float], int]:
-    """Return the times of all cycles [ms] and the number of late ticks of drives on some cores."""
+def _on_cores(drives: int, seed: int, cores: list[int]) -> tuple[dict[str, list[float]], int]:
+    """Return the times of each stage [ms] and the number of late ticks of drives on some cores."""
     # A new process, whose own processes of search and prediction start on these cores, too.
     with ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(), cores)) as pool:
         return pool.submit(_drive_all, drives, seed).result()
@@ -60,13 +63,15 @@ def _begin(parent: int, cores: list[int]) -> None:
     os.sched_setaffinity(0, cores)
 
 
-def _drive_all(drives: int, seed: int) -> tuple[list[float], int]:
+def _drive_all(drives: int, seed: int) -> tuple[dict[str, list[float]], int]:
     settings = Settings(arms=(ARM,), seed=seed, real_time=True)
     drive(settings, 0, ARM)
-    times, late = list[float](), 0
+    times: dict[str, list[float]] = {stage: [] for stage in STAGES}
+    late = 0
     for index in range(drives):
         driven = drive(settings, index, ARM)
-        times.extend(driven.trace.stage_times["cycle"][WARM_UP:].tolist())
+        for stage, taken in times.items():
+            taken.extend(driven.trace.stage_times[stage][WARM_UP:].tolist())
         late += driven.result.late_ticks or 0
     return times, late
 
