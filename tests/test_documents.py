@@ -23,7 +23,7 @@ KINDS = ("tutorial", "how-to", "reference", "explanation")
 PACKAGES = ("foresee", "sim", "planner", "predictor", "benchmarks")
 FOLDERS = (*PACKAGES, "tests", "docs", "examples", "ros2")
 """Folders of the repository; `results` and `data` are those of the reader."""
-CARDS = {"compact.md", "compact-logs.md", "compact-paper.md", "frontiers.md"}
+CARDS = {"compact.md", "compact-built.md", "compact-logs.md", "compact-paper.md", "frontiers.md"}
 """Model cards: they give the commands as they were at the commit of the training."""
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 
