@@ -161,7 +161,7 @@ def _drive_all(
     place: Place,
 ) -> bool:
     """Make the missing drives, with a progress bar; return whether it was interrupted."""
-    from tqdm import tqdm
+    from foresee.infra.progress import progress
 
     done = store.done()
     todo = [
@@ -171,7 +171,7 @@ def _drive_all(
         if (index, arm) not in done and index not in store.skipped
     ]
     total = settings.episodes * len(settings.arms)
-    with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
+    with progress(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
             for (index, arm), driven in finished(work, todo, place.jobs, place.dask):
                 if isinstance(driven, str):
@@ -179,7 +179,8 @@ def _drive_all(
                 else:
                     store.add(driven)
                     result = driven.result
-                    bar.set_postfix_str(f"{arm} {result.outcome} in {result.time:.1f} s")
+                    text = f"{arm} {result.outcome} in {result.time:.1f} s"
+                    bar.set_postfix_str(text, refresh=False)
                 bar.update()
         except KeyboardInterrupt:
             return True

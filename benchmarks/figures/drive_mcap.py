@@ -12,7 +12,6 @@ from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from benchmarks.figures.animation import roll_out
 from benchmarks.runs.arms import ARMS, Arm, arm_kind
@@ -23,6 +22,7 @@ from benchmarks.runs.tasks import limit_speed
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.environment import commit
+from foresee.infra.progress import progress
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Caller, Prediction, View
 from planner.navigator import NavigatorConfig
@@ -123,7 +123,7 @@ class _Drive:
         caller = self._caller()
         known, first_seen = self._blank(), np.zeros_like(trace.first_seen, dtype=np.int16)
         file.mount(dt, lidar.config.mount)
-        for tick, state in enumerate(tqdm(trace.states[:-1], desc=name, unit="tick")):
+        for tick, state in enumerate(progress(trace.states[:-1], desc=name, unit="tick")):
             time = dt * (tick + 1)
             scan = lidar.scan(self.task.world, state, rng)
             known.integrate(scan, state, bounds)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from tqdm import tqdm
 
 from foresee.infra.errors import LineError
+from foresee.infra.progress import progress
 
 Picture = NDArray[np.uint8]
 """Pixels of a frame, (height, width, 3)."""
@@ -58,7 +58,7 @@ def write_video(frames: Callable[[int], Picture], count: int, rate: float, path:
         raise VideoError(f"{path.name}: the drive has no ticks to show")
     part = path.with_name(f".{os.getpid()}.{path.name}")
     try:
-        with tqdm(range(count), desc=path.name, unit="frame") as numbers:
+        with progress(range(count), desc=path.name, unit="frame") as numbers:
             pictures = (frames(i) for i in numbers)
             if path.suffix == ".mp4":
                 _write_mp4(pictures, rate, part)

@@ -96,10 +96,12 @@ class DriveScores:
 
     def run(self, jobs: int) -> None:
         """Score the missing drives, with a progress bar."""
-        from tqdm import tqdm
+        from foresee.infra.progress import progress
 
         todo = [item for item in self.items if self._read(item) is None]
-        with tqdm(total=len(self.items), initial=len(self.items) - len(todo), unit="drive") as bar:
+        with progress(
+            total=len(self.items), initial=len(self.items) - len(todo), unit="drive"
+        ) as bar:
             for item, scored in finished(
                 partial(scored_drive.score_drive, self.config), todo, jobs
             ):

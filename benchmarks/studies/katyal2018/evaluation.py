@@ -125,7 +125,7 @@ class Evaluation:
             ScoringError: if a predictor breaks its contract.
             WorkersError: if processes keep dying.
         """
-        from tqdm import tqdm
+        from foresee.infra.progress import progress
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 
@@ -154,7 +154,7 @@ class Evaluation:
                 todo.append(replace(stretch, contestants=tuple(left)))
         total = answers(every)
         done = total - answers(todo)
-        with tqdm(total=total, initial=done, unit="answer", smoothing=0.05) as bar:
+        with progress(total=total, initial=done, unit="answer", smoothing=0.05) as bar:
             for stretch, kept in finished(score, todo, jobs):
                 for contestant, arrays in kept.items():
                     self.store.write(name(stretch, contestant), {"commit": commit()}, arrays)

@@ -147,18 +147,18 @@ def _run(settings: StageSettings, place: Place) -> None:
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
-    from tqdm import tqdm
 
     from benchmarks.studies.performance.measurements import RUNTIME, installed
     from benchmarks.studies.performance.tables import tables
     from foresee.infra.environment import commit, machine
+    from foresee.infra.progress import progress
     from foresee.infra.results_file import write_results
     from foresee.infra.resumable import ResumableFolder
 
     torch.set_num_threads(THREADS)
     folder = ResumableFolder(place.out / "parts")
     groups: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "peers": {}}
-    with tqdm(unit="part", smoothing=0.0) as bar:
+    with progress(unit="part", smoothing=0.0) as bar:
         todo = measurements(settings, lambda what: bar.set_postfix_str(what))
         bar.reset(len(todo))
         for measurement in todo:
