@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.figures.animation import roll_out
+from benchmarks.figures.file_name import file_name
 from benchmarks.runs.arms import ARMS, Arm, arm_kind
 from benchmarks.runs.drive import navigator_config, predictor_for
 from benchmarks.runs.saved_run import Run
@@ -56,7 +57,7 @@ def write_drive(
         McapError: if the file cannot be written, as without rosbags.
     """
     drive = _Drive.of(run, run.showcase if index is None else index, arm)
-    path = folder / f"drive-{drive.trace.index}-{drive.trace.arm}.mcap"
+    path = folder / file_name("drive", "mcap", drive.trace.index, drive.trace.arm)
     about = run.settings | {"episode": drive.trace.index, "arm": drive.trace.arm}
     with writing_mcap(path, {"foresee": about | {"commit": commit()}}) as file:
         drive.write(file, path.name)
