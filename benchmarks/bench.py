@@ -46,7 +46,7 @@ class RaceSettings(Options):
         0.0,
         "accepted probability of a collision in a drive of --predictor; 0: collisions are "
         "excluded by construction",
-        "δ",
+        "RISK",
         low=0,
         high=1,
     )

@@ -36,13 +36,13 @@ class Risks(Options):
         "accepted probability of a collision in a drive of arm predicted; several values are "
         "several columns of the table, predicted, predicted 2 %% and so on. 0: collisions are "
         "excluded by construction",
-        "δ",
+        "RISK",
         low=0,
         high=1,
     )
     calibration: Path | None = option(
         None,
-        "calibration.json of benchmarks.calibrate, which gives the level λ for each --risk; for "
+        "calibration.json of benchmarks.calibrate, which gives the level for each --risk; for "
         "the same predictor, planner, car and buildings (default: the one that ships with foresee "
         "for these drives)",
         "FILE",
@@ -71,8 +71,9 @@ class Place(Options):
     )
     baselines: Path | None = option(
         None,
-        "folder of an earlier run with another predictor, ε, δ or expansion: drives that would be "
-        "the same (those of known, optimistic and full; of oracle if ε and expansion are the same) "
+        "folder of an earlier run with another --predictor, --reliance, --risk or --expansion: "
+        "drives that would be the same (those of known, optimistic and full; of oracle if reliance "
+        "and expansion are the same) "
         "are copied from there",
         "DIR",
     )

@@ -183,9 +183,7 @@ def _trust(figure: Figure, ax: Axes, now: RecordedMoment) -> None:
     place = ax.inset_axes((0.28, -0.05, 0.42, 0.025))
     bar = figure.colorbar(trust, cax=place, ticks=[0, 0.5, 1], orientation="horizontal")
     bar.ax.tick_params(labelsize=8, length=2, pad=1)
-    bar.ax.annotate(
-        "trust", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8
-    )
+    bar.ax.annotate("trust", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8)
     bar.outline.set_visible(False)
 
 
