@@ -3,9 +3,9 @@
     python -m benchmarks.calibrate --world corridor narrow office paper --risks 0.05 0.02
 
 A level decides how far the last resort may rely on predictions; it is certified if the
-probability of a collision in a drive stays below the risk. The method is learn-then-test on drives at each
-level, from the safest level to the boldest. Interrupted, it continues when the same command is
-given again. Exit status: 1 if a risk has no certified level.
+probability of a collision in a drive stays below the risk. The method is learn-then-test on drives
+at each level, from the safest level to the boldest. Interrupted, it continues when the same command
+is given again. Exit status: 1 if a risk has no certified level.
 """
 
 from __future__ import annotations

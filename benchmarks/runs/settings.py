@@ -121,8 +121,8 @@ class Settings(Options):
     level: float = option(
         0.0,
         "in place of --risk, without a certificate: the last resort of arm predicted may enter an "
-        "unobserved cell if confidence · p_free is at least 1 − LEVEL; 0: none. If that proves wrong, "
-        "the car may collide",
+        "unobserved cell if confidence · p_free is at least 1 − LEVEL; 0: none. If that proves "
+        "wrong, the car may collide",
         "LEVEL",
         low=0,
         high=0.99,
@@ -132,8 +132,8 @@ class Settings(Options):
     )
     reliance: float = option(
         0.05,
-        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − RELIANCE. If that "
-        "proves wrong, the car brakes hard. It is raised to --level if it is smaller",
+        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − RELIANCE. If "
+        "that proves wrong, the car brakes hard. It is raised to --level if it is smaller",
         "RELIANCE",
         low=0,
         high=1,

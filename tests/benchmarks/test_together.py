@@ -19,7 +19,7 @@ FAMILIES = ("corridor", "floor_plan", "narrow", "office", "paper")
 
 
 def made(world="corridor", seed=0, **levels):
-    """A calibration for a risk of 0.05 with given (drives, collided) at levels such as L01, level 0.01."""
+    """A calibration for a risk of 0.05 with (drives, collided) at levels such as L01, 0.01."""
     tests = []
     for name, (drives, collided) in levels.items():
         most = capital(np.arange(drives) < collided, 0.05).max()
