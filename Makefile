@@ -97,5 +97,9 @@ test: setup .venv/.ros2
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n 2
 
+release: .venv/.tools
+	$(INSTALL) '.[release]'
+	$(BIN)/python .ci/release.py
+
 clean:
 	rm -rf .venv results

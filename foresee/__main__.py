@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
-from importlib.metadata import version
 from textwrap import wrap
 from typing import Any
 
@@ -92,7 +91,10 @@ def _run(words: list[str]) -> int:
         print(f"foresee {words[0]}: a study, which only a checkout of foresee has", file=sys.stderr)
         return 2
     if words == ["--version"]:
-        print(f"foresee {version('foresee')}")
+        # Imported here, so that the list of commands does not wait for it.
+        from foresee.infra.environment import own_version
+
+        print(f"foresee {own_version()}")
         return 0
     print(_overview(known))
     return 0 if words in ([], ["-h"], ["--help"]) else 2

@@ -64,7 +64,7 @@ class StageSettings(Options):
     peers: bool = option(
         False,
         "also time another runtime of the network and other solvers of the MPC's problem, which "
-        "takes some minutes, mostly for compiling; needs pip install 'foresee[peers]'",
+        "takes some minutes, mostly for compiling; needs pip install 'foresee-nav[peers]'",
     )
 
 
@@ -135,7 +135,7 @@ def _check_peers() -> None:
     from importlib.util import find_spec
 
     if find_spec(PEER) is None:
-        raise UsageError(f"--peers needs {PEER}: pip install 'foresee[peers]'")
+        raise UsageError(f"--peers needs {PEER}: pip install 'foresee-nav[peers]'")
     if shutil.which(COMPILER) is None:
         raise UsageError(f"--peers needs {COMPILER}, to compile the problems of other solvers")
 
