@@ -21,13 +21,13 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
+BIN = Path(sys.executable).parent
 PYTHONS = ("3.11", "3.12", "3.13")
 TRIAL = """\
 foresee --version
 foresee check compact
 foresee corridor --route fixed --episodes 1 --arms known,predicted --risk 0.02 --out run
 foresee plot run --episode 0 --race --format gif
-foresee bench --suite corridor-v1 --size small --predictor compact --help
 python -c "import foresee; foresee.plot(foresee.drive('office')).savefig('figure.png')"
 """
 """Commands that an installed wheel must be able to run."""
@@ -53,18 +53,20 @@ def for_index(readme: str, project: dict[str, Any]) -> str:
     """Return the README as the package index shows it, where no relative link leads anywhere.
 
     Links and pictures lead to the repository in [project.urls]. Without one, a link becomes its
-    text, and a picture is left out.
+    text, and a picture is left out, with its caption in italics.
 
     Args:
         readme: text of README.md.
         project: table `project` of pyproject.toml.
     """
     repository = project.get("urls", {}).get("Repository")
+    if repository is None:
+        readme = re.sub(r"!\[[^]]*\]\([^)]+\)\n\n(\*[^*]+\*\n\n)?", "", readme)
 
     def absolute(match: re.Match[str]) -> str:
         picture, text, target = match.groups()
         if repository is None:
-            return "" if picture else text
+            return text
         kind, path = "raw" if picture else "blob", "README.md" if target[0] == "#" else ""
         return f"{picture}[{text}]({repository}/{kind}/v{project['version']}/{path}{target})"
 
@@ -105,12 +107,13 @@ def main() -> None:
         sys.exit(f"the versions differ: {stated}")
     if subprocess.run(["git", "diff", "--quiet", "HEAD"], cwd=ROOT, check=False).returncode:
         sys.exit("there are changes that are not committed: a release is made from a commit")
-    run(sys.executable, "-m", "cffconvert", "--validate", "-i", "CITATION.cff")
+    run(BIN / "cffconvert", "--validate", "-i", "CITATION.cff")
     for python in PYTHONS:
         # Of empy, which ROS 2 needs, there is no wheel.
         wheels = ("--only-binary", ":all:", "--no-binary", "empy")
         options = ("--all-extras", "-c", "constraints.txt", "--python-version", python, *wheels)
-        run("uv", "pip", "compile", "pyproject.toml", *options, "--quiet", "--output-file", "-")
+        options += ("--quiet", "--output-file", "/dev/null")
+        run(BIN / "uv", "pip", "compile", "pyproject.toml", *options)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "source").mkdir()

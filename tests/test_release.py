@@ -28,6 +28,7 @@ def test_the_index_shows_no_relative_links():
     shown = release.for_index(readme, {"version": "1.0.0"})
     assert all(target.startswith("https://") for target in LINK.findall(shown))
     assert "![" not in shown
+    assert "*The same" not in shown
     assert len(shown) > 0.7 * len(readme)
 
 
