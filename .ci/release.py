@@ -23,6 +23,8 @@ ROOT = Path(__file__).resolve().parents[1]
 DIST = ROOT / "dist"
 BIN = Path(sys.executable).parent
 PYTHONS = ("3.11", "3.12", "3.13")
+NO_WHEELS = ("empy", "docopt")
+"""Packages of ROS 2 and of cffconvert that have source distributions alone, in pure Python."""
 TRIAL = """\
 foresee --version
 foresee check compact
@@ -108,12 +110,11 @@ def main() -> None:
     if subprocess.run(["git", "diff", "--quiet", "HEAD"], cwd=ROOT, check=False).returncode:
         sys.exit("there are changes that are not committed: a release is made from a commit")
     run(BIN / "cffconvert", "--validate", "-i", "CITATION.cff")
+    resolve = (BIN / "uv", "pip", "compile", "pyproject.toml", "--all-extras", "--quiet")
+    wheels = ("--only-binary", ":all:", *(f"--no-binary={name}" for name in NO_WHEELS))
     for python in PYTHONS:
-        # Of empy, which ROS 2 needs, there is no wheel.
-        wheels = ("--only-binary", ":all:", "--no-binary", "empy")
-        options = ("--all-extras", "-c", "constraints.txt", "--python-version", python, *wheels)
-        options += ("--quiet", "--output-file", "/dev/null")
-        run(BIN / "uv", "pip", "compile", "pyproject.toml", *options)
+        pins = ("-c", "constraints.txt", "--output-file", "/dev/null")
+        run(*resolve, *wheels, *pins, "--python-version", python)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "source").mkdir()
