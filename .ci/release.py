@@ -9,6 +9,7 @@ each Python. The wheel is then installed in a fresh environment outside of the c
 from __future__ import annotations
 
 import io
+import os
 import re
 import subprocess
 import sys
@@ -78,7 +79,9 @@ def for_index(readme: str, project: dict[str, Any]) -> str:
 def run(*command: str | Path, cwd: Path = ROOT) -> None:
     """Run a command; if it fails, this one ends as well."""
     print("+", *command, flush=True)
-    subprocess.run([str(word) for word in command], cwd=cwd, check=True)
+    # A checkout on the path would take the place of the wheel.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    subprocess.run([str(word) for word in command], cwd=cwd, env=environment, check=True)
 
 
 def build(folder: Path) -> Path:

@@ -1,6 +1,6 @@
 """Drive a car through buildings that are unknown to it, with and without a predicted map.
 
-    python -m benchmarks.corridor --world office --episodes 24 --arms known,predicted,oracle
+    foresee corridor --world office --episodes 24 --arms known,predicted,oracle
 
 The times and collisions of the arms are compared. Interrupted, it continues when the same command
 is given again. Exit status: 0 if all drives were made, whatever their outcomes; 1 if drives are
@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import HEADINGS, Settings
 from foresee.infra.command_line import Command, Section, UsageError
 from foresee.infra.errors import LineError
 from foresee.infra.options import Options, jobs_option, option
@@ -95,8 +95,15 @@ class Place(Options):
             check_scheduler(self.dask)
 
 
+RELIANCE = {"how far it relies on predictions": ("calibration",)}
+LARGE = {"large comparisons": ("dask", "baselines", "optimum")}
+"""Headings in the help → options below them."""
+
+
 def _run(
-    settings: Annotated[Settings, Section(names=WITHOUT_RISK)], risks: Risks, place: Place
+    settings: Annotated[Settings, Section(names=WITHOUT_RISK, below=HEADINGS)],
+    risks: Annotated[Risks, Section(below=RELIANCE)],
+    place: Annotated[Place, Section(below=LARGE)],
 ) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")

@@ -1,6 +1,6 @@
 """Draw the figures of runs that benchmarks.corridor saved; nothing is driven again.
 
-    python -m benchmarks.plot results/corridor --episode 3 --animate
+    foresee plot results/corridor --episode 3 --animate
 
 For each DIR: speed_profile.png (speed over distance, and what limited it), trajectories.png (the
 trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one

@@ -29,6 +29,21 @@ TURN_RATE = 1.5
 """Yaw rate of turns on the spot of a car whose file does not give it [rad/s]."""
 
 
+HEADINGS = {
+    "tasks of your own": ("tasks", "start", "goal"),
+    "the car": ("car", "vehicle", "v_max", "braking"),
+    "what it sees and predicts": ("window", "expansion", "noise", "dropout", "frontiers", "far"),
+    "how far it relies on predictions": ("reliance", "uncertified", "level", "fixed_level"),
+    "errors of the robot, and what the navigator is told of them": (
+        *("delay", "jitter", "lag", "pose_error", "yaw_error", "missed"),
+        *("told_delay", "told_jitter", "told_lag", "told_pose_error", "told_yaw_error"),
+        "told_noise",
+    ),
+    "the wall clock": ("real_time", "deadline"),
+}
+"""Heading in the help → settings below it; the others are the general ones."""
+
+
 def _arms(text: str) -> tuple[str, ...]:
     return tuple(ARMS) if text == "all" else tuple(text.split(","))
 

@@ -16,6 +16,7 @@ from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
 from foresee.infra.markdown import markdown, span
 from foresee.infra.plain_json import without_nan
+from foresee.infra.progress import progress
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
@@ -96,7 +97,6 @@ class DriveScores:
 
     def run(self, jobs: int) -> None:
         """Score the missing drives, with a progress bar."""
-        from foresee.infra.progress import progress
 
         todo = [item for item in self.items if self._read(item) is None]
         with progress(

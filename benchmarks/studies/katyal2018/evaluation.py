@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant
 from benchmarks.studies.katyal2018.stretch_scores import Stretch, class_shares, score
 from foresee.infra.environment import commit
+from foresee.infra.progress import progress
 from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
 from foresee.mapping.polyline import arc_length
@@ -125,7 +126,6 @@ class Evaluation:
             ScoringError: if a predictor breaks its contract.
             WorkersError: if processes keep dying.
         """
-        from foresee.infra.progress import progress
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 
