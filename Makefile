@@ -1,6 +1,8 @@
 # make corridor: set up, and make a first comparison.   make test: set up, and check everything.
 # make study: set up, and make the paper's study: frames, networks, tables and figures.
 # make beyond: the same, and what goes beyond the paper.
+# make pictures: make the first comparison, and draw the pictures of the pages from it.
+# make release: build the package and try it, without uploading it.
 PYTHON ?= python3
 BIN := .venv/bin
 
@@ -12,7 +14,7 @@ NET ?= --preset short
 STUDY ?=
 OUT ?= results/study
 
-.PHONY: setup corridor study beyond test clean
+.PHONY: setup corridor pictures study beyond test release clean
 
 setup: .venv/.tools
 
@@ -23,7 +25,7 @@ setup: .venv/.tools
 	touch $@
 
 .venv/.tools: .venv/.installed
-	$(INSTALL) '.[dev,dask,bags,gym,completion]'
+	$(INSTALL) '.[dev,dask,bags,gym,completion,video]'
 	touch $@
 
 # ROS 2, of which there are wheels for some systems only: elsewhere its tests are skipped.
@@ -35,6 +37,15 @@ setup: .venv/.tools
 corridor: .venv/.installed
 	$(BIN)/python -m benchmarks.corridor --route fixed --arms known,backup,predicted,oracle --risk 0 0.02 \
 	    $(addprefix --optimum ,$(wildcard docs/results/optimum-corridor.json)) --out results/first
+
+# Episode 6 races: its time ratios are near the means of the table, and its building is small.
+PICTURES = first_comparison=speed_profile.png moment=moment.png race=race-6.gif race=race-6.mp4
+
+pictures: corridor .venv/.tools
+	for format in gif mp4; do \
+	    $(BIN)/python -m benchmarks.plot results/first --episode 6 --race --format $$format || exit; done
+	for of in $(PICTURES); do \
+	    cp results/first/$${of#*=} docs/images/$${of%=*}.$${of##*.} || exit; done
 
 TRAIN_ALL = $(BIN)/python -m predictor.study $(NET) $(STUDY) --out $(OUT)
 
@@ -85,6 +96,10 @@ test: setup .venv/.ros2
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n 2
+
+release: .venv/.tools
+	$(INSTALL) '.[release]'
+	$(BIN)/python .ci/release.py
 
 clean:
 	rm -rf .venv results

@@ -13,7 +13,6 @@ import sys
 from collections import Counter
 from dataclasses import MISSING, dataclass, replace
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 from foresee.infra.command_line import Command, UsageError
@@ -46,7 +45,7 @@ class RaceSettings(Options):
         0.0,
         "accepted probability of a collision in a drive of --predictor; 0: collisions are "
         "excluded by construction",
-        "δ",
+        "RISK",
         low=0,
         high=1,
     )
@@ -83,7 +82,7 @@ def _run(settings: RaceSettings) -> None:
     from benchmarks.race.race_drive import race_drive, settings_of
     from benchmarks.runs.drive_file import DriveFile
     from benchmarks.runs.warm_up import warm_up_if_cold
-    from foresee.infra.environment import machine
+    from foresee.infra.environment import machine, own_version
     from sim.suite import Suite
 
     suite = Suite.read(settings.suite)
@@ -102,7 +101,7 @@ def _run(settings: RaceSettings) -> None:
         "entry": entry.facts,
         "risk": entry.risk,
         "level": entry.level,
-        "version": version("foresee"),
+        "version": own_version(),
         "machine": machine(),
     }
     warm_up_if_cold()

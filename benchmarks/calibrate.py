@@ -1,11 +1,11 @@
-"""Calibrate the last resort: find the largest level λ that is certified for each risk δ.
+"""Calibrate the last resort: find the largest level that is certified for each risk.
 
-    python -m benchmarks.calibrate --world corridor narrow office paper --risks 0.05 0.02
+    foresee calibrate --world corridor narrow office paper --risks 0.05 0.02
 
-A level λ decides how far the last resort may rely on predictions; it is certified if the
-probability of a collision in a drive stays below δ. The method is learn-then-test on drives at each
-level, from the safest level to the boldest. Interrupted, it continues when the same command is
-given again. Exit status: 1 if a risk has no certified level.
+A level decides how far the last resort may rely on predictions; it is certified if the
+probability of a collision in a drive stays below the risk. The method is learn-then-test on drives
+at each level, from the safest level to the boldest. Interrupted, it continues when the same command
+is given again. Exit status: 1 if a risk has no certified level.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated
 
 from benchmarks.calibration.settings import OF_DRIVES, CalibrateSettings
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import HEADINGS, Settings
 from foresee.infra.command_line import Command, Section
 from foresee.infra.options import Options, jobs_option, option
 
@@ -33,7 +33,7 @@ class Place(Options):
 
 def _run(
     calibration: CalibrateSettings,
-    settings: Annotated[Settings, Section(names=OF_DRIVES)],
+    settings: Annotated[Settings, Section(names=OF_DRIVES, below=HEADINGS)],
     place: Place,
 ) -> int:
     # Imported here, so that --help does not wait for slow imports.

@@ -1,6 +1,6 @@
 """Drive a car through buildings that are unknown to it, with and without a predicted map.
 
-    python -m benchmarks.corridor --world office --episodes 24 --arms known,predicted,oracle
+    foresee corridor --world office --episodes 24 --arms known,predicted,oracle
 
 The times and collisions of the arms are compared. Interrupted, it continues when the same command
 is given again. Exit status: 0 if all drives were made, whatever their outcomes; 1 if drives are
@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from benchmarks.runs.settings import Settings
+from benchmarks.runs.settings import HEADINGS, Settings
 from foresee.infra.command_line import Command, Section, UsageError
 from foresee.infra.errors import LineError
 from foresee.infra.options import Options, jobs_option, option
@@ -36,13 +36,13 @@ class Risks(Options):
         "accepted probability of a collision in a drive of arm predicted; several values are "
         "several columns of the table, predicted, predicted 2 %% and so on. 0: collisions are "
         "excluded by construction",
-        "δ",
+        "RISK",
         low=0,
         high=1,
     )
     calibration: Path | None = option(
         None,
-        "calibration.json of benchmarks.calibrate, which gives the level λ for each --risk; for "
+        "calibration.json of benchmarks.calibrate, which gives the level for each --risk; for "
         "the same predictor, planner, car and buildings (default: the one that ships with foresee "
         "for these drives)",
         "FILE",
@@ -71,8 +71,9 @@ class Place(Options):
     )
     baselines: Path | None = option(
         None,
-        "folder of an earlier run with another predictor, ε, δ or expansion: drives that would be "
-        "the same (those of known, optimistic and full; of oracle if ε and expansion are the same) "
+        "folder of an earlier run with another --predictor, --reliance, --risk or --expansion: "
+        "drives that would be the same (those of known, optimistic and full; of oracle if reliance "
+        "and expansion are the same) "
         "are copied from there",
         "DIR",
     )
@@ -94,8 +95,15 @@ class Place(Options):
             check_scheduler(self.dask)
 
 
+RELIANCE = {"how far it relies on predictions": ("calibration",)}
+LARGE = {"large comparisons": ("dask", "baselines", "optimum")}
+"""Headings in the help → options below them."""
+
+
 def _run(
-    settings: Annotated[Settings, Section(names=WITHOUT_RISK)], risks: Risks, place: Place
+    settings: Annotated[Settings, Section(names=WITHOUT_RISK, below=HEADINGS)],
+    risks: Annotated[Risks, Section(below=RELIANCE)],
+    place: Annotated[Place, Section(below=LARGE)],
 ) -> int:
     if place.optimum is not None and settings.vehicle != "dubins":
         raise UsageError("--optimum: its times are those of the dubins car")
@@ -161,7 +169,7 @@ def _drive_all(
     place: Place,
 ) -> bool:
     """Make the missing drives, with a progress bar; return whether it was interrupted."""
-    from tqdm import tqdm
+    from foresee.infra.progress import progress
 
     done = store.done()
     todo = [
@@ -171,7 +179,7 @@ def _drive_all(
         if (index, arm) not in done and index not in store.skipped
     ]
     total = settings.episodes * len(settings.arms)
-    with tqdm(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
+    with progress(total=total, initial=total - len(todo), unit="drive", smoothing=0.05) as bar:
         try:
             for (index, arm), driven in finished(work, todo, place.jobs, place.dask):
                 if isinstance(driven, str):
@@ -179,7 +187,8 @@ def _drive_all(
                 else:
                     store.add(driven)
                     result = driven.result
-                    bar.set_postfix_str(f"{arm} {result.outcome} in {result.time:.1f} s")
+                    text = f"{arm} {result.outcome} in {result.time:.1f} s"
+                    bar.set_postfix_str(text, refresh=False)
                 bar.update()
         except KeyboardInterrupt:
             return True

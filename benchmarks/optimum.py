@@ -1,6 +1,6 @@
 """Compute time-optimal drives of the car with the whole map known.
 
-    python -m benchmarks.optimum --world office --episodes 24
+    foresee optimum --world office --episodes 24
 
 The tasks are those of benchmarks.corridor. The project's planner is not used, so that it can be
 compared with these drives. T_bound is a lower bound of the shortest possible time. T_opt is an

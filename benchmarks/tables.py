@@ -1,6 +1,6 @@
 """Print the tables of results files as Markdown; the published tables take their numbers from it.
 
-python -m benchmarks.tables docs/results/*.json
+foresee tables docs/results/*.json
 """
 
 from __future__ import annotations

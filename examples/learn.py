@@ -1,6 +1,6 @@
 """Learn to drive with PPO of stable-baselines3, and enter the race with what was learned.
 
-    pip install 'foresee[gym]' stable-baselines3
+    pip install 'foresee-nav[gym]' stable-baselines3
     python examples/learn.py 200000
     foresee bench --suite corridor-v1 --driver examples.learn:Learned --out learned.json
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
-from importlib.metadata import version
+from dataclasses import replace
 from textwrap import wrap
 from typing import Any
 
@@ -86,13 +86,17 @@ def _run(words: list[str]) -> int:
     sys.path.append("")
     known = commands()
     if words and words[0] in known:
-        status: int = importlib.import_module(known[words[0]][0]).main(words[1:])
+        command = importlib.import_module(known[words[0]][0]).main
+        status: int = replace(command, name=f"foresee {words[0]}")(words[1:])
         return status
     if words and words[0] in STUDIES:
         print(f"foresee {words[0]}: a study, which only a checkout of foresee has", file=sys.stderr)
         return 2
     if words == ["--version"]:
-        print(f"foresee {version('foresee')}")
+        # Imported here, so that the list of commands does not wait for it.
+        from foresee.infra.environment import own_version
+
+        print(f"foresee {own_version()}")
         return 0
     print(_overview(known))
     return 0 if words in ([], ["-h"], ["--help"]) else 2

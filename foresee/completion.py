@@ -2,7 +2,7 @@
 
     foresee completion bash > ~/.local/share/bash-completion/completions/foresee
 
-It needs the package shtab: pip install 'foresee[completion]'.
+It needs the package shtab: pip install 'foresee-nav[completion]'.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _run(settings: Completion) -> None:
         import shtab
     except ImportError:
         raise UsageError(
-            "the package shtab is missing: pip install 'foresee[completion]'"
+            "the package shtab is missing: pip install 'foresee-nav[completion]'"
         ) from None
     from foresee.__main__ import commands
 

@@ -59,12 +59,12 @@ class NavigatorConfig:
     Attributes:
         window: side of the square around the car in which a scan changes the map [m].
         expansion: ratio of the predicted square's side to `window`.
-        reliance: ε in [0, 1]: a plan may enter unobserved cells that are predicted free with a
-            probability of at least 1 - ε. If the prediction is wrong, the car brakes hard.
-        level: λ in [0, ε]: the last resort may enter unobserved cells that are predicted free with
-            a probability of at least 1 - λ. If the prediction is wrong, the car may collide. 0: it
-            enters observed cells alone.
-        adapt: whether the level λ is lowered while predictions prove wrong, see
+        reliance: in [0, 1]: a plan may enter unobserved cells that are predicted free with a
+            probability of at least 1 - `reliance`. If the prediction is wrong, the car brakes hard.
+        level: in [0, `reliance`]: the last resort may enter unobserved cells that are predicted
+            free with a probability of at least 1 - `level`. If the prediction is wrong, the car may
+            collide. 0: it enters observed cells alone.
+        adapt: whether the level is lowered while predictions prove wrong, see
             `planner.risk.adaptive_level`.
         steer: whether predictions also change the cost map, and with it the route.
         start_margin: margin around the body at the start in which cells count as observed free [m].

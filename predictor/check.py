@@ -1,6 +1,6 @@
 """Check that a predictor keeps to the contract with the planner.
 
-    python -m predictor.check my_module:MyPredictor
+    foresee check my_module:MyPredictor
 
 It also warns of what would make drives slower or hard to repeat. Exit status: 1 if the predictor
 breaks the contract, 2 if it cannot be loaded.

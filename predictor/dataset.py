@@ -1,7 +1,7 @@
 """Make the data sets of the prediction study: the paper's simulated one, and those of real logs.
 
-    python -m predictor.dataset                                    simulated, with more test drives
-    python -m predictor.dataset --log intel.log.gz aces.log.gz     from logs of real robots
+    foresee dataset                                    simulated, with more test drives
+    foresee dataset --log intel.log.gz aces.log.gz     from logs of real robots
 
 A data set is like that of Katyal et al. 2018: for each tick of a drive, what the LIDAR has observed
 around the car, and the true map there. Without --log the drives are simulated, six in two buildings

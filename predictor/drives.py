@@ -1,7 +1,7 @@
 """Make training samples for the networks compact and far on simulated walks through buildings.
 
-    python -m predictor.drives                        the truth is the whole building
-    python -m predictor.drives --simulated-logs 1     the truth is the map of a simulated log
+    foresee drives                        the truth is the whole building
+    foresee drives --simulated-logs 1     the truth is the map of a simulated log
 
 A point walks along the planner's routes, without prediction and without a car's dynamics. Each
 walk is replayed with LIDARs of other windows and other noise. Interrupted, it continues when the

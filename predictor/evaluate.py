@@ -1,6 +1,6 @@
 """Score predictors on unobserved cells, along drives in generated buildings and in real maps.
 
-    python -m predictor.evaluate --world office maps/ --predictors extend compact
+    foresee evaluate --world office maps/ --predictors extend compact
 
 The drives are those of the project's own planner without prediction. Example images are drawn for
 the last predictor. Interrupted, it continues when the same command is given again.

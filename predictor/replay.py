@@ -1,6 +1,6 @@
 """Replay a robot's log or bag: map its scans, predict, and write an MCAP file for Foxglove.
 
-    python -m predictor.replay drive.bag --out drive.mcap
+    foresee replay drive.bag --out drive.mcap
 
 The scans are mapped, and the unobserved cells predicted, as the car would have done along the
 robot's drive. FILE.mcap then holds the observed and the predicted map, the confidence, the poses,

@@ -42,7 +42,7 @@ def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> 
     if runtime not in RUNTIMES:
         raise ValueError(f"runtime is {runtime!r}, it must be one of {', '.join(RUNTIMES)}")
     if not find_spec(runtime):
-        raise ValueError(f"{runtime} is not installed: pip install 'foresee[openvino]'")
+        raise ValueError(f"{runtime} is not installed: pip install 'foresee-nav[openvino]'")
     run = _openvino(module, shapes) if runtime == "openvino" else _torch(module)
     return run, f"{runtime} {version(runtime)}"
 

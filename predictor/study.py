@@ -1,8 +1,8 @@
 """Train the paper's four networks (three and a perceptron as baseline) at five expansions each.
 
-    python -m predictor.study --preset short        all 20, in about two hours on 2 cores
-    python -m predictor.study                       as in the paper: months without a GPU
-    python -m predictor.study --epochs 2 --batch 32 --bf16 --minutes 20       20 minutes on a GPU
+    foresee study --preset short        all 20, in about two hours on 2 cores
+    foresee study                       as in the paper: months without a GPU
+    foresee study --epochs 2 --batch 32 --bf16 --minutes 20       20 minutes on a GPU
 
 The most important trainings come first, so that a study can be stopped at any time. Interrupted, it
 continues when the same command is given again: finished trainings are skipped, interrupted ones are

@@ -1,11 +1,11 @@
 """Train a network: `compact`, `far`, or one of the paper's.
 
-    python -m predictor.train                      compact, and its samples: two hours on 2 cores
-    python -m predictor.train --arch far           what lies far ahead, for routes; the same samples
-    python -m predictor.train --steps 200 --train 20 --validation 4      a quick trial
-    python -m predictor.train --start predictor/compact.safetensors --world my_maps/
+    foresee train                      compact, and its samples: two hours on 2 cores
+    foresee train --arch far           what lies far ahead, for routes; the same samples
+    foresee train --steps 200 --train 20 --validation 4      a quick trial
+    foresee train --start predictor/compact.safetensors --world my_maps/
                                                    fine-tuning on your own buildings
-    python -m predictor.train --arch unet_ff --expansion 1.3 --preset short
+    foresee train --arch unet_ff --expansion 1.3 --preset short
 
 Interrupted, it continues when the same command is given again. compact and far are trained on
 samples of simulated walks, which are made first. The maps and logs of --world are split into

@@ -1,7 +1,7 @@
 """Train the network of frontiers, which tells which openings lead on to the goal.
 
-    python -m predictor.train_frontiers                        half an hour on 2 cores
-    python -m predictor.train_frontiers --train 60 --validation 12 --steps 100 --out results/trial
+    foresee train-frontiers                        half an hour on 2 cores
+    foresee train-frontiers --train 60 --validation 12 --steps 100 --out results/trial
 
 The samples are made first, by explorations of generated buildings in
 `predictor.recording.exploration`. Interrupted, it continues when the same command is given again.

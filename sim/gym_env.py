@@ -1,4 +1,4 @@
-"""The simulated car as an environment of Gymnasium (`pip install 'foresee[gym]'`).
+"""The simulated car as an environment of Gymnasium (`pip install 'foresee-nav[gym]'`).
 
     import foresee.gym, gymnasium
     env = gymnasium.make("foresee/Corridor-v1")

@@ -92,7 +92,7 @@ def test_the_console_script_is_not_misled_by_it(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0
-    assert done.stdout.startswith("usage: benchmarks.corridor")
+    assert done.stdout.startswith("usage: foresee corridor [options]")
 
 
 BESIDE = """\
@@ -130,7 +130,7 @@ def test_the_command_finds_its_packages_beside_others_of_their_names(tmp_path, k
         env={"PYTHONPATH": str(ROOT), "PATH": ""},
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("usage: benchmarks.corridor")
+    assert done.stdout.startswith("usage: foresee corridor [options]")
     assert done.stdout.split("found: ")[1].split() == [
         str(ROOT / name / "__init__.py") for name in ("sim", "planner", "predictor", "benchmarks")
     ]

@@ -238,13 +238,13 @@ def table(content: dict[str, Any]) -> str:
         risks = [f"{risk:g}" for risk, level in certified.items() if level >= entry["level"]]
         rows.append(
             {
-                "level λ": f"{entry['level']:g}",
+                "level": f"{entry['level']:g}",
                 "drives": entry["drives"],
                 "collided": entry["collided"],
                 "nominal 95 % interval": span(entry["nominal_interval"], ".1f", 100.0, " %"),
                 "km": f"{entry['km']:.1f}",
                 "speed [m/s]": f"{entry['speed']:.2f}" if entry["speed"] else DASH,
-                "certified for δ": ", ".join(risks) or DASH,
+                "certified for risk": ", ".join(risks) or DASH,
             }
         )
     return records(rows)

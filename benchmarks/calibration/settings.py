@@ -24,7 +24,7 @@ class CalibrateSettings(Options):
     risks: tuple[float, ...] = option(
         (0.05, 0.02),
         "risks to certify, each on its own: bounds of the probability of a collision in a drive",
-        "δ",
+        "RISK",
         low=1e-4,
         high=0.5,
     )
@@ -32,7 +32,7 @@ class CalibrateSettings(Options):
         (0.001, 0.003, 0.01, 0.03, 0.05, 0.1),
         "levels of the last resort to test, from safe to bold; for each risk the test ends at the "
         "first level that is not certified",
-        "λ",
+        "LEVEL",
         low=1e-6,
         high=0.9,
     )

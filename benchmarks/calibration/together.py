@@ -106,8 +106,8 @@ def joint(families: Mapping[str, Content]) -> list[dict[str, Any]]:
         for risk in risks:
             key = f"{risk:g}"
             row |= {
-                f"δ = {key}: level λ alone": _number(alone.get(key)),
-                f"δ = {key}: all {len(families)} together": _number(jointly.get(key)),
+                f"risk {key}: level alone": _number(alone.get(key)),
+                f"risk {key}: all {len(families)} together": _number(jointly.get(key)),
             }
         rows.append(row)
     return rows

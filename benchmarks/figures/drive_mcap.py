@@ -12,9 +12,9 @@ from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from benchmarks.figures.animation import roll_out
+from benchmarks.figures.file_name import file_name
 from benchmarks.runs.arms import ARMS, Arm, arm_kind
 from benchmarks.runs.drive import navigator_config, predictor_for
 from benchmarks.runs.saved_run import Run
@@ -23,6 +23,7 @@ from benchmarks.runs.tasks import limit_speed
 from benchmarks.runs.trace import RunError, Trace
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.environment import commit
+from foresee.infra.progress import progress
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Caller, Prediction, View
 from planner.navigator import NavigatorConfig
@@ -56,7 +57,7 @@ def write_drive(
         McapError: if the file cannot be written, as without rosbags.
     """
     drive = _Drive.of(run, run.showcase if index is None else index, arm)
-    path = folder / f"drive-{drive.trace.index}-{drive.trace.arm}.mcap"
+    path = folder / file_name("drive", "mcap", drive.trace.index, drive.trace.arm)
     about = run.settings | {"episode": drive.trace.index, "arm": drive.trace.arm}
     with writing_mcap(path, {"foresee": about | {"commit": commit()}}) as file:
         drive.write(file, path.name)
@@ -123,7 +124,7 @@ class _Drive:
         caller = self._caller()
         known, first_seen = self._blank(), np.zeros_like(trace.first_seen, dtype=np.int16)
         file.mount(dt, lidar.config.mount)
-        for tick, state in enumerate(tqdm(trace.states[:-1], desc=name, unit="tick")):
+        for tick, state in enumerate(progress(trace.states[:-1], desc=name, unit="tick")):
             time = dt * (tick + 1)
             scan = lidar.scan(self.task.world, state, rng)
             known.integrate(scan, state, bounds)

@@ -32,7 +32,7 @@ from benchmarks.figures.palette import (
     swatch,
 )
 from benchmarks.runs.saved_run import Run
-from benchmarks.runs.trace import RecordedMoment
+from benchmarks.runs.trace import RecordedMoment, Trace
 from foresee.infra.drawing import INK, bare, new_figure, short_name
 from foresee.mapping.body import Body
 from foresee.mapping.polyline import arc_length
@@ -57,8 +57,8 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
 
     Args:
         run: run that contains the drive.
-        index: number of the episode; None: the one with the tick that relies on the most unobserved
-            cells.
+        index: number of the episode; None: of those whose moment relies on cells that are truly
+            free, if any does, the one that relies on most.
         arm: arm that drove; None: `predicted`, else another arm that used a prediction, else any.
 
     Raises:
@@ -67,7 +67,7 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
     arm = run.pick_arm(index, arm)
     if index is None:
         driven = [i for i in run.indices if (i, arm) in run.drives]
-        index = max(driven, key=lambda i: int(run.trace(i, arm).relied_count.max(initial=0)))
+        index = max(driven, key=lambda i: _worth_showing(run.trace(i, arm)))
     trace = run.trace(index, arm)
     now, truth = trace.moment, trace.truth
     # Laid out by hand, to get six squares of equal size with room for a legend below each.
@@ -105,6 +105,12 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
         ha="left",
     )
     return figure
+
+
+def _worth_showing(trace: Trace) -> tuple[bool, int]:
+    """Return whether the cells that the moment relies on are truly free, and their number."""
+    cells = trace.relied[int(trace.read("moment_tick"))].astype(int)
+    return bool(trace.truth.free[tuple(cells.T)].all()), len(cells)
 
 
 def _view(now: RecordedMoment) -> tuple[float, float, float, float]:
@@ -177,9 +183,7 @@ def _trust(figure: Figure, ax: Axes, now: RecordedMoment) -> None:
     place = ax.inset_axes((0.28, -0.05, 0.42, 0.025))
     bar = figure.colorbar(trust, cax=place, ticks=[0, 0.5, 1], orientation="horizontal")
     bar.ax.tick_params(labelsize=8, length=2, pad=1)
-    bar.ax.annotate(
-        "confidence · p_free", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8
-    )
+    bar.ax.annotate("trust", (1.03, 0.5), xycoords="axes fraction", va="center", fontsize=8)
     bar.outline.set_visible(False)
 
 

@@ -16,6 +16,7 @@ from matplotlib.text import Annotation
 from numpy.typing import NDArray
 from skimage.measure import block_reduce
 
+from benchmarks.runs.arms import arm_kind, arm_risk
 from foresee.infra.drawing import INK
 from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
@@ -92,11 +93,9 @@ LEGEND: dict[str, Any] = {"fontsize": 8, "handlelength": 1.2, "columnspacing": 1
 
 def arm_colour(arm: str) -> str:
     """Return the colour of an arm, the same in every figure; at a higher risk it is darker."""
-    kind, _, risk = arm.partition(" ")
-    colour = ARM_COLOURS.get(kind, OTHER_ARM)
-    if not risk:
+    colour, share = ARM_COLOURS.get(arm_kind(arm), OTHER_ARM), arm_risk(arm)
+    if share == 0.0:
         return colour
-    share = float(risk.removesuffix(" %")) / 100
     red, green, blue = (part * (0.75 - 0.5 * share / (share + 0.05)) for part in to_rgb(colour))
     return to_hex((red, green, blue))
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from benchmarks.figures.animation import MARGIN, Ticks, roll_out
+from benchmarks.figures.animation import Ticks, roll_out
 from benchmarks.figures.moment import BELIEVED_FREE, BELIEVED_OCCUPIED
 from benchmarks.figures.palette import (
-    CRASH_COLOUR,
     FREE_COLOUR,
     LEGEND,
     MARKS,
@@ -26,45 +25,55 @@ from benchmarks.figures.palette import (
     draw_image,
     extent,
     map_image,
+    note,
     outline,
     scale_bar,
     swatch,
 )
-from benchmarks.figures.video import write_video
+from benchmarks.runs.arms import arm_kind, arm_risk
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RunError
-from foresee.infra.drawing import INK, bare, new_figure, own_style, short_name
+from foresee.infra.drawing import INK, bare, new_figure, own_style
 from foresee.mapping.grid import GridFrame
 
-ARMS = ("known", "backup", "predicted")
-"""Arms that race."""
-MOST = 130
+ARMS = {
+    "known": "plans within what it has seen",
+    "backup": "hopes that the rest is free",
+    "predicted": "relies on a network",
+}
+"""Kind of arm that races → what it does, in a few words."""
+MARGIN = 2.5
+"""Margin around the drives [m]."""
+WALL, STOP = "#888888", "#F4A6A6"
+"""Colours of the true walls, and of the last resort."""
+MOST = 150
 """Largest number of frames."""
 LARGEST = 360
 """Largest side of the image of a map [pixels]."""
-LARGEST_FIGURE = np.array([10.5, 8.5])
-"""Largest width and height of all panels together [inch]."""
+LARGEST_FIGURE = np.array([8.4, 6.4])
+"""Largest width and height of all panels together [inch]; a page of a repository is as wide."""
 NARROWEST = 6.5
 """Least width of a frame, for the legend [inch]."""
-DPI = 90
+HEAD, FOOT = 0.42, 0.48
+"""Height of the head of a panel, and of the legend [inch]."""
+DPI = 100
 
 
-def write_race(run: Run, folder: Path, index: int | None = None) -> Path:
-    """Write race-EPISODE.gif, with a progress bar, and return its path.
-
-    Args:
-        run: run that contains the drives.
-        folder: folder for the file.
-        index: number of the episode; None: the first in which all arms reached the goal.
+def racers(run: Run, index: int) -> list[str]:
+    """Return the arms that race in an episode: of `predicted`, the one at the highest risk.
 
     Raises:
-        RunError: if there is no such episode, fewer than two of `ARMS` drove it, or a trace is
-            broken.
+        RunError: if there is no such episode, or fewer than two of `ARMS` drove it.
     """
-    race = Race(run, run.showcase if index is None else index)
-    path = folder / f"race-{race.index}.gif"
-    write_video(race.frame, len(race), race.rate, path)
-    return path
+    driven = run.driven_arms(index)
+    boldest = {arm_kind(arm): arm for arm in sorted(driven, key=arm_risk)}
+    arms = [boldest[kind] for kind in ARMS if kind in boldest]
+    if len(arms) < 2:
+        raise RunError(
+            f"{run.directory}: a race needs two of the arms {', '.join(ARMS)}, and episode {index} "
+            f"has {', '.join(driven)}"
+        )
+    return arms
 
 
 class Race(Ticks):
@@ -72,6 +81,9 @@ class Race(Ticks):
 
     Args:
         run: run that contains the drives.
+        index: number of the episode; None: the first in which all arms reached the goal.
+
+    Attributes:
         index: number of the episode.
 
     Raises:
@@ -80,14 +92,9 @@ class Race(Ticks):
     """
 
     @own_style()
-    def __init__(self, run: Run, index: int) -> None:
-        arms = [arm for arm in ARMS if arm in run.driven_arms(index)]
-        if len(arms) < 2:
-            raise RunError(
-                f"{run.directory}: a race needs two of the arms {', '.join(ARMS)}, and episode "
-                f"{index} has {', '.join(run.driven_arms(index))}"
-            )
-        self.index = index
+    def __init__(self, run: Run, index: int | None = None) -> None:
+        self.index = index = run.showcase if index is None else index
+        arms = racers(run, index)
         traces = [run.trace(index, arm) for arm in arms]
         longest = max(len(trace.plans) for trace in traces)
         super().__init__(longest, run.setting("dt"), math.ceil(longest / MOST))
@@ -100,10 +107,10 @@ class Race(Ticks):
         across, size = scales[0] >= scales[1], max(scales) * box
         rows, cols = (1, len(arms)) if across else (len(arms), 1)
         figure = new_figure(
-            max(size[0] * cols, NARROWEST), (size[1] + 0.3) * rows + 0.75, layout=None
+            max(size[0] * cols, NARROWEST), (size[1] + HEAD) * rows + FOOT, layout=None
         )
         whole = figure.get_figheight()
-        figure.subplots_adjust(0.01, 0.42 / whole, 0.99, 1 - 0.63 / whole, 0.03, 0.3 / size[1])
+        figure.subplots_adjust(0.005, FOOT / whole, 0.995, 1 - HEAD / whole, 0.03, HEAD / size[1])
         figure.set_dpi(DPI)
         self._canvas = FigureCanvasAgg(figure)
         axes = figure.subplots(rows, cols, squeeze=False).ravel()
@@ -111,16 +118,16 @@ class Race(Ticks):
             _Panel(ax, run, index, arm, (low[0], high[0], low[1], high[1]))
             for ax, arm in zip(axes, arms, strict=True)
         ]
-        style: dict[str, Any] = {"fontsize": 11, "color": INK, "va": "center"}
-        name = f"episode {index} · {short_name(result.world)}"
-        figure.text(0.01, 1 - 0.16 / whole, name, **style)
-        plan, stop = self._panels[0].lines
+        scale_bar(axes[0])
         areas = [
-            swatch(FREE_COLOUR, "observed"),
-            swatch(BELIEVED_FREE, "predicted free"),
-            swatch(BELIEVED_OCCUPIED, "predicted occupied"),
+            swatch(FREE_COLOUR, "seen"),
+            swatch(UNKNOWN_COLOUR, "not seen"),
+            swatch(BELIEVED_FREE, "expected free"),
+            swatch(BELIEVED_OCCUPIED, "expected wall"),
         ]
-        figure.legend(handles=[*areas, plan, stop], loc="lower left", ncols=5, **LEGEND)
+        # Columns of two.
+        handles = [*areas, *self._panels[0].lines, *_marks()]
+        figure.legend(handles=handles, loc="lower center", ncols=4, **LEGEND)
 
     def frame(self, number: int) -> NDArray[np.uint8]:
         """Draw one frame, and return its pixels, (height, width, 3)."""
@@ -130,6 +137,11 @@ class Race(Ticks):
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
 
+def _marks() -> list[Line2D]:
+    wall = Line2D([], [], color=WALL, linewidth=0.8, label="true wall, unknown to the car")
+    return [wall, Line2D([], [], label="goal", **MARKS["goal"] | {"markersize": 10})]
+
+
 class _Panel:
     """The drive of one arm: what it has observed and believes, its plan, and its clock."""
 
@@ -137,7 +149,7 @@ class _Panel:
         self, ax: Axes, run: Run, index: int, arm: str, box: tuple[float, float, float, float]
     ) -> None:
         self._trace, self._result = run.trace(index, arm), run.drives[index, arm]
-        self._dt, self._body, self._arm = run.setting("dt"), run.body, arm
+        self._dt, self._body = run.setting("dt"), run.body
         states = self._trace.states[:-1]
         self._motions = [
             roll_out(states, self._trace.read(name), self._dt, self._trace.gears)[..., :2]
@@ -154,22 +166,29 @@ class _Panel:
         self._belief = ax.imshow(np.zeros((1, 1, 4)), zorder=1)
         self._known = draw_image(ax, self._observed(0), self._part)
         self._known.set_zorder(1.5)
-        outline(ax, truth, "#AAAAAA", 0.6)
-        line: dict[str, Any] = {"solid_capstyle": "round", "zorder": 5}
+        outline(ax, truth, WALL, 0.8)
         colour = arm_colour(arm)
-        self._driven = ax.plot([], [], color=colour, linewidth=1.5, **line)[0]
+        line: dict[str, Any] = {"solid_capstyle": "round"}
+        self._driven = ax.plot([], [], color=colour, linewidth=1.6, zorder=4, **line)[0]
+        # The plan lies on the last resort, so that both are seen where they are the same.
         self.lines = (
-            ax.plot([], [], color=INK, linewidth=2.8, label="plan", **line)[0],
-            ax.plot([], [], ":", color=CRASH_COLOUR, linewidth=1.5, label="last resort", zorder=6)[
-                0
-            ],
+            ax.plot([], [], color=INK, linewidth=1.6, label="plan", zorder=6, **line)[0],
+            ax.plot(
+                [], [], color=STOP, linewidth=5, label="last resort: stops it", zorder=5, **line
+            )[0],
         )
+        place: dict[str, Any] = {"color": colour, "alpha": 0.3, "markeredgewidth": 0}
+        self._place = ax.plot([], [], "o", markersize=15, zorder=5.5, **place)[0]
         self._car = draw_body(ax, states[0, :3], self._body, arm)
+        self._car.set(zorder=7, edgecolor="none")
         ax.plot(*self._result.goal, **MARKS["goal"] | {"markersize": 12})
         bare(ax)
         ax.axis(box)
-        scale_bar(ax)
-        self._title = ax.set_title("", loc="left", fontsize=10, color=colour, fontweight="bold")
+        words: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 10}
+        note(ax, arm, (0, 1), (1, 16), color=colour, weight="bold", **words)
+        note(ax, ARMS[arm_kind(arm)], (0, 1), (1, 4), **words | {"fontsize": 8})
+        self._clock = note(ax, "", (1, 1), (-1, 16), ha="right", weight="bold", **words)
+        self._speed = note(ax, "", (1, 1), (-1, 4), ha="right", **words | {"fontsize": 9})
 
     def update(self, tick: int) -> None:
         """Show a tick, or the last one of the drive."""
@@ -184,12 +203,12 @@ class _Panel:
         self._driven.set_data(*states[: tick + 1, :2].T)
         for line, motions in zip(self.lines, self._motions, strict=True):
             line.set_data(*motions[tick].T)
+            line.set_visible(not over)
+        self._place.set_data(here[:1], here[1:2])
         self._car.set_xy(body_outline(here, self._body))
-        if over:
-            text = f"{self._result.outcome.replace('_', ' ')} · {self._result.time:.1f} s"
-        else:
-            text = f"{tick * self._dt:.1f} s · {here[3]:.1f} m/s"
-        self._title.set_text(f"{self._arm} · {text}")
+        self._clock.set_text(f"{self._result.time if over else tick * self._dt:.1f} s")
+        outcome = self._result.outcome.replace("_", " ")
+        self._speed.set_text(outcome if over else f"{here[3]:.1f} m/s")
 
     def _observed(self, tick: int) -> NDArray[np.float64]:
         """Return the image of what was observed, transparent elsewhere, (rows, columns, 4)."""

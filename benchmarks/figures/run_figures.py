@@ -7,6 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from benchmarks.figures.file_name import file_name
 from benchmarks.figures.moment import moment
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
@@ -26,6 +27,8 @@ def draw_all(directory: Path) -> list[Path]:
 def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = None) -> list[Path]:
     """Draw speed_profile.png, trajectories.png and moment.png of a run, and return their paths.
 
+    With an episode or an arm, the names tell it, see `file_name`.
+
     Args:
         run: run whose drives are drawn.
         out: folder for the files; made if it is missing.
@@ -37,8 +40,8 @@ def draw_run(run: Run, out: Path, episode: int | None = None, arm: str | None = 
     """
     shown = None if episode is None else [episode]
     figures: list[tuple[str, Callable[[], Figure]]] = [
-        ("speed_profile.png", lambda: speed_profile([run], episode)),
-        ("trajectories.png", lambda: trajectories(run, shown)),
-        ("moment.png", lambda: moment(run, episode, arm)),
+        (file_name("speed_profile", "png", episode), lambda: speed_profile([run], episode)),
+        (file_name("trajectories", "png", episode), lambda: trajectories(run, shown)),
+        (file_name("moment", "png", episode, arm), lambda: moment(run, episode, arm)),
     ]
     return save_figures(figures, out)

@@ -1,4 +1,4 @@
-"""Writing of frames as a video: a GIF, or an MP4 if ffmpeg is installed."""
+"""Writing of frames as a video: a GIF, or an MP4 if there is ffmpeg."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from tqdm import tqdm
 
 from foresee.infra.errors import LineError
+from foresee.infra.progress import progress
 
 Picture = NDArray[np.uint8]
 """Pixels of a frame, (height, width, 3)."""
@@ -29,17 +29,20 @@ class VideoError(LineError):
 
 
 def kind_for(wanted: str) -> str:
-    """Return the file type, "gif" or "mp4"; for "auto", "mp4" if ffmpeg is installed.
+    """Return the file type, "gif" or "mp4"; for "auto", "mp4" if there is ffmpeg.
 
     Raises:
         VideoError: if MP4 is wanted and there is no ffmpeg.
     """
-    ffmpeg = shutil.which("ffmpeg") is not None
-    if wanted == "mp4" and not ffmpeg:
-        raise VideoError("an MP4 needs ffmpeg on the PATH; a GIF does not")
-    if wanted == "auto":
-        return "mp4" if ffmpeg else "gif"
-    return wanted
+    if wanted == "gif":
+        return wanted
+    try:
+        _ffmpeg()
+    except VideoError:
+        if wanted == "mp4":
+            raise
+        return "gif"
+    return "mp4"
 
 
 def write_video(frames: Callable[[int], Picture], count: int, rate: float, path: Path) -> None:
@@ -58,7 +61,7 @@ def write_video(frames: Callable[[int], Picture], count: int, rate: float, path:
         raise VideoError(f"{path.name}: the drive has no ticks to show")
     part = path.with_name(f".{os.getpid()}.{path.name}")
     try:
-        with tqdm(range(count), desc=path.name, unit="frame") as numbers:
+        with progress(range(count), desc=path.name, unit="frame") as numbers:
             pictures = (frames(i) for i in numbers)
             if path.suffix == ".mp4":
                 _write_mp4(pictures, rate, part)
@@ -72,7 +75,7 @@ def write_video(frames: Callable[[int], Picture], count: int, rate: float, path:
 
 def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: Path) -> None:
     # One palette for all frames, so that only the changes between frames must be stored.
-    palette = Image.fromarray(samples).quantize(255, dither=Image.Dither.NONE)
+    palette = Image.fromarray(samples).quantize(255, Image.Quantize.FASTOCTREE)
     pictures = (
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in frames
@@ -81,16 +84,30 @@ def _write_gif(frames: Pictures, samples: Picture, durations: list[int], path: P
     first.save(path, format="GIF", save_all=True, append_images=pictures, **shown)
 
 
+def _ffmpeg() -> str:
+    """Return the path of ffmpeg: that of the system, or of the package imageio-ffmpeg."""
+    if (path := shutil.which("ffmpeg")) is not None:
+        return path
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+    except ImportError:
+        line = "an MP4 needs ffmpeg: pip install 'foresee-nav[video]'; a GIF does not"
+        raise VideoError(line) from None
+    return str(get_ffmpeg_exe())
+
+
 def _write_mp4(frames: Pictures, rate: float, path: Path) -> None:
     first = next(frames)
     # The pixel format yuv420p needs even sides.
     height, width = (side - side % 2 for side in first.shape[:2])
     command = (
-        f"ffmpeg -y -loglevel error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} "
+        f"-y -loglevel error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {rate:g} "
         "-i - -pix_fmt yuv420p -movflags +faststart -f mp4"
     )
     process = subprocess.Popen(
-        [*command.split(), str(path)], stdin=subprocess.PIPE, stderr=subprocess.PIPE
+        [_ffmpeg(), *command.split(), str(path)],
+        stdin=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     assert process.stdin is not None
     # If ffmpeg ends early, its own message is reported below.

@@ -6,7 +6,7 @@ import shlex
 from dataclasses import fields
 from typing import Any
 
-from benchmarks.runs.arms import CALIBRATED_ARM, arm_kind
+from benchmarks.runs.arms import CALIBRATED_ARM, arm_kind, arm_risk
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 
@@ -31,18 +31,12 @@ def command_of(run: Run) -> str:
         is_option = "help" in field.metadata and name not in NAMED_BY_ARMS
         if is_option and value is not None and value != default:
             words += [f"--{name.replace('_', '-')}", *_words(value)]
-    risks = [_risk(arm) for arm in arms if arm_kind(arm) == CALIBRATED_ARM]
+    risks = [arm_risk(arm) for arm in arms if arm_kind(arm) == CALIBRATED_ARM]
     if any(risks):
         words += ["--risk", *(f"{risk:g}" for risk in risks)]
     if any(episode.uncertified for episode in run.episodes):
         words.append("--uncertified")
     return shlex.join([*words, "--out", run.label])
-
-
-def _risk(arm: str) -> float:
-    """Return the risk of an arm, see `benchmarks.runs.arms.arm_at`."""
-    percent = arm.partition(" ")[2].removesuffix(" %")
-    return float(percent) / 100.0 if percent else 0.0
 
 
 def _words(value: Any) -> list[str]:

@@ -123,3 +123,9 @@ def arm_at(risk: float) -> str:
 def arm_kind(name: str) -> str:
     """Return the key in `ARMS` of an arm that may be named with its risk, see `arm_at`."""
     return name.partition(" ")[0]
+
+
+def arm_risk(name: str) -> float:
+    """Return the risk of an arm that may be named with it, see `arm_at`; else 0."""
+    percent = name.partition(" ")[2].removesuffix(" %")
+    return float(percent) / 100 if percent else 0.0

@@ -10,12 +10,11 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tqdm import tqdm
-
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.command_line import UsageError
 from foresee.infra.markdown import records
 from foresee.infra.plain_json import fits
+from foresee.infra.progress import progress
 from foresee.infra.results_file import COMMANDS, read_results
 from foresee.infra.resumable import refuse_other_settings
 from foresee.infra.workers import LostError, finished
@@ -138,14 +137,14 @@ class DriveFile:
         skipped = dict[Item, str]()
         if enough():
             return skipped
-        with tqdm(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
+        with progress(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
             try:
                 for item, content in finished(work, todo, jobs):
                     if isinstance(content, str):
                         skipped[item] = content
                     else:
                         self.add(content)
-                        bar.set_postfix_str(about(content))
+                        bar.set_postfix_str(about(content), refresh=False)
                     bar.update()
                     if enough():
                         break

@@ -63,7 +63,7 @@ def overview(runs: dict[str, dict[str, Any]]) -> str:
 
 
 def reliances(runs: dict[str, dict[str, Any]]) -> str:
-    """Return a table of the reliance ε and the broken promises of `predicted`, one line per run.
+    """Return a table of the reliance and the broken promises of `predicted`, one line per run.
 
     Args:
         runs: name → contents of a results.json of `benchmarks.corridor`, `summarised`.
@@ -76,7 +76,7 @@ def reliances(runs: dict[str, dict[str, Any]]) -> str:
                 "run": name,
                 "predictor": f"`{Path(settings['predictor']).stem}`",
                 "expansion": f"{settings['expansion']:g}",
-                "ε": f"{settings['reliance']:g}",
+                "reliance": f"{settings['reliance']:g}",
                 "promises broken (95 % over worlds)": broken(entry),
                 **{key: entry[key] for key in ("episodes", "reached", "collided")},
                 "SCT": figure(entry["sct"], entry["sct_interval"], ".3f"),

@@ -27,7 +27,7 @@ LARGEST = 2**28
 """Largest size of an array [bytes]; a larger one is not read. Those of the largest map that is
 read have half of it."""
 SHOWN_FIRST = ("predicted", "oracle")
-"""Arms that figures of one arm show, if a run has them."""
+"""Kinds of arms that figures of one arm show, if a run has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +210,8 @@ class Run:
         """
         arms = self.arms if index is None else self.driven_arms(index)
         if arm is None:
-            predicted = [n for n in arms if self._predicts(n)]
-            return next((name for name in SHOWN_FIRST if name in arms), (predicted or arms)[0])
+            first = [name for kind in SHOWN_FIRST for name in arms if arm_kind(name) == kind]
+            return [*first, *(name for name in arms if self._predicts(name)), *arms][0]
         if arm not in arms:
             raise RunError(f"{self.directory} has no arm {arm!r} here: it has {', '.join(arms)}")
         return arm

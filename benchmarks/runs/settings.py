@@ -29,6 +29,21 @@ TURN_RATE = 1.5
 """Yaw rate of turns on the spot of a car whose file does not give it [rad/s]."""
 
 
+HEADINGS = {
+    "tasks of your own": ("tasks", "start", "goal"),
+    "the car": ("car", "vehicle", "v_max", "braking"),
+    "what it sees and predicts": ("window", "expansion", "noise", "dropout", "frontiers", "far"),
+    "how far it relies on predictions": ("reliance", "uncertified", "level", "fixed_level"),
+    "errors of the robot, and what the navigator is told of them": (
+        *("delay", "jitter", "lag", "pose_error", "yaw_error", "missed"),
+        *("told_delay", "told_jitter", "told_lag", "told_pose_error", "told_yaw_error"),
+        "told_noise",
+    ),
+    "the wall clock": ("real_time", "deadline"),
+}
+"""Heading in the help → settings below it; the others are the general ones."""
+
+
 def _arms(text: str) -> tuple[str, ...]:
     return tuple(ARMS) if text == "all" else tuple(text.split(","))
 
@@ -107,23 +122,23 @@ class Settings(Options):
     risk: float = option(
         0.0,
         "accepted probability of a collision in a drive of arm predicted; 0: collisions are "
-        "excluded by construction. Above 0, a calibration gives the level λ of its last resort",
-        "δ",
+        "excluded by construction. Above 0, a calibration gives the level of its last resort",
+        "RISK",
         low=0,
         high=1,
     )
     uncertified: bool = option(
         False,
         "drive at a --risk without a calibration for these drives, such as in real buildings: the "
-        "level λ is that of --calibration, or of the shipped one for the same predictor and route "
+        "level is that of --calibration, or of the shipped one for the same predictor and route "
         "in the mixture of families. More drives than accepted may collide",
     )
     level: float = option(
         0.0,
         "in place of --risk, without a certificate: the last resort of arm predicted may enter an "
-        "unobserved cell if confidence · p_free is at least 1 − λ; 0: none. If that proves wrong, "
-        "the car may collide",
-        "λ",
+        "unobserved cell if confidence · p_free is at least 1 − LEVEL; 0: none. If that proves "
+        "wrong, the car may collide",
+        "LEVEL",
         low=0,
         high=0.99,
     )
@@ -132,9 +147,9 @@ class Settings(Options):
     )
     reliance: float = option(
         0.05,
-        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − ε. If that "
-        "proves wrong, the car brakes hard. ε is raised to λ if it is smaller",
-        "ε",
+        "a plan may enter an unobserved cell if confidence · p_free is at least 1 − RELIANCE. If "
+        "that proves wrong, the car brakes hard. It is raised to --level if it is smaller",
+        "RELIANCE",
         low=0,
         high=1,
     )

@@ -7,7 +7,6 @@ import json
 import shutil
 import zipfile
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from benchmarks.runs.time_optimal import Key, task_key
 from benchmarks.runs.trace import Drive, RunError, Trace
 from foresee.infra.atomic_file import replacing
 from foresee.infra.command_line import UsageError
-from foresee.infra.environment import commit, machine
+from foresee.infra.environment import commit, machine, own_version
 from foresee.infra.errors import one_line, shown
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import SETTINGS, ResumableFolder, difference
@@ -138,7 +137,7 @@ class Store(ResumableFolder):
         results = {
             "settings": self._marked | {"dt": TICK},
             "machine": machine(),
-            "version": version("foresee"),
+            "version": own_version(),
             "commit": self.commit,
             "summary": summarise(chosen, arms),
             "gap": gap(chosen, arms, self.settings.route),

@@ -171,8 +171,8 @@ ERRORS = {
 def title(settings: dict[str, Any]) -> str:
     """Return the settings of a comparison as one line."""
     settings, worlds = up_to_date(settings), settings["world"]
-    risk = f", risk δ = {settings['risk']:g}" if settings["risk"] else ""
-    level = f", level λ = {settings['level']:g}" if settings["level"] else ""
+    risk = f", risk {settings['risk']:g}" if settings["risk"] else ""
+    level = f", level {settings['level']:g}" if settings["level"] else ""
     places = ", ".join(str(world) for world in worlds[:3]) + (" …" if len(worlds) > 3 else "")
     if settings["tasks"] is not None:
         places += f", tasks {settings['tasks']}"
@@ -184,7 +184,7 @@ def title(settings: dict[str, Any]) -> str:
         f"{places}, route {settings['route']}, {settings['vehicle']} {car}; "
         f"window {settings['window']:g} m, expansion {settings['expansion']:g}, "
         f"v_max {settings['v_max']:g} m/s, predictor "
-        f"{settings['predictor']}, reliance ε = {settings['reliance']:g}{risk}{level}"
+        f"{settings['predictor']}, reliance {settings['reliance']:g}{risk}{level}"
         f"{_clock(settings)}{_errors(settings)}"
     )
 
@@ -363,7 +363,7 @@ def remarks(summary: dict[str, Any], shares: dict[str, Any]) -> Iterator[str]:
             yield f"Handled faults of `{arm}`: {kinds}."
     for arm, entry in summary.items():
         if arm != arm_kind(arm):
-            yield f"`{arm}` drives at level λ = {entry['level']:g}."
+            yield f"`{arm}` drives at level {entry['level']:g}."
     for arm, closed in shares.items():
         for key, what in (("sct", "in SCT"), ("time", "in time, where all reached")):
             if closed[key] is not None:

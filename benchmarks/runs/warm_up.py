@@ -10,11 +10,11 @@ from dataclasses import replace
 from typing import Any
 
 from numba.core import event
-from tqdm import tqdm
 
 from benchmarks.runs.drive import drive
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
+from foresee.infra.progress import progress
 from foresee.mapping.kernels import PACKAGES, kernel_count, warm_mark
 
 LONGEST = 6.0
@@ -24,7 +24,7 @@ LONGEST = 6.0
 def warm_up() -> str:
     """Compile what is not compiled yet, with a progress bar, and return a line about it."""
     started, mark = time.perf_counter(), warm_mark()
-    with tqdm(total=kernel_count(), desc="compiling", unit="kernel", file=sys.stderr) as bar:
+    with progress(total=kernel_count(), desc="compiling", unit="kernel") as bar:
         with _counting(bar):
             for settings in _drives():
                 task = make_task(settings, 0)

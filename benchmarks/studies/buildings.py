@@ -38,9 +38,9 @@ class BuildingsSettings(Options):
 def _run(settings: BuildingsSettings) -> None:
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     import numpy as np
-    from tqdm import tqdm
 
     from foresee.infra.environment import commit
+    from foresee.infra.progress import progress
     from foresee.infra.results_file import write_results
     from predictor.evaluation.drive_scores import report_group
     from predictor.recording.own_buildings import read_building
@@ -55,7 +55,7 @@ def _run(settings: BuildingsSettings) -> None:
         for seed in (seeds if place in FAMILIES else (0,))
     ]
     groups: dict[str, list[dict[str, float]]] = {}
-    for place, seed in tqdm(items, unit="building"):
+    for place, seed in progress(items, unit="building"):
         world = generate(place, seed) if place in FAMILIES else read_building(Path(place))
         numbers = building_statistics(world, np.random.default_rng(seed))
         rounded = {name: round(number, 4) for name, number in numbers.items()}

@@ -50,8 +50,7 @@ def draw(name: str) -> bytes:
     Args:
         name: name of the suite, a key of `SUITES`.
     """
-    from tqdm import tqdm
-
+    from foresee.infra.progress import progress
     from foresee.mapping.car_limits import CarLimits
     from sim.suite import Place
     from sim.task import NoTaskError
@@ -60,7 +59,7 @@ def draw(name: str) -> bytes:
     car = CarLimits(v_max=rules["v_max"], reverse=rules["reverse"])
     seed = SEED + APART * list(SUITES).index(name)
     lines: list[str] = []
-    with tqdm(total=BUILDINGS, desc=name, unit="building") as bar:
+    with progress(total=BUILDINGS, desc=name, unit="building") as bar:
         while len(lines) < BUILDINGS:
             family = families[len(lines) % len(families)]
             try:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import errno
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any, NoReturn, get_args, get_type_hints
 
 # Imported before numpy, this limits the libraries to one thread in each process.
@@ -29,10 +29,20 @@ class Section:
     Attributes:
         heading: heading of its options in the help; "": they are among the general ones.
         names: fields that are options of the command; (): all.
+        below: further heading → fields that are shown there instead, after those of `heading`.
     """
 
     heading: str = ""
     names: tuple[str, ...] = ()
+    below: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def parts(self, settings: type[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """Yield each heading, and the names of the fields below it."""
+        names = self.names or tuple(each.name for each in fields(settings))
+        lower = {name for group in self.below.values() for name in group}
+        yield self.heading, tuple(name for name in names if name not in lower)
+        for heading, group in self.below.items():
+            yield heading, tuple(name for name in group if name in names)
 
 
 @dataclass(frozen=True)
@@ -87,12 +97,15 @@ class Command:
 
     def parser(self) -> argparse.ArgumentParser:
         """Return the parser of the options."""
-        parser = _Parser(prog=self.name, description=self.description, formatter_class=_Paragraphs)
+        prog = f"{self.name} [options]"
+        parser = _Parser(prog=prog, description=self.description, formatter_class=_Paragraphs)
         groups: dict[str, argparse._ActionsContainer] = {"": parser}
         for settings, section in self._parts():
-            if section.heading not in groups:
-                groups[section.heading] = parser.add_argument_group(section.heading)
-            settings.add_to(groups[section.heading], *section.names)
+            for heading, names in section.parts(settings):
+                if names and heading not in groups:
+                    groups[heading] = parser.add_argument_group(heading)
+                if names:
+                    settings.add_to(groups[heading], *names)
         return parser
 
     def _parts(self) -> list[tuple[Any, Section]]:
@@ -116,7 +129,13 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Paragraphs(argparse.HelpFormatter):
-    """A formatter that keeps the paragraphs of a description, and the lines of indented ones."""
+    """A formatter that keeps the paragraphs of a description, and the lines of indented ones.
+
+    The usage names only what must be given: a first screen has no room for all options twice.
+    """
+
+    def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
+        super().add_usage(usage, [each for each in actions if each.required], groups, prefix)
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         fill = super()._fill_text

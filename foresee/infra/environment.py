@@ -11,6 +11,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+DISTRIBUTION = "foresee-nav"
+"""Name of this project on the package index, where `foresee` is another one."""
+
+
+def own_version() -> str:
+    """Return the version of this project that is installed."""
+    return version(DISTRIBUTION)
+
 
 def machine() -> dict[str, Any]:
     """Return processor, number of cores, system, and versions of Python and of packages."""

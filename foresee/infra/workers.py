@@ -159,7 +159,7 @@ def _on_cluster(
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
     except ImportError:
-        raise WorkersError("--dask needs Dask: pip install 'foresee[dask]'") from None
+        raise WorkersError("--dask needs Dask: pip install 'foresee-nav[dask]'") from None
 
     try:
         _await_greeting(address)

@@ -74,7 +74,7 @@ def read_bag(path: Path, config: BagConfig | None = None) -> LaserLog:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise LogError("bags are read by rosbags: pip install 'foresee[bags]'") from None
+        raise LogError("bags are read by rosbags: pip install 'foresee-nav[bags]'") from None
     if not path.exists():
         raise LogError(f"{path}: no such file")
     if path.suffix in PACKED and path.is_file():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.infra.atomic_file import write_whole
-from foresee.infra.environment import commit
+from foresee.infra.environment import commit, own_version
 from foresee.infra.resumable import ResumableFolder, refuse_other_settings, write_arrays
 from foresee.mapping.conventions import CROP_CELLS, RESOLUTION
 from foresee.mapping.grid import GridFrame, OccupancyGrid
@@ -67,7 +66,7 @@ class FrameSet:
         self._facts = {
             "format": FORMAT,
             "kind": kind,
-            "version": version("foresee"),
+            "version": own_version(),
             "settings": settings,
             "planned": len(names),
         }

@@ -188,7 +188,9 @@ def writing_mcap(path: Path, about: Mapping[str, Any]) -> Iterator[McapFile]:
         from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise McapError("MCAP files are written by rosbags: pip install 'foresee[bags]'") from None
+        raise McapError(
+            "MCAP files are written by rosbags: pip install 'foresee-nav[bags]'"
+        ) from None
     with (
         replacing(path) as temporary,
         TemporaryDirectory(prefix=f"{path.name}.", suffix=".tmp", dir=path.parent) as folder,

@@ -16,6 +16,7 @@ from foresee.infra.command_line import UsageError
 from foresee.infra.environment import commit, machine
 from foresee.infra.markdown import markdown, span
 from foresee.infra.plain_json import without_nan
+from foresee.infra.progress import progress
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
@@ -96,10 +97,11 @@ class DriveScores:
 
     def run(self, jobs: int) -> None:
         """Score the missing drives, with a progress bar."""
-        from tqdm import tqdm
 
         todo = [item for item in self.items if self._read(item) is None]
-        with tqdm(total=len(self.items), initial=len(self.items) - len(todo), unit="drive") as bar:
+        with progress(
+            total=len(self.items), initial=len(self.items) - len(todo), unit="drive"
+        ) as bar:
             for item, scored in finished(
                 partial(scored_drive.score_drive, self.config), todo, jobs
             ):

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from foresee.infra.environment import commit
+from foresee.infra.progress import progress
 from foresee.mapping.conventions import TICK
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Caller, View
@@ -105,7 +105,7 @@ def replay(log: LaserLog, config: ReplayConfig, path: Path) -> Replay:
     nan_cells = 0
     with writing_mcap(path, {"foresee": about}) as file:
         scans = zip(log.scans, log.poses, times.tolist(), strict=True)
-        for number, (scan, pose, time) in enumerate(tqdm(scans, total=len(log), unit="scan")):
+        for number, (scan, pose, time) in enumerate(progress(scans, total=len(log), unit="scan")):
             known.integrate(clipped(scan, REACH), pose)
             file.place(time, pose, LASER)
             file.scan(time, scan)

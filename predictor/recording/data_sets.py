@@ -8,8 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
+from foresee.infra.progress import progress
 from foresee.infra.workers import finished
 from predictor.data.bag_config import BagConfig
 from predictor.data.frame_set import FrameSet
@@ -39,11 +38,11 @@ def make_simulated(folder: Path, config: SimulatedConfig, jobs: int) -> None:
     todo = sorted((drives[name] for name in frames.missing), key=lambda drive: -drive.count)
     total = sum(drive.count for drive in drives.values())
     there = total - sum(drive.count for drive in todo)
-    with tqdm(total=total, initial=there, unit="frame") as bar:
-        bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
+    with progress(total=total, initial=there, unit="frame") as bar:
+        bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives", refresh=False)
         for drive, facts in finished(partial(make_drive, folder, config), todo, jobs):
             frames.add(drive.name, facts)
-            bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives")
+            bar.set_postfix_str(f"{len(frames.done)} of {len(drives)} drives", refresh=False)
             bar.update(drive.count)
     check_apart(worlds_by_split(frames.done.values()))
 
@@ -79,7 +78,7 @@ def make_physical(folder: Path, paths: list[Path], config: BagConfig, jobs: int)
     sites = {site_name(path): path for path in paths}
     frames = FrameSet(folder, "physical", log_settings(config), list(sites), log_sources(paths))
     todo = [sites[name] for name in frames.missing]
-    with tqdm(total=len(sites), initial=len(sites) - len(todo), unit="log") as bar:
+    with progress(total=len(sites), initial=len(sites) - len(todo), unit="log") as bar:
         for path, facts in finished(partial(make_log, folder, config), todo, jobs):
             frames.add(site_name(path), facts)
             passed = "".join(f"; skipped: {n} {what}" for what, n in facts["skipped"].items() if n)

@@ -9,8 +9,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tqdm import tqdm
-
+from foresee.infra.progress import progress
 from foresee.infra.workers import finished
 
 DRIVES = {"train": 1_600_000, "validation": 540_000}
@@ -51,11 +50,11 @@ def make_missing(
     items = [(split, number) for split, count in drives.items() for number in range(count)]
     todo = [item for item in items if not sample_path(folder, item).exists()]
     total, reasons = 0, set[str]()
-    with tqdm(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
+    with progress(total=len(items), initial=len(items) - len(todo), unit=unit) as bar:
         for _, (samples, reason) in finished(record, todo, jobs):
             total += samples
             if reason and reason not in reasons:
                 reasons.add(reason)
                 bar.write(reason, file=sys.stderr)
-            bar.set_postfix_str(f"{total} samples")
+            bar.set_postfix_str(f"{total} samples", refresh=False)
             bar.update()

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from tqdm import tqdm
-
 from foresee.infra.atomic_file import write_whole
 from foresee.infra.errors import one_line
 from foresee.infra.plain_json import loads
+from foresee.infra.progress import progress
 from foresee.infra.workers import LostError, finished
 from predictor.networks.image_config import ImageConfig
 from predictor.training.checkpoint import is_trained
@@ -125,7 +124,7 @@ class Study:
         """
         todo = [training for training in self.trainings if self.state[training] == "waiting"]
         done, end = len(self.trainings) - len(todo), time.monotonic() + 60 * minutes
-        with tqdm(total=len(self.trainings), initial=done, unit="network") as bar:
+        with progress(total=len(self.trainings), initial=done, unit="network") as bar:
             try:
                 for training, state in finished(partial(_trained, end), todo, jobs):
                     self.state[training] = state

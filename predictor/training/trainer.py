@@ -22,12 +22,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from tqdm import tqdm
 
 from foresee.infra.atomic_file import clear, write_whole
 from foresee.infra.drawing import new_figure, own_style
 from foresee.infra.environment import commit
 from foresee.infra.errors import one_line
+from foresee.infra.progress import progress
 from predictor.training.checkpoint import TrainError, read_checkpoint, write_checkpoint
 from predictor.training.optimisation import restore, states
 
@@ -132,13 +132,7 @@ class Trainer(ABC):
         saved = begun = time.monotonic()
         before = self.seconds
         with (
-            tqdm(
-                total=self.steps,
-                initial=self.step,
-                unit="step",
-                smoothing=0.05,
-                mininterval=0.5,
-            ) as bar,
+            progress(total=self.steps, initial=self.step, unit="step", smoothing=0.05) as bar,
             ThreadPoolExecutor(1) as ahead,
         ):
             for batch in self._batches(ahead):
@@ -150,7 +144,7 @@ class Trainer(ABC):
                 noted = self.step % self.note_every == 0 or last
                 if noted:
                     self._note()
-                    bar.set_postfix_str(summary_line(self.log[-1]))
+                    bar.set_postfix_str(summary_line(self.log[-1]), refresh=False)
                     self.losses = []
                 stop = time.monotonic() > end and not last
                 if time.monotonic() - saved > SAVE_EVERY or noted or stop:

@@ -7,7 +7,7 @@ SHARE = f"share/{NAME}"
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="1.0.0",
     description="ROS 2 nodes of foresee: a navigator, and a simulated robot",
     license="MIT",
     packages=[NAME],

@@ -3,7 +3,7 @@ import os
 import subprocess
 import sys
 import warnings
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from PIL import Image
 from benchmarks import plot
 from benchmarks.compare import plot as plot_run
 from benchmarks.figures.animation import Animation, roll_out
+from benchmarks.figures.file_name import file_name
 from benchmarks.figures.moment import moment
 from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
 from benchmarks.figures.run_figures import draw_all
@@ -280,9 +281,45 @@ def test_two_runs_share_one_speed_profile(tmp_path, capsys):
     out = tmp_path / "out"
     assert plot.main([str(first), str(second), "--out", str(out), "--episode", "1"]) == 0
     printed = capsys.readouterr().out.split()
-    assert str(out / "speed_profiles.png") in printed
-    assert all((out / run / name).is_file() for run in "ab" for name in FIGURES)
+    assert str(out / "speed_profiles-1.png") in printed
+    names = [name.replace(".", "-1.") for name in FIGURES]
+    assert all((out / run / name).is_file() for run in "ab" for name in names)
     assert len(printed) == 7
+
+
+def test_figures_of_a_chosen_episode_and_arm_replace_no_others(tmp_path):
+    run = write_run(tmp_path / "run", arms=("known", "predicted 2 %"))
+    draw_all(run)
+    before = {path.name: path.read_bytes() for path in run.iterdir()}
+    assert plot.main([str(run), "--episode", "1", "--arm", "predicted 2 %"]) == 0
+    after = {path.name: path.read_bytes() for path in run.iterdir()}
+    assert before.items() <= after.items()
+    added = {"speed_profile-1.png", "trajectories-1.png", "moment-1-predicted-2.png"}
+    assert set(after) - set(before) == added
+
+
+@pytest.mark.parametrize(
+    ("episode", "arm", "name"),
+    [
+        (None, None, "moment.gif"),
+        (3, None, "moment-3.gif"),
+        (None, "known+route", "moment-known+route.gif"),
+        (3, "predicted 0.5 %", "moment-3-predicted-0.5.gif"),
+    ],
+)
+def test_the_name_of_a_figure_tells_what_was_chosen(episode, arm, name):
+    assert file_name("moment", "gif", episode, arm) == name
+
+
+def test_the_moment_that_is_shown_relies_on_cells_that_are_free(tmp_path):
+    run = Run.load(write_run(tmp_path / "run"))
+    wrong = run.trace(1, "predicted").read("relied_cells").copy()
+    wrong[:, 0] = 4  # A wall.
+    right = dict(run.arrays)
+    for spoilt, shown in ((0, 1), (1, 0)):
+        arrays = right | {f"e{spoilt}/predicted/relied_cells": wrong}
+        title = moment(replace(run, arrays=arrays)).get_suptitle()
+        assert title.startswith(f"predicted · episode {shown}")
 
 
 def test_runs_of_the_same_name_are_not_written_over_each_other(tmp_path, capsys):
@@ -297,6 +334,8 @@ def test_figures_of_one_arm_show_one_that_uses_a_prediction(tmp_path):
     assert Run.load(write_run(tmp_path / "a", arms=arms)).pick_arm(0) == "known+route"
     assert Run.load(write_run(tmp_path / "b", arms=("known", "oracle"))).pick_arm(0) == "oracle"
     assert Run.load(write_run(tmp_path / "c", arms=("known",))).pick_arm(0) == "known"
+    arms = ("known", "backup", "predicted 2 %")
+    assert Run.load(write_run(tmp_path / "d", arms=arms)).pick_arm(0) == "predicted 2 %"
 
 
 @pytest.mark.parametrize(("stride", "frames"), [(1, 12), (5, 4)])

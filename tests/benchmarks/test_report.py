@@ -23,7 +23,7 @@ from benchmarks import plot
 from benchmarks.corridor import main as corridor
 from benchmarks.figures.animation import roll_out
 from benchmarks.figures.intervals import forest, speed_and_collisions
-from benchmarks.figures.race import Race
+from benchmarks.figures.race import Race, racers
 from benchmarks.report.command import command_of
 from benchmarks.report.html import inline
 from benchmarks.report.replay_data import REASONS, ReplayData
@@ -302,7 +302,10 @@ def test_a_name_with_a_comma_or_a_quote_survives_in_episodes_csv(tmp_path):
 
 def test_plot_writes_report_and_race_of_a_saved_run(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("benchmarks.figures.race.MOST", 12)
-    assert plot.main([str(folder), "--report", "--race", "--out", str(tmp_path)]) == 0
+    assert (
+        plot.main([str(folder), "--report", "--race", "--format", "gif", "--out", str(tmp_path)])
+        == 0
+    )
     assert {path.name for path in tmp_path.iterdir()} >= {"report.html", "episodes.csv"}
     gif = tmp_path / "race-0.gif"
     # Of 3 MB for ten times as many frames, though the first one is larger than the others.
@@ -315,12 +318,25 @@ def test_in_a_race_a_clock_stops_when_its_car_arrives(run):
     race = Race(run, 0)
     first, last = race.frame(0), race.frame(len(race) - 1)
     assert np.abs(first.astype(int) - last).max() > 100
-    titles = [panel._title.get_text() for panel in race._panels]
     times = [run.drives[0, arm].time for arm in ARMS]
-    assert titles == [f"{a} · reached · {t:.1f} s" for a, t in zip(ARMS, times, strict=True)]
+    assert clocks(race) == [(f"{time:.1f} s", "reached") for time in times]
     race.frame(20)
     tick, state = race.ticks[20], run.trace(0, "backup").states[race.ticks[20]]
-    assert race._panels[1]._title.get_text() == f"backup · {0.1 * tick:.1f} s · {state[3]:.1f} m/s"
+    assert clocks(race)[1] == (f"{0.1 * tick:.1f} s", f"{state[3]:.1f} m/s")
+
+
+def clocks(race):
+    """What stands at the right of each panel's head."""
+    return [(panel._clock.get_text(), panel._speed.get_text()) for panel in race._panels]
+
+
+def test_of_several_risks_the_highest_races(run):
+    drives = [replace(e, arm=f"predicted {k:g} %") for e in run.episodes for k in (2, 10)]
+    assert racers(replace(run, episodes=[*run.episodes, *drives]), 0) == [
+        "known",
+        "backup",
+        "predicted 10 %",
+    ]
 
 
 def test_a_race_needs_two_of_its_arms(run):

@@ -69,4 +69,4 @@ def test_the_head_of_a_column_says_whether_its_risk_is_certified():
     ):
         text = table(summary_of(2, **{"predicted 2 %": changes}), {})
         assert f"| {head}" in text
-        assert "`predicted 2 %` drives at level λ = 0.1." in text
+        assert "`predicted 2 %` drives at level 0.1." in text

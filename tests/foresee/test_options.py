@@ -89,6 +89,24 @@ def test_the_help_has_sections_defaults_and_the_lines_of_examples(capsys):
     assert "--speed" not in text
 
 
+def test_the_help_begins_with_what_must_be_given_and_the_general_options(capsys):
+    below = {"the stay": ("rests", "pauses")}
+
+    def run(route: Annotated[Route, Section(below=below)]) -> None:
+        raise AssertionError
+
+    with pytest.raises(SystemExit):
+        Command("drive", None, run)(["--help"])
+    general, stay = capsys.readouterr().out.split("the stay:\n")
+    assert general.startswith("usage: drive [options] --speed V STOP [STOP ...]\n")
+    assert "--gear" in general
+    assert "--rests" not in general
+    assert [line.split()[0] for line in stay.splitlines() if "--" in line] == [
+        "--rests",
+        "--pauses",
+    ]
+
+
 def test_there_is_no_other_kind_of_option():
     packages = ("foresee", "planner", "predictor", "sim", "benchmarks")
     sources = [path for package in packages for path in (ROOT / package).rglob("*.py")]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="gymnasium is an extra: pip install 'foresee[gym]'")
+pytest.importorskip("gymnasium", reason="gymnasium is an extra: pip install 'foresee-nav[gym]'")
 
 import gymnasium
 from gymnasium.utils.env_checker import check_env

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
-from tqdm import tqdm
 
 from benchmarks.runs.saved_run import Run
 from foresee.infra.command_line import UsageError
+from foresee.infra.progress import progress
 from foresee.mapping.body import Body, covered
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import Grid
@@ -62,7 +62,7 @@ def reliable_distances(run: Run) -> dict[str, Any]:
     side = NavigatorConfig(car=car, window=window, expansion=expansion).predicted_side
     arcs: list[NDArray[np.float64]] = []
     worlds: list[str] = []
-    for index in tqdm(indices, desc=run.label, unit="drive"):
+    for index in progress(indices, desc=run.label, unit="drive"):
         of_drive = _sweep_drive(run, index, caller, side)
         arcs += of_drive
         worlds += [run.drives[index, "known"].world] * len(of_drive)

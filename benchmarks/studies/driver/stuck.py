@@ -13,11 +13,11 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tqdm import tqdm
 
 from benchmarks.studies.driver.analysis import command
 from foresee.infra.command_line import UsageError
 from foresee.infra.markdown import records
+from foresee.infra.progress import progress
 
 if TYPE_CHECKING:
     from benchmarks.runs.drive_result import DriveResult
@@ -49,7 +49,7 @@ def causes(run: Run) -> dict[str, Any]:
         )
     stuck = [episode for episode in run.episodes if episode.outcome == "stuck"]
     drives = {arm: sum(e.arm == arm for e in run.episodes) for arm in run.arms}
-    entries = [cause(run, e) for e in tqdm(stuck, desc=run.label, unit="stuck drive")]
+    entries = [cause(run, e) for e in progress(stuck, desc=run.label, unit="stuck drive")]
     return {"drives": drives, "stuck": entries}
 
 

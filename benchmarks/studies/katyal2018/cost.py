@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
-from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, given_to
 from benchmarks.studies.katyal2018.evaluation import Evaluation, expansion_key, hashed
@@ -20,6 +19,7 @@ from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import ScoringError
 from foresee.infra.environment import machine
 from foresee.infra.errors import one_line
+from foresee.infra.progress import progress
 from foresee.mapping.context import CELLS
 from foresee.mapping.conventions import CROP_CELLS
 from foresee.prediction import BadPredictionError, Caller, View, checked
@@ -55,7 +55,7 @@ def measure_costs(evaluation: Evaluation) -> dict[tuple[str, str], Cost]:
     """
     out: dict[tuple[str, str], Cost] = {}
     pairs = [(x, contestant) for x in evaluation.expansions for contestant in evaluation.who(x)]
-    for expansion, contestant in tqdm(pairs, desc="cost", unit="predictor"):
+    for expansion, contestant in progress(pairs, desc="cost", unit="predictor"):
         name = hashed("cost", contestant.identity, expansion, machine())
         out[expansion_key(expansion), contestant.name] = evaluation.store.once(
             f"{name}.json", partial(_cost, evaluation, contestant, expansion)
@@ -75,7 +75,7 @@ def published_costs(evaluation: Evaluation) -> dict[str, Any]:
         arch: evaluation.store.once(
             f"{hashed('cost', 'printed', arch, machine())}.json", partial(_published, arch)
         )
-        for arch in tqdm(PAPER, desc="cost as published", unit="network")
+        for arch in progress(PAPER, desc="cost as published", unit="network")
     }
 
 

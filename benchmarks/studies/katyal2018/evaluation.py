@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant
 from benchmarks.studies.katyal2018.stretch_scores import Stretch, class_shares, score
 from foresee.infra.environment import commit
+from foresee.infra.progress import progress
 from foresee.infra.resumable import Part, ResumableFolder
 from foresee.infra.workers import finished
 from foresee.mapping.polyline import arc_length
@@ -125,7 +126,6 @@ class Evaluation:
             ScoringError: if a predictor breaks its contract.
             WorkersError: if processes keep dying.
         """
-        from tqdm import tqdm
 
         sha256 = {(drive.folder, drive.number): drive.about["sha256"] for drive in self.drives}
 
@@ -154,7 +154,7 @@ class Evaluation:
                 todo.append(replace(stretch, contestants=tuple(left)))
         total = answers(every)
         done = total - answers(todo)
-        with tqdm(total=total, initial=done, unit="answer", smoothing=0.05) as bar:
+        with progress(total=total, initial=done, unit="answer", smoothing=0.05) as bar:
             for stretch, kept in finished(score, todo, jobs):
                 for contestant, arrays in kept.items():
                     self.store.write(name(stretch, contestant), {"commit": commit()}, arrays)

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import BASELINES, Contestant, entrant
 from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import load_drive
+from foresee.infra.progress import progress
 from predictor.data.squares import TERNARY, encode_cells
 from predictor.networks import PROPOSED
 from predictor.scoring.images import ssim
@@ -76,7 +76,8 @@ def pictures(evaluation: Evaluation) -> Sheets:
     asked = [contestant for contestant in evaluation.contestants if contestant.name in names]
     return {
         name: [
-            _row(evaluation, asked, example) for example in tqdm(examples, desc=name, unit="square")
+            _row(evaluation, asked, example)
+            for example in progress(examples, desc=name, unit="square")
         ]
         for name, examples in _chosen(evaluation).items()
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from benchmarks.studies.katyal2018.evaluation import (
 )
 from benchmarks.studies.katyal2018.stretch_scores import OF_A_FRAME, Kept
 from benchmarks.studies.katyal2018.transients import transients
-from foresee.infra.environment import machine
+from foresee.infra.environment import machine, own_version
 from foresee.infra.plain_json import without_nan
 from foresee.infra.results_file import write_results
 from foresee.statistics import grouped_mean
@@ -83,7 +82,7 @@ def report(
             "rates": {expansion_key(x): rate for x, rate in evaluation.rates.items()},
         },
         "sets": describe_sets(evaluation),
-        "version": version("foresee"),
+        "version": own_version(),
         "commits": sorted(commits),
         "machine": machine(),
         "predictors": _facts(evaluation.contestants),

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
-from tqdm import tqdm
 
 from benchmarks.studies.katyal2018.contestants import Contestant, Entrant, answers_in_grey, entrant
 from benchmarks.studies.katyal2018.evaluation import Evaluation, ScoredDrive, expansion_key, hashed
 from benchmarks.studies.katyal2018.square import ScoredSquare
 from benchmarks.studies.katyal2018.stretch_scores import load_drive
+from foresee.infra.progress import progress
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import OCCUPIED, Grid
 
@@ -128,7 +128,7 @@ def transients(evaluation: Evaluation) -> dict[str, Any]:
         for contestant in evaluation.who(x)
         if answers_in_grey(contestant)
     ]
-    for expansion, place, contestant in tqdm(asked, desc="transients", unit="network"):
+    for expansion, place, contestant in progress(asked, desc="transients", unit="network"):
         frames = chosen[place]
         shots = [(drive.about["sha256"], index) for drive, index in frames]
         out[place].setdefault(expansion_key(expansion), {})[contestant.name] = (

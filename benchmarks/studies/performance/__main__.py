@@ -64,7 +64,7 @@ class StageSettings(Options):
     peers: bool = option(
         False,
         "also time another runtime of the network and other solvers of the MPC's problem, which "
-        "takes some minutes, mostly for compiling; needs pip install 'foresee[peers]'",
+        "takes some minutes, mostly for compiling; needs pip install 'foresee-nav[peers]'",
     )
 
 
@@ -135,7 +135,7 @@ def _check_peers() -> None:
     from importlib.util import find_spec
 
     if find_spec(PEER) is None:
-        raise UsageError(f"--peers needs {PEER}: pip install 'foresee[peers]'")
+        raise UsageError(f"--peers needs {PEER}: pip install 'foresee-nav[peers]'")
     if shutil.which(COMPILER) is None:
         raise UsageError(f"--peers needs {COMPILER}, to compile the problems of other solvers")
 
@@ -147,18 +147,18 @@ def _run(settings: StageSettings, place: Place) -> None:
     os.environ.update(dict.fromkeys(LIMITS, str(THREADS)))
     # Imported here, so that --help and bad arguments do not wait for slow imports.
     import torch
-    from tqdm import tqdm
 
     from benchmarks.studies.performance.measurements import RUNTIME, installed
     from benchmarks.studies.performance.tables import tables
     from foresee.infra.environment import commit, machine
+    from foresee.infra.progress import progress
     from foresee.infra.results_file import write_results
     from foresee.infra.resumable import ResumableFolder
 
     torch.set_num_threads(THREADS)
     folder = ResumableFolder(place.out / "parts")
     groups: dict[str, dict[str, Any]] = {"arms": {}, "measures": {}, "peers": {}}
-    with tqdm(unit="part", smoothing=0.0) as bar:
+    with progress(unit="part", smoothing=0.0) as bar:
         todo = measurements(settings, lambda what: bar.set_postfix_str(what))
         bar.reset(len(todo))
         for measurement in todo:

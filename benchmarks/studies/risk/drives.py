@@ -7,8 +7,6 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive import attempt
@@ -19,6 +17,7 @@ from benchmarks.runs.trace import Drive
 from benchmarks.studies.contact_test import touches
 from benchmarks.studies.risk.series import Series
 from foresee.infra.command_line import UsageError
+from foresee.infra.progress import progress
 from foresee.mapping.body import Body
 from foresee.mapping.grid import FREE
 
@@ -71,7 +70,7 @@ def saved_drives(folders: Sequence[Path]) -> tuple[list[Series], dict[str, list[
             results = [result for result in run.episodes if result.arm == arm]
             drives[series.name] = [
                 _tested(Drive(result, run.trace(result.index, arm)), run.body)
-                for result in tqdm(results, desc=f"{run.label}, {arm}", unit="drive")
+                for result in progress(results, desc=f"{run.label}, {arm}", unit="drive")
             ]
     return all_series, drives
 

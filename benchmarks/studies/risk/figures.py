@@ -155,7 +155,7 @@ def _recalibrations(results: dict[str, Any]) -> Figure | None:
             linestyle="none",
             label=f"calibrated in block {block + 1}",
         )
-    axes.set(xlabel="requested δ [% of drives]", ylabel="collisions in the other blocks [%]")
+    axes.set(xlabel="requested risk [% of drives]", ylabel="collisions in the other blocks [%]")
     axes.legend(fontsize=7)
     return figure
 

@@ -65,8 +65,8 @@ def _collision_table(rows: Sequence[dict[str, Any]]) -> str:
             {
                 "group": row["group"],
                 "drives in": row["series"] + (EARLIER if row.get("earlier_calibration") else ""),
-                "requested δ": _number(row["requested"], "g"),
-                "level λ": f"{row['level']:.2g}",
+                "requested risk": _number(row["requested"], "g"),
+                "level": f"{row['level']:.2g}",
                 **_collisions(row),
                 "per km (95 %)": span(row["per_km_interval"], ".2f"),
                 "reached / stuck / timed out / no task": " / ".join(
@@ -89,7 +89,7 @@ def _speed_table(rows: Sequence[dict[str, Any]]) -> str:
                 "group": row["group"],
                 "series": row["series"],
                 "arm": row["arm"],
-                "level λ": f"{row['level']:.2g}",
+                "level": f"{row['level']:.2g}",
                 "episodes": row["episodes"],
                 "collided": row["collided"],
                 "SCT": _estimate(row["sct"], ".3f"),
@@ -117,8 +117,8 @@ def _pooled_table(rows: Sequence[dict[str, Any]]) -> str:
     return records(
         [
             {
-                "requested δ": f"{row['requested']:g}",
-                "level λ of each calibration": ", ".join(
+                "requested risk": f"{row['requested']:g}",
+                "level of each calibration": ", ".join(
                     f"{name} {level:g}" for name, level in row["levels"].items()
                 ),
                 **_collisions(row),
@@ -134,8 +134,8 @@ def _recalibration_table(rows: Sequence[dict[str, Any]]) -> str:
         [
             {
                 "block": row["block"] + 1,
-                "requested δ": f"{row['requested']:g}",
-                "certified level λ": _number(row["level"] or None, "g"),
+                "requested risk": f"{row['requested']:g}",
+                "certified level": _number(row["level"] or None, "g"),
                 "collided in the other blocks": (
                     f"{row['collided']:.0f} of {row['drives']}" if row["drives"] else DASH
                 ),

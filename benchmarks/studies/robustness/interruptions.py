@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 from safetensors.numpy import load_file
-from tqdm import tqdm
 
 from foresee.infra.command_line import UsageError
 from foresee.infra.markdown import records
+from foresee.infra.progress import progress
 
 KINDS = ("SIGKILL", "SIGTERM", "SIGINT", "disk full")
 CASES = {
@@ -194,7 +194,7 @@ def references(work: Path, chosen: Iterable[str]) -> dict[str, float]:
     """
     seconds = {}
     commands = dict.fromkeys([*INPUTS.values(), *chosen])
-    for command in tqdm(commands, unit="command", desc="uninterrupted"):
+    for command in progress(commands, unit="command", desc="uninterrupted"):
         done = work / f"{command}.json"
         if not done.exists():
             own = work / f"data-{command}"

@@ -97,7 +97,7 @@ def _head(row: dict[str, Any]) -> str:
     remark = NOT_CERTIFIED
     if row["certified"]:
         remark = EARLIER if row["earlier_calibration"] else ""
-    return f"`{row['driver']}` (λ = {row['level']:g}){remark}"
+    return f"`{row['driver']}` (level {row['level']:g}){remark}"
 
 
 def _over(row: dict[str, Any]) -> str:

@@ -128,10 +128,13 @@ class NavigatorSettings(CarSettings):
     window: float = parameter(5.0, "side of the square around the car that is mapped", "m", low=1)
     resolution: float = parameter(0.05, "side of a cell of the maps", "m", low=0.01, high=0.5)
     reliance: float = parameter(
-        0.0, "ε: plans enter cells that are predicted free with 1 - ε", low=0.0, high=1.0
+        0.0,
+        "plans enter cells that are predicted free with a probability of 1 - reliance",
+        low=0.0,
+        high=1.0,
     )
     level: float = parameter(
-        0.0, "λ: so does the last resort, with 1 - λ; above 0 the car may collide", low=0.0, high=1
+        0.0, "so does the last resort, with 1 - level; above 0 the car may collide", low=0.0, high=1
     )
     steer: bool = parameter(True, "predictions also influence the route")
     range_error: float = parameter(0.03, "largest error of a range", "m", low=0.0, high=0.5)
