@@ -121,7 +121,7 @@ def _run(settings: RaceSettings) -> None:
         "machine": machine(),
     }
     # Of a plug-in, older files cover the file of its class alone.
-    older = {"sources": facts["sources"][:1], "risk": 0.0, "level": 0.0, "uncertified": False}
+    older = {"sources": list(entry.sources[:1]), "risk": 0.0, "level": 0.0, "uncertified": False}
     warm_up_if_cold()
     file = DriveFile(settings.out, "race", facts, "buildings", older)
     file.fill(
