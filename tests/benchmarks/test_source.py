@@ -1,5 +1,6 @@
 """The source of a plug-in: which files its hash covers."""
 
+import hashlib
 import sys
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from benchmarks.race.entry import Entry
 from benchmarks.race.source import Source
 from foresee.infra.plug_in import PlugInError
+from predictor.weights import WeightsError
 
 FILES = {
     "my_team/__init__.py": "",
@@ -52,12 +54,15 @@ def test_a_change_of_a_covered_file_changes_the_fingerprint_of_an_entry(team, na
 
 
 def test_weights_that_a_driver_names_count(team):
-    (team / "learned_driver.py").write_text(
-        'class Learned:\n    facts = {"fingerprint": "of the weights"}\n'
+    weights = team / "my.onnx"
+    (team / "my_tuned.py").write_text(
+        f"from pathlib import Path\nclass Learned:\n    weights = Path({str(weights)!r})\n"
     )
-    source = Source.of("learned_driver:Learned")
-    entry = Entry.load("driver", "learned_driver:Learned")
-    assert entry.fingerprint == f"of the weights and {source.digest}"
+    with pytest.raises(WeightsError, match=r"my\.onnx cannot be read"):
+        Entry.load("driver", "my_tuned:Learned")
+    weights.write_bytes(b"weights")
+    entry, source = Entry.load("driver", "my_tuned:Learned"), Source.of("my_tuned:Learned")
+    assert entry.fingerprint == f"{hashlib.sha256(b'weights').hexdigest()} and {source.digest}"
 
 
 def test_a_module_without_python_code_has_no_source():
