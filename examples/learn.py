@@ -15,7 +15,7 @@ from safetensors.torch import load_model, save_model
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.common.vec_env import SubprocVecEnv, VecNormalize
+from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.ppo import MultiInputPolicy
 
 from foresee.infra.atomic_file import replacing
@@ -49,9 +49,9 @@ def environment(**more):
 
 def learn(steps, seed, cars, buildings):
     """Learn for a number of steps of all cars together, and write the policy to `WEIGHTS`."""
-    envs = make_vec_env(
-        environment, cars, seed, env_kwargs={"buildings": buildings}, vec_env_cls=SubprocVecEnv
-    )
+    torch.set_num_threads(1)  # The network is too small for more.
+    # In one process: a tick takes less time than to send what was observed to another.
+    envs = make_vec_env(environment, cars, seed, env_kwargs={"buildings": buildings})
     ppo = PPO(
         "MultiInputPolicy",
         VecNormalize(envs, norm_obs=False),

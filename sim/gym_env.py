@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import gymnasium
@@ -18,6 +19,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
+from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import Grid, OccupancyGrid
@@ -180,7 +182,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         evaluate: drive in the buildings of the suite, in their order, instead of in others of
             the same families. A learner must not learn in them.
         buildings: number of buildings to learn in; None: each `reset` draws a new one. They are
-            kept in memory, a few MB each, because to draw one takes as long as some hundred ticks.
+            kept in memory, a few MB each, because to draw one takes as long as hundreds of ticks.
 
     Raises:
         SuiteError: if there is no such suite.
@@ -205,7 +207,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._car, self._lidar = DubinsCar(self.suite.car), Lidar()
         self._config = EpisodeConfig()
         self._next = 0
-        self._buildings, self._drawn = buildings, dict[int, Task | None]()
+        self._buildings = buildings
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
         spaces = {"motion": Box(-FARTHEST, FARTHEST, (7,), np.float32)}
         if observe == "scan":
@@ -266,29 +268,21 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._next = (self._next + 1) % len(self.suite.places)
         if building is not None:
             return self.suite.task(building)
+        rules = self.suite.car, self.suite.route == "fixed"
         task: Task | None = None
+        barred = set[int]()
         while task is None:
             if self._buildings is None:
                 family = self._families[self.np_random.integers(len(self._families))]
-                task = self._task_in(family, int(self.np_random.integers(SEEDS)))
+                task = _task_in(family, int(self.np_random.integers(SEEDS)), *rules)
             else:
                 number = int(self.np_random.integers(self._buildings))
-                if number not in self._drawn:
-                    family = self._families[number % len(self._families)]
-                    self._drawn[number] = self._task_in(family, number)
-                    if len(self._drawn) == self._buildings and not any(self._drawn.values()):
-                        raise NoTaskError("no building to learn in has a route: ask for more")
-                task = self._drawn[number]
+                task = _kept_task_in(self._families[number % len(self._families)], number, *rules)
+                if task is None:
+                    barred.add(number)
+                if len(barred) == self._buildings:
+                    raise NoTaskError("no building to learn in has a route: ask for more")
         return task
-
-    def _task_in(self, family: str, number: int) -> Task | None:
-        """Return the task in a building to learn in; None if it has none for this suite."""
-        seed = FIRST_SEED + number
-        try:
-            task = task_in_world(generate(family, seed), seed, self.suite.car)
-        except NoTaskError:
-            return None
-        return None if self.suite.route == "fixed" and task.comes_back else task
 
     def _observe(self) -> Observation:
         """Take a scan, and return what the agent observes."""
@@ -302,6 +296,27 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "building": self._task.world.name,
             "time": (len(self._states) - 1) * self._config.dt,
         }
+
+
+def _task_in(family: str, number: int, car: CarLimits, prescribed: bool) -> Task | None:
+    """Return the task in a building to learn in, or None if it has none.
+
+    Args:
+        family: family of the building.
+        number: number of its seed, from 0.
+        car: limits of the car.
+        prescribed: whether the route is prescribed, and must not come back.
+    """
+    seed = FIRST_SEED + number
+    try:
+        task = task_in_world(generate(family, seed), seed, car)
+    except NoTaskError:
+        return None
+    return None if prescribed and task.comes_back else task
+
+
+_kept_task_in = cache(_task_in)
+"""The same, kept in memory for all environments of the process."""
 
 
 def _ranges(scan: Scan) -> NDArray[np.float32]:

@@ -1,5 +1,7 @@
 """The environment of Gymnasium keeps to its interface, and drives as the closed loop does."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -89,6 +91,7 @@ def test_it_learns_in_as_many_buildings_as_asked_for(monkeypatch):
         return generate(family, seed)
 
     monkeypatch.setattr(sim.gym_env, "generate", generated)
+    monkeypatch.setattr(sim.gym_env, "_kept_task_in", cache(sim.gym_env._task_in))
     learning = gymnasium.make("foresee/Corridor-v1", buildings=2).unwrapped
     seen = [learning.reset(seed=seed)[1]["building"] for seed in range(8)]
     assert sorted(drawn) == [200_000_000, 200_000_001]
@@ -102,6 +105,7 @@ def test_buildings_of_which_none_has_a_route_are_refused(monkeypatch):
     def no_task(*_):
         raise NoTaskError("no route")
 
+    monkeypatch.setattr(sim.gym_env, "_kept_task_in", cache(sim.gym_env._task_in))
     monkeypatch.setattr(sim.gym_env, "task_in_world", no_task)
     with pytest.raises(NoTaskError, match="no building to learn in has a route: ask for more"):
         gymnasium.make("foresee/Corridor-v1", buildings=2).unwrapped.reset(seed=0)
