@@ -23,7 +23,7 @@ setup: .venv/.tools
 	touch $@
 
 .venv/.tools: .venv/.installed
-	$(INSTALL) '.[dev,dask,bags,gym,completion]'
+	$(INSTALL) '.[dev,dask,bags,gym,rl,onnx,completion]'
 	touch $@
 
 # ROS 2, of which there are wheels for some systems only: elsewhere its tests are skipped.
