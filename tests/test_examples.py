@@ -9,7 +9,6 @@ from benchmarks.race.entry import Entry
 from benchmarks.race.race_drive import race_drive
 from predictor.evaluation import trial
 
-
 ROOT = Path(__file__).parents[1]
 
 
