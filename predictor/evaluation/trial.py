@@ -37,6 +37,8 @@ RELIANCE = 0.05
 MOST_BROKEN, TOO_MANY_BROKEN = 2 * RELIANCE, 5 * RELIANCE
 """Shares of broken promises above which the trial warns, and above which the predictor fails. A
 calibrated one breaks about a share of ε; in so few drives it may well be twice as much."""
+FEW = 20
+"""Number of promises below which a predictor does not fail, because chance decides."""
 MOST_OFF = 0.1
 """Calibration error of free above which the trial warns."""
 SHARE_OF_TICK = 0.5
@@ -115,12 +117,12 @@ class Trial:
 
     def errors(self) -> list[str]:
         """Return why the predictor should not be driven with, one line each with the remedy."""
-        return [self._promises()] if self.broken > TOO_MANY_BROKEN * self.promises else []
+        return [self._promises()] if self._fails else []
 
     def warnings(self) -> list[str]:
         """Return what should be better, one line each with the remedy."""
         lines = []
-        if TOO_MANY_BROKEN * self.promises >= self.broken > MOST_BROKEN * self.promises:
+        if self.broken > MOST_BROKEN * self.promises and not self._fails:
             lines.append(self._promises())
         if self.promises == 0:
             lines.append(
@@ -150,6 +152,11 @@ class Trial:
                 "faster, or the square smaller (--expansion)"
             )
         return lines
+
+    @property
+    def _fails(self) -> bool:
+        """Whether too many promises were broken."""
+        return self.promises >= FEW and self.broken > TOO_MANY_BROKEN * self.promises
 
     @property
     def _worst_bin(self) -> int:

@@ -88,16 +88,19 @@ def test_trusted_cells_and_scores_are_those_of_the_unobserved_cells():
 
 
 @pytest.mark.parametrize(
-    ("broken", "errors", "warnings"),
-    [(0, 0, 0), (10, 0, 0), (11, 0, 1), (25, 0, 1), (26, 1, 0), (100, 1, 0)],
+    ("broken", "promises", "errors", "warnings"),
+    [
+        *((0, 100, 0, 0), (10, 100, 0, 0), (11, 100, 0, 1), (25, 100, 0, 1), (26, 100, 1, 0)),
+        *((20, 20, 1, 0), (19, 19, 0, 1)),
+    ],
 )
-def test_broken_promises_are_blamed_by_their_share(broken, errors, warnings):
+def test_broken_promises_are_blamed_by_their_share(broken, promises, errors, warnings):
     measured = scored(Says(0.75), [True] * 3 + [False])
     measured.own.brier_free[:] = 0.0  # not its fault
-    measured.promises, measured.broken = 100, broken
+    measured.promises, measured.broken = promises, broken
     assert [len(measured.errors()), len(measured.warnings())] == [errors, warnings]
     for line in measured.errors() + measured.warnings():
-        assert f"it broke {broken} of 100 promises" in line
+        assert f"it broke {broken} of {promises} promises" in line
 
 
 @pytest.mark.parametrize(
