@@ -193,7 +193,8 @@ def main(argv=None):
     samples = DrivesConfig(out=options.data, train=options.train, validation=options.validation)
     make(samples, options.jobs)
     export(trained(options.data, options.steps, options.batch), MyNetwork.weights)
-    name = "examples.my_network:MyNetwork"
+    module = __spec__.name if __spec__ else Path(__file__).stem
+    name = f"{module}:MyNetwork"
     status = check.main([name])
     compare(name, range(1000, 1000 + options.drives))
     return status
