@@ -25,7 +25,7 @@ setup: .venv/.tools
 	touch $@
 
 .venv/.tools: .venv/.installed
-	$(INSTALL) '.[dev,dask,bags,gym,completion,video]'
+	$(INSTALL) '.[dev,dask,bags,gym,rl,onnx,completion,video]'
 	touch $@
 
 # ROS 2, of which there are wheels for some systems only: elsewhere its tests are skipped.

@@ -55,6 +55,11 @@ class RaceSettings(Options):
         "foresee for these drives)",
         "FILE",
     )
+    uncertified: bool = option(
+        False,
+        "drive at a --risk without a calibration for these drives, as in foresee corridor: more "
+        "drives than accepted may collide, and the ranking says so",
+    )
     name: str | None = option(
         None, "name in the ranking (default: that of the predictor, driver or arm)", "NAME"
     )
@@ -68,6 +73,8 @@ class RaceSettings(Options):
             raise UsageError("--risk needs --predictor: no other entry is told a risk")
         if self.calibration is not None and self.risk == 0:
             raise UsageError("--calibration needs a --risk above 0")
+        if self.uncertified and self.risk == 0:
+            raise UsageError("--uncertified needs a --risk above 0")
 
     @property
     def entry(self) -> dict[str, str]:
@@ -87,10 +94,16 @@ def _run(settings: RaceSettings) -> None:
 
     suite = Suite.read(settings.suite)
     ((kind, of),) = settings.entry.items()
-    entry = replace(Entry.load(kind, of), risk=settings.risk)
+    entry = Entry.load(kind, of)
+    entry = replace(entry, risk=settings.risk, uncertified=settings.uncertified)
     families = tuple(dict.fromkeys(place.family for place in suite.places))
     certified = at_risk(replace(settings_of(suite, entry, 0), world=families), settings.calibration)
-    entry = replace(entry, level=certified.level, calibrated=certified.calibrated)
+    entry = replace(
+        entry,
+        level=certified.level,
+        uncertified=certified.uncertified,
+        calibrated=certified.calibrated,
+    )
     risk = f" {100 * settings.risk:g} %" if settings.risk else ""
     count = suite.count(settings.size)
     facts = {
@@ -99,13 +112,17 @@ def _run(settings: RaceSettings) -> None:
         "buildings": count,
         "name": settings.name or of + risk,
         "entry": entry.facts,
+        "sources": list(entry.sources),
         "risk": entry.risk,
         "level": entry.level,
+        "uncertified": entry.uncertified,
         "version": own_version(),
         "machine": machine(),
     }
+    # Of a plug-in, older files cover the file of its class alone.
+    older = {"sources": list(entry.sources[:1]), "risk": 0.0, "level": 0.0, "uncertified": False}
     warm_up_if_cold()
-    file = DriveFile(settings.out, "race", facts, "buildings", {"risk": 0.0, "level": 0.0})
+    file = DriveFile(settings.out, "race", facts, "buildings", older)
     file.fill(
         partial(race_drive, suite.name, entry),
         range(count),

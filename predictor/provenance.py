@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee.infra.errors import one_line
 from foresee.mapping.grid import world_hash
+from predictor.weights import WeightsError
 
 
 def weights_fingerprint(predictor: Any) -> str | None:
-    """Return the fingerprint of a predictor's weights and its runtime; None if it has none.
+    """Return the fingerprint of the weights of a predictor or driver; None if it has none.
 
-    The runtime is included because it decides the last digits, on which a drive may depend.
+    It is that of its `facts`, with the runtime, which decides the last digits, on which a drive may
+    depend. Without them, it is the SHA-256 hash of the file that its attribute `weights` names, if
+    that is a `Path`.
+
+    Raises:
+        WeightsError: if that file cannot be read.
     """
     facts = _facts(predictor)
     identity = [facts[name] for name in ("fingerprint", "runtime") if name in facts]
-    return " on ".join(map(str, identity)) or None
+    weights = getattr(predictor, "weights", None)
+    if identity or not isinstance(weights, Path):
+        return " on ".join(map(str, identity)) or None
+    try:
+        return hashlib.sha256(weights.read_bytes()).hexdigest()
+    except OSError as error:
+        raise WeightsError(f"weights {weights} cannot be read: {one_line(error)}") from error
 
 
 def has_learned(predictor: Any, cells: NDArray[np.int8]) -> bool:

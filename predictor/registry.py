@@ -55,7 +55,7 @@ def load_predictor(spec: str) -> Predictor:
     elif spec.startswith(FUSED):
         factory = partial(Fused.of_study, spec.removeprefix(FUSED))
     else:
-        factory = _imported(spec) if ":" in spec else _named(spec)
+        factory = _imported(spec) if is_plug_in(spec) else _named(spec)
     if not callable(factory):
         raise PredictorError(
             f"predictor {spec!r} is of type {type(factory).__name__}, it must be a class or a "
@@ -71,6 +71,11 @@ def load_predictor(spec: str) -> Predictor:
         raise PredictorError(f"predictor {spec!r}: {error}") from error
     loaded: Predictor = predictor
     return loaded
+
+
+def is_plug_in(spec: str) -> bool:
+    """Return whether the name of a predictor is of the form `package.module:Class`."""
+    return ":" in spec and not spec.startswith(FUSED) and not spec.endswith(SUFFIX)
 
 
 def load_frontiers(spec: str) -> FrontierPredictor:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import gymnasium
@@ -18,6 +19,7 @@ import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
+from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import Grid, OccupancyGrid
@@ -179,22 +181,33 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         observe: "scan" or "map".
         evaluate: drive in the buildings of the suite, in their order, instead of in others of
             the same families. A learner must not learn in them.
+        buildings: number of buildings to learn in; None: each `reset` draws a new one. They are
+            kept in memory, a few MB each, because to draw one takes as long as hundreds of ticks.
 
     Raises:
         SuiteError: if there is no such suite.
-        ValueError: if `observe` is neither.
+        ValueError: if `observe` is neither, or `buildings` is less than 1.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  As gymnasium declares it.
 
-    def __init__(self, suite: str, observe: str = "scan", evaluate: bool = False) -> None:
+    def __init__(
+        self,
+        suite: str,
+        observe: str = "scan",
+        evaluate: bool = False,
+        buildings: int | None = None,
+    ) -> None:
         if observe not in OBSERVATIONS:
             raise ValueError(f"observe is {observe!r}, it must be of {', '.join(OBSERVATIONS)}")
+        if buildings is not None and buildings < 1:
+            raise ValueError(f"buildings is {buildings}, it must be at least 1")
         self.suite, self.observe, self.evaluate = Suite.read(suite), observe, evaluate
         self._families = tuple(dict.fromkeys(place.family for place in self.suite.places))
         self._car, self._lidar = DubinsCar(self.suite.car), Lidar()
         self._config = EpisodeConfig()
         self._next = 0
+        self._buildings = buildings
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
         spaces = {"motion": Box(-FARTHEST, FARTHEST, (7,), np.float32)}
         if observe == "scan":
@@ -216,6 +229,7 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Raises:
             SuiteError: if this version draws another building than the suite has.
+            NoTaskError: if none of the `buildings` to learn in has a route.
         """
         super().reset(seed=seed)
         if seed is not None:
@@ -254,15 +268,21 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._next = (self._next + 1) % len(self.suite.places)
         if building is not None:
             return self.suite.task(building)
-        while True:
-            family = self._families[self.np_random.integers(len(self._families))]
-            seed = FIRST_SEED + int(self.np_random.integers(SEEDS))
-            try:
-                task = task_in_world(generate(family, seed), seed, self.suite.car)
-            except NoTaskError:
-                continue
-            if self.suite.route == "free" or not task.comes_back:
-                return task
+        rules = self.suite.car, self.suite.route == "fixed"
+        task: Task | None = None
+        barred = set[int]()
+        while task is None:
+            if self._buildings is None:
+                family = self._families[self.np_random.integers(len(self._families))]
+                task = _task_in(family, int(self.np_random.integers(SEEDS)), *rules)
+            else:
+                number = int(self.np_random.integers(self._buildings))
+                task = _kept_task_in(self._families[number % len(self._families)], number, *rules)
+                if task is None:
+                    barred.add(number)
+                if len(barred) == self._buildings:
+                    raise NoTaskError("no building to learn in has a route: ask for more")
+        return task
 
     def _observe(self) -> Observation:
         """Take a scan, and return what the agent observes."""
@@ -276,6 +296,27 @@ class DriveEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             "building": self._task.world.name,
             "time": (len(self._states) - 1) * self._config.dt,
         }
+
+
+def _task_in(family: str, number: int, car: CarLimits, prescribed: bool) -> Task | None:
+    """Return the task in a building to learn in, or None if it has none.
+
+    Args:
+        family: family of the building.
+        number: number of its seed, from 0.
+        car: limits of the car.
+        prescribed: whether the route is prescribed, and must not come back.
+    """
+    seed = FIRST_SEED + number
+    try:
+        task = task_in_world(generate(family, seed), seed, car)
+    except NoTaskError:
+        return None
+    return None if prescribed and task.comes_back else task
+
+
+_kept_task_in = cache(_task_in)
+"""The same, kept in memory for all environments of the process."""
 
 
 def _ranges(scan: Scan) -> NDArray[np.float32]:

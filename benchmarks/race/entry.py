@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
+from benchmarks.race.source import Source
 from benchmarks.runs.arms import ARMS, CALIBRATED_ARM
 from benchmarks.runs.drive import run_fingerprint
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
-from foresee.infra.plug_in import PlugInError, load_plug_in, source_hash
+from foresee.infra.plug_in import PlugInError, load_plug_in
 from planner.revision import FIRST
+from predictor.provenance import weights_fingerprint
+from predictor.registry import is_plug_in
 
 
 @dataclass(frozen=True)
@@ -20,18 +23,22 @@ class Entry:
     Attributes:
         kind: "arm", "predictor" or "driver".
         of: name of the arm; or the predictor or driver as on the command line.
-        fingerprint: of the weights of a learned predictor, or hash of the file that defines the
-            class; None: it is a part of this project without weights.
+        fingerprint: of the weights, and of the source of a predictor or driver of one's own; None:
+            it is a part of this project without weights.
+        sources: files of one's own that the fingerprint covers, see `Source`.
         risk: accepted probability of a collision in a drive of a predictor.
-        level: level λ that a calibration certifies for the risk.
+        level: level λ that a calibration gives for the risk.
+        uncertified: whether that calibration is for other drives.
         calibrated: revision of the driving that the calibration was measured with.
     """
 
     kind: str
     of: str
     fingerprint: str | None
+    sources: tuple[str, ...] = ()
     risk: float = 0.0
     level: float = 0.0
+    uncertified: bool = False
     calibrated: int = FIRST
 
     @classmethod
@@ -44,7 +51,8 @@ class Entry:
             PlugInError: if the driver cannot be loaded.
         """
         if kind == "driver":
-            return cls(kind, of, source_hash(load_driver(of)))
+            weights = weights_fingerprint(load_driver(of))
+            return cls(kind, of, weights)._with_source()
         entry = cls(kind, of, None)
         arm = ARMS.get(entry.arm)
         if arm is None:
@@ -52,10 +60,14 @@ class Entry:
         learns = arm.predictor == "chosen" or arm.far or arm.frontiers
         settings = Settings(arms=(entry.arm,), predictor=entry.predictor)
         fingerprint = run_fingerprint(settings) if learns else None
-        if kind == "predictor" and ":" in of:
-            source = source_hash(load_plug_in(of, "predictor"))
-            fingerprint = " and ".join(filter(None, (fingerprint, source)))
-        return cls(kind, of, fingerprint)
+        entry = replace(entry, fingerprint=fingerprint)
+        return entry._with_source() if kind == "predictor" and is_plug_in(of) else entry
+
+    def _with_source(self) -> Self:
+        """Return the entry with the source of its plug-in in the fingerprint."""
+        source = Source.of(self.of)
+        fingerprint = " and ".join(filter(None, (self.fingerprint, source.digest)))
+        return replace(self, fingerprint=fingerprint, sources=source.files)
 
     @property
     def facts(self) -> dict[str, str | None]:

@@ -63,6 +63,7 @@ def settings_of(suite: Suite, entry: Entry, index: int) -> Settings:
         arms=(entry.arm,),
         predictor=entry.predictor,
         risk=entry.risk,
+        uncertified=entry.uncertified,
         level=entry.level,
         calibrated=entry.calibrated,
     )

@@ -27,6 +27,7 @@ FACTS = {
     "buildings": int,
     "entry": dict[str, str | None],
     "risk": float,
+    "uncertified": bool,
     "machine": dict[str, str | int | dict[str, str] | None],
 }
 """Settings that each file of a race must have, and their types."""
@@ -60,7 +61,7 @@ class Entrant:
             UsageError: if it is none, or has not all of its drives.
         """
         content = read_drives(path, "race", {"index": int, "map": str})
-        settings = {"risk": 0.0} | content["settings"]
+        settings = {"risk": 0.0, "uncertified": False} | content["settings"]
         wrong = [name for name, hint in FACTS.items() if not fits(settings.get(name), hint)]
         if wrong:
             raise UsageError(f"{path} is no file of foresee bench: it has no proper {wrong[0]}")
@@ -211,6 +212,8 @@ def _remark(entrant: Entrant, learned: int) -> str:
     arm = ARMS.get(str(entry.get("of"))) if entry.get("kind") == "arm" else None
     if arm is not None and (arm.whole_map or arm.predictor == "oracle"):
         return " (knows the true map)"
+    if any(drive.uncertified for drive in entrant.drives):
+        return " (not certified)"
     if any(drive.earlier_calibration for drive in entrant.drives):
         return " (calibrated with an earlier planner)"
     return f" (trained in {learned} of these buildings)" if learned else ""
@@ -235,7 +238,9 @@ def _repeat(suite: Suite, entrant: Entrant) -> list[str]:
     return [
         entrant.name,
         f"`foresee bench --suite {settings['suite']} --size {size} --{entry.get('kind')} "
-        f"{entry.get('of')}" + (f" --risk {settings['risk']:g}`" if settings["risk"] else "`"),
+        f"{entry.get('of')}"
+        + (f" --risk {settings['risk']:g}" if settings["risk"] else "")
+        + (" --uncertified`" if settings["uncertified"] else "`"),
         ", ".join(sorted(str(c)[:SHORT] for c in commits)),
         str(entry.get("fingerprint") or DASH)[:SHORT],
         str(settings["machine"].get("processor", DASH)),

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import inspect
 import os
 import sys
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -38,15 +35,6 @@ def load_plug_in(spec: str, what: str) -> Any:
             raise PlugInError(f"{what} {spec!r}: module {path} has no {attribute}")
         found = getattr(found, name)
     return found
-
-
-def source_hash(plug_in: Any) -> str | None:
-    """Return the SHA-256 hash of the file that defines a class or function; None without one."""
-    try:
-        file = inspect.getsourcefile(plug_in)
-    except TypeError:
-        return None
-    return None if file is None else hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
 def _module(path: str, name: str) -> ModuleType:

@@ -1,5 +1,6 @@
 """The race: suites are driven, results continued, compared and refused."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -86,7 +87,9 @@ def test_a_file_holds_what_is_needed_to_repeat_its_drives(files):
     suite = sim.suite.Suite.read("corridor-v1")
     assert content["settings"]["digest"] == suite.digest
     assert content["settings"]["entry"]["of"] == EXAMPLES[1]
-    assert len(content["settings"]["entry"]["fingerprint"]) == 64
+    assert content["settings"]["sources"] == ["examples/dwa.py"]
+    digest = hashlib.sha256((ROOT / "examples/dwa.py").read_bytes()).hexdigest()
+    assert content["settings"]["entry"]["fingerprint"] == digest
     assert content["settings"]["machine"]["packages"]["numpy"]
     for drive_, place in zip(content["drives"], suite.places, strict=False):
         assert (drive_["map"], drive_["seed"]) == (place.map, place.seed)
@@ -174,7 +177,9 @@ def test_what_cannot_be_compared_is_refused(files, tmp_path, change, message, ca
         (("--arm", "known", "--predictor", "none"), "give one of --predictor, --driver and --arm"),
         (("--arm", "known", "--risk", "0.02"), "--risk needs --predictor"),
         (("--predictor", "none", "--calibration", "c"), "--calibration needs a --risk above 0"),
-        (("--predictor", "none", "--risk", "0.02"), "no calibration"),
+        (("--predictor", "none", "--uncertified"), "--uncertified needs a --risk above 0"),
+        (("--predictor", "none", "--risk", "0.02"), "without a certificate, with --uncertified"),
+        (("--predictor", "none", "--risk", "0.02", "--uncertified"), "nor of the mixture"),
         (("--arm", "nobody"), "no arm is called 'nobody'"),
         (("--driver", "examples.dwa:Nobody"), "module examples.dwa has no Nobody"),
         (("--driver", "examples.dwa:AHEAD"), "must be a class or a function"),
@@ -194,9 +199,32 @@ def test_a_risk_gives_the_level_that_a_calibration_certifies(tmp_path, monkeypat
     certified = at_risk(Settings(route="fixed", arms=("predicted",), risk=0.02))
     assert settings["level"] == certified.level > 0
     assert (settings["name"], settings["risk"]) == ("compact 2 %", 0.02)
-    entry = Entry("predictor", "compact", None, 0.02, settings["level"])
+    assert settings["uncertified"] is False
+    entry = Entry("predictor", "compact", None, risk=0.02, level=settings["level"])
     drives = settings_of(sim.suite.Suite.read("corridor-v1"), entry, 3)
     assert (drives.risk, drives.level) == (0.02, settings["level"])
+
+
+def test_a_risk_without_a_certificate_is_said_in_the_ranking(files, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(DriveFile, "fill", lambda *_: {})
+    words = ("--suite", "mixed-v1", "--predictor", "compact", "--risk", "0.05")
+    assert bench(tmp_path / "out.json", *words) == 2
+    assert bench(tmp_path / "out.json", *words, "--uncertified") == 0
+    settings = json.loads((tmp_path / "out.json").read_text())["settings"]
+    assert settings["level"] > 0
+    assert settings["uncertified"] is True
+
+    def at_risk_too(content):
+        content["settings"] |= {"risk": 0.05, "uncertified": True}
+        for drive_ in content["drives"]:
+            drive_["uncertified"] = True
+
+    capsys.readouterr()
+    bold = edited(files["stop"], tmp_path / "bold.json", at_risk_too)
+    assert benchmarks.rank.main([str(bold), str(files["dwa"])]) == 0
+    page = capsys.readouterr().out
+    assert page.count("stop (not certified)") == 1
+    assert page.count("--risk 0.05 --uncertified`") == 1
 
 
 @pytest.mark.slow(20)

@@ -1,5 +1,7 @@
 """The environment of Gymnasium keeps to its interface, and drives as the closed loop does."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -8,12 +10,15 @@ pytest.importorskip("gymnasium", reason="gymnasium is an extra: pip install 'for
 import gymnasium
 from gymnasium.utils.env_checker import check_env
 
+import sim.gym_env
 from foresee.gym import SUITES
 from sim import DubinsCar, Lidar
 from sim.controller import ControllerDriver
 from sim.episode import EpisodeConfig, run_episode
+from sim.families import generate
 from sim.gym_env import COLLISION, as_driver
 from sim.suite import Suite, suites
+from sim.task import NoTaskError
 
 FULL_AHEAD = np.array([1.0, 0.0], dtype=np.float32)
 
@@ -76,6 +81,34 @@ def test_it_evaluates_in_the_buildings_of_the_suite_and_learns_in_others():
     learning = gymnasium.make("foresee/Office-v1").unwrapped
     seed = int(learning.reset(seed=3)[1]["building"].removeprefix("office-"))
     assert 200_000_000 <= seed < 700_000_000
+
+
+def test_it_learns_in_as_many_buildings_as_asked_for(monkeypatch):
+    drawn = []
+
+    def generated(family, seed):
+        drawn.append(seed)
+        return generate(family, seed)
+
+    monkeypatch.setattr(sim.gym_env, "generate", generated)
+    monkeypatch.setattr(sim.gym_env, "_kept_task_in", cache(sim.gym_env._task_in))
+    learning = gymnasium.make("foresee/Corridor-v1", buildings=2).unwrapped
+    seen = [learning.reset(seed=seed)[1]["building"] for seed in range(8)]
+    assert sorted(drawn) == [200_000_000, 200_000_001]
+    assert set(seen) == {f"corridor-{seed}" for seed in drawn}
+    for buildings in (0, -1):
+        with pytest.raises(ValueError, match=f"buildings is {buildings}, it must be at least 1"):
+            gymnasium.make("foresee/Corridor-v1", buildings=buildings)
+
+
+def test_buildings_of_which_none_has_a_route_are_refused(monkeypatch):
+    def no_task(*_):
+        raise NoTaskError("no route")
+
+    monkeypatch.setattr(sim.gym_env, "_kept_task_in", cache(sim.gym_env._task_in))
+    monkeypatch.setattr(sim.gym_env, "task_in_world", no_task)
+    with pytest.raises(NoTaskError, match="no building to learn in has a route: ask for more"):
+        gymnasium.make("foresee/Corridor-v1", buildings=2).unwrapped.reset(seed=0)
 
 
 def test_a_car_with_a_reverse_gear_backs_from_rest():
