@@ -1,6 +1,7 @@
 # make corridor: set up, and make a first comparison.   make test: set up, and check everything.
 # make study: set up, and make the paper's study: frames, networks, tables and figures.
 # make beyond: the same, and what goes beyond the paper.
+# make docs: set up, and build the documentation as a site in build/site; any warning fails.
 PYTHON ?= python3
 BIN := .venv/bin
 
@@ -12,7 +13,7 @@ NET ?= --preset short
 STUDY ?=
 OUT ?= results/study
 
-.PHONY: setup corridor study beyond test clean
+.PHONY: setup corridor study beyond docs test clean
 
 setup: .venv/.tools
 
@@ -29,6 +30,10 @@ setup: .venv/.tools
 # ROS 2, of which there are wheels for some systems only: elsewhere its tests are skipped.
 .venv/.ros2: .venv/.tools
 	$(INSTALL) '.[ros2]' || echo "the wheels of ROS 2 do not install here: tests/ros2 skips what needs them"
+	touch $@
+
+.venv/.docs: .venv/.installed
+	$(INSTALL) '.[docs]'
 	touch $@
 
 # Driving needs no more than this.
@@ -79,6 +84,13 @@ beyond: setup
 	    unet-crop=$(BEYOND)/crop unet-window=$(BEYOND)/window \
 	    $(foreach of,$(GREW),$(BEYOND)/$(firstword $(subst :, ,$(of)))-drives.safetensors)
 
+# Zensical fails for its own warnings alone: any line but its usual ones is a warning of an extension.
+docs: .venv/.docs
+	mkdir -p build
+	$(BIN)/python -m zensical build --strict --clean 2>&1 | tee build/docs.log
+	@grep -q '^Build finished' build/docs.log
+	@! grep -qvE '^(Build started|No issues found|Build finished.*|)$$' build/docs.log
+
 test: setup .venv/.ros2
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -87,4 +99,4 @@ test: setup .venv/.ros2
 	$(BIN)/python -m pytest -n 2
 
 clean:
-	rm -rf .venv results
+	rm -rf .venv .cache build results
