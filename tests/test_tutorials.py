@@ -16,9 +16,7 @@ from predictor.recording.own_buildings import OwnBuildings
 from sim import Lidar, LidarConfig, empty_straight
 
 TUTORIALS = Path(__file__).parents[1] / "docs/tutorial"
-SAVED = re.compile(
-    r"[Ss]ave this as `([\w.]+)`[^`]*(?:`[^`]*`[^`]*)*?\n```python\n(.*?)^```", re.S | re.M
-)
+SAVED = re.compile(r"[Ss]ave this as\s`([\w.]+)`.*?\n```python\n(.*?)^```", re.S | re.M)
 
 
 @pytest.fixture
@@ -43,6 +41,7 @@ def cells(notebook):
     return ["".join(cell["source"]) for cell in found if cell["cell_type"] == "code"]
 
 
+@pytest.mark.slow(10)
 def test_the_first_drive_is_the_notebook_and_prints_what_the_page_says(folder, capsys):
     code = cells("drive.ipynb")
     script = scripts("drive.md")["first_drive.py"]
@@ -65,7 +64,7 @@ def test_the_predictors_keep_to_the_contract(folder, capsys, monkeypatch):
     assert f"```\n{capsys.readouterr().out}```" in (TUTORIALS / page).read_text()
 
 
-def test_the_drawn_maps_are_buildings_of_which_the_one_that_is_driven_in_is_held_out(folder):
+def test_of_the_drawn_maps_the_one_that_is_driven_in_is_held_out(folder):
     exec(scripts("train_on_your_building.md")["make_maps.py"], {})
     buildings = OwnBuildings.read(("my_maps",))
     assert not buildings.skipped
