@@ -3,6 +3,7 @@
 # make beyond: the same, and what goes beyond the paper.
 # make pictures: make the first comparison, and draw the pictures of the pages from it.
 # make release: build the package and try it, without uploading it.
+# make docs: set up, and build the documentation as a site in build/site; any warning fails.
 PYTHON ?= python3
 BIN := .venv/bin
 
@@ -14,7 +15,7 @@ NET ?= --preset short
 STUDY ?=
 OUT ?= results/study
 
-.PHONY: setup corridor pictures study beyond test release clean
+.PHONY: setup corridor pictures study beyond docs test release clean
 
 setup: .venv/.tools
 
@@ -31,6 +32,10 @@ setup: .venv/.tools
 # ROS 2, of which there are wheels for some systems only: elsewhere its tests are skipped.
 .venv/.ros2: .venv/.tools
 	$(INSTALL) '.[ros2]' || echo "the wheels of ROS 2 do not install here: tests/ros2 skips what needs them"
+	touch $@
+
+.venv/.docs: .venv/.installed
+	$(INSTALL) '.[docs]'
 	touch $@
 
 # Driving needs no more than this.
@@ -90,6 +95,13 @@ beyond: setup
 	    unet-crop=$(BEYOND)/crop unet-window=$(BEYOND)/window \
 	    $(foreach of,$(GREW),$(BEYOND)/$(firstword $(subst :, ,$(of)))-drives.safetensors)
 
+# Zensical fails for its own warnings alone: any line but its usual ones is a warning of an extension.
+docs: .venv/.docs
+	mkdir -p build
+	$(BIN)/python -m zensical build --strict --clean 2>&1 | tee build/docs.log
+	@grep -q '^Build finished' build/docs.log
+	@! grep -qvE '^(Build started|No issues found|Build finished.*|)$$' build/docs.log
+
 test: setup .venv/.ros2
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -102,4 +114,4 @@ release: .venv/.tools
 	$(BIN)/python .ci/release.py
 
 clean:
-	rm -rf .venv results
+	rm -rf .venv .cache build results

@@ -35,8 +35,8 @@ SHIPPED, BUILT, LOGS, PAPER = (
     for name in ("compact", "compact-built", "compact-logs", "compact-paper")
 )
 """Files of weights in this package: for driving, trained further on plans as built, fine-tuned on
-simulated robot logs, and fine-tuned on buildings as in the paper alone. The .md file beside each
-describes it."""
+simulated robot logs, and fine-tuned on buildings as in the paper alone. The pages in
+docs/reference/cards describe them."""
 SUREST = 0.9999
 """Highest confidence in an unobserved cell: a planner would take 1 as certain."""
 

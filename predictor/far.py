@@ -19,7 +19,7 @@ from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 
 SHIPPED = Path(__file__).with_name("far.safetensors")
-"""File of the weights in this package; far.md describes it."""
+"""File of the weights in this package; docs/reference/cards/far.md describes it."""
 
 
 class Far:

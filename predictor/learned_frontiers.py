@@ -20,7 +20,7 @@ from predictor.networks.frontier_net import FARTHEST, FrontierNet
 from predictor.weights import load_weights
 
 SHIPPED = Path(__file__).with_name("frontiers.safetensors")
-"""File of the weights in this package; frontiers.md describes it."""
+"""File of the weights in this package; docs/reference/cards/frontiers.md describes it."""
 
 
 class LearnedFrontiers:

@@ -18,12 +18,10 @@ from predictor.image_predictor import ImagePredictor
 from predictor.learned_frontiers import LearnedFrontiers
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.grey_net import GreyNet
-from predictor.weights import WeightsError, read_facts
+from predictor.weights import SUFFIX, WeightsError, read_facts
 
 GROUP = "foresee.predictors"
 """Entry point group in which a package offers predictors."""
-SUFFIX = ".safetensors"
-"""Ending of a file of weights."""
 FUSED = "fused:"
 """Prefix of FOLDER/ARCH: the networks of an architecture in a study's folder, fused into one."""
 

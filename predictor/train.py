@@ -3,8 +3,7 @@
     foresee train                      compact, and its samples: two hours on 2 cores
     foresee train --arch far           what lies far ahead, for routes; the same samples
     foresee train --steps 200 --train 20 --validation 4      a quick trial
-    foresee train --start predictor/compact.safetensors --world my_maps/
-                                                   fine-tuning on your own buildings
+    foresee train --start compact --world my_maps/      fine-tuning on your own buildings
     foresee train --arch unet_ff --expansion 1.3 --preset short
 
 Interrupted, it continues when the same command is given again. compact and far are trained on
@@ -34,6 +33,7 @@ from predictor.training.settings import (
     CompactTraining,
     SamplesTraining,
 )
+from predictor.weights import SUFFIX
 
 DRIVES, SCRATCH, FAR = DrivesConfig(), CompactTraining(), SamplesTraining(batch=64)
 PAPER, SHORT = PRESETS["paper"].training, PRESETS["short"].training
@@ -123,9 +123,9 @@ class CompactOptions(Options):
     )
     start: Path | None = option(
         None,
-        "weights to fine-tune, such as predictor/compact.safetensors (default: random weights). "
-        "The scores before and after are printed at the end",
-        "FILE",
+        f"weights to fine-tune: a file, FILE{SUFFIX}, or the name of a shipped network, such as "
+        "compact (default: random weights). The scores before and after are printed at the end",
+        "WEIGHTS",
     )
 
 
@@ -199,16 +199,17 @@ def _train_on_samples(
     from predictor.training.compact_comparison import table
     from predictor.training.compact_training import CompactTrainer
     from predictor.training.far_training import FarTrainer
-    from predictor.weights import WeightsError, load_weights
+    from predictor.weights import WeightsError, load_weights, weights_path
 
     is_compact = settings.arch == "compact"
     kind = CompactNet if is_compact else FarNet
-    start, learned = None, frozenset[str]()
+    source, start, learned = None, None, frozenset[str]()
     training: SamplesTraining = SCRATCH if is_compact else FAR
     out = settings.out or TRAINED
     if compact.start is not None:
         try:
-            start = load_weights(compact.start, kind)
+            source = weights_path(compact.start)
+            start = load_weights(source, kind)
         except WeightsError as error:
             raise TrainError(f"--start: {error}") from None
         learned = frozenset(start[1].get("worlds", ()))
@@ -216,7 +217,7 @@ def _train_on_samples(
         training, out = replace(tuning, start=start[1]["fingerprint"]), settings.out or TUNED[1]
         count, held_out = TUNING_DRIVES
         drives = replace(drives, out=TUNED[0], train=count, validation=held_out)
-        if (out / f"{settings.arch}.safetensors").resolve() == compact.start.resolve():
+        if (out / f"{settings.arch}.safetensors").resolve() == source.resolve():
             raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
@@ -235,8 +236,8 @@ def _train_on_samples(
         return FarTrainer(training, train, validation, out, start).run()
     assert isinstance(training, CompactTraining)
     path = CompactTrainer(training, train, validation, out, start).run()
-    if compact.start is not None:
-        print(table(compact.start, path, validation))
+    if source is not None:
+        print(table(source, path, validation))
     return path
 
 

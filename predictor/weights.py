@@ -22,12 +22,35 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 
+SUFFIX = ".safetensors"
+"""Ending of a file of weights."""
 LARGEST_FILE, LARGEST_HEADER = 2**34, 2**24
 """Largest file that is read, and largest header of one [bytes]."""
 
 
 class WeightsError(LineError):
     """A file holds no weights of this network; the message is one line."""
+
+
+def weights_path(given: Path) -> Path:
+    """Return the path of weights: a file's own, or that of weights that this package ships.
+
+    Args:
+        given: path of a .safetensors file, or name of a shipped one, such as `compact`.
+
+    Raises:
+        WeightsError: if it is neither.
+    """
+    if given.suffix == SUFFIX:
+        return given
+    shipped = {path.stem: path for path in Path(__file__).parent.glob(f"*{SUFFIX}")}
+    if str(given) not in shipped:
+        names = ", ".join(sorted(shipped))
+        raise WeightsError(
+            f"no shipped weights are named {str(given)!r}: choose one of {names}, "
+            f"or give a file, FILE{SUFFIX}"
+        )
+    return shipped[str(given)]
 
 
 class Net(Protocol):

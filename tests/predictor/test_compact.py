@@ -1,6 +1,7 @@
 """The compact network and the predictor that runs it."""
 
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
 from predictor.runtime import RUNTIMES, runner
 from predictor.training.compact_targets import known_input, losses, room_targets
+
+CARDS = Path(__file__).parents[2] / "docs/reference/cards"
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,10 @@ def centre_pose(grid, yaw=0.0):
     return np.array([*grid.frame.centre(rows / 2, cols / 2), yaw])
 
 
+def card_of(weights):
+    return (CARDS / f"{weights.stem}.md").read_text()
+
+
 def test_it_is_as_small_as_promised():
     assert sum(p.numel() for p in CompactNet().parameters()) <= 1_500_000
     assert max(path.stat().st_size for path in (SHIPPED, BUILT, LOGS, PAPER)) <= 8_000_000
@@ -58,13 +65,13 @@ def test_what_learned_on_goes_by_its_own_name(name, weights):
     predictor = load_predictor(name)
     assert isinstance(predictor, Compact)
     assert predictor.weights == weights
-    assert predictor.facts["before"]["fingerprint"] in weights.with_suffix(".md").read_text()
+    assert predictor.facts["before"]["fingerprint"] in card_of(weights)
     check_predictor(predictor)
 
 
 @pytest.mark.parametrize("weights", [SHIPPED, BUILT, LOGS, PAPER])
 def test_the_card_beside_weights_is_theirs(weights):
-    card = weights.with_suffix(".md").read_text()
+    card = card_of(weights)
     facts = Compact(weights).facts
     assert facts["fingerprint"] in card
     metadata = yaml.safe_load(card.split("---\n")[1])

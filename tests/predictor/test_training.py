@@ -14,6 +14,7 @@ import torch
 from foresee.infra.command_line import UsageError
 from foresee.mapping.context import SIDE as CONTEXT
 from foresee.mapping.grid import world_hash
+from predictor.compact import SHIPPED
 from predictor.data.samples import SIDE, Samples, encoded, write_samples
 from predictor.data.squares import truth_codes
 from predictor.networks.compact_net import CompactNet
@@ -27,7 +28,7 @@ from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_training import CompactTrainer
 from predictor.training.settings import CompactTraining
-from predictor.weights import load_weights
+from predictor.weights import load_weights, weights_path
 from sim import LidarConfig
 from sim.families import generate
 from sim.task import sample_task
@@ -266,4 +267,11 @@ def test_arguments_that_make_no_sense_are_refused(wrong, capsys):
 def test_weights_to_start_from_that_do_not_exist_are_named_before_any_drive(tmp_path, capsys):
     assert main(["--start", "no.safetensors", "--data", str(tmp_path / "data")]) == 2
     assert "no.safetensors does not exist" in capsys.readouterr().err
+    assert main(["--start", "compakt", "--data", str(tmp_path / "data")]) == 2
+    assert "'compakt': choose one of compact, " in capsys.readouterr().err
     assert not (tmp_path / "data").exists()
+
+
+def test_shipped_weights_are_named_and_files_are_given_by_their_path():
+    assert weights_path(Path("compact")) == SHIPPED
+    assert weights_path(Path("mine/compact.safetensors")) == Path("mine/compact.safetensors")

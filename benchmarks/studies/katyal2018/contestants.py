@@ -21,9 +21,10 @@ from predictor.fused import Fused
 from predictor.image_predictor import ImagePredictor
 from predictor.provenance import weights_fingerprint
 from predictor.recording.settings import SimulatedConfig
-from predictor.registry import FUSED, SUFFIX, PredictorError, load_predictor
+from predictor.registry import FUSED, PredictorError, load_predictor
 from predictor.scoring.images import ternary
 from predictor.training.settings import PRESETS, ImageTraining
+from predictor.weights import SUFFIX
 
 BASELINES = ("copy", "grey")
 """Names of the baselines: the unchanged crop, unknown around it; and an image that is all grey."""
