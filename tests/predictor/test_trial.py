@@ -18,7 +18,7 @@ from sim.task import NoTaskError
 from sim.world import World
 
 ROOT = Path(__file__).parents[2]
-PAGES = {"MyPredictor": "README.md", "Optimist": "docs/tutorial/your_map_and_predictor.md"}
+PAGES = {"MyPredictor": "README.md", "Optimist": "docs/tutorial/plug_in_a_predictor.md"}
 
 
 @pytest.fixture
