@@ -1,6 +1,6 @@
 """Train a network of your own in PyTorch, export it to ONNX, check it and drive with it.
 
-pip install 'foresee[openvino,onnx]'
+pip install 'foresee-nav[openvino,onnx]'
 python -m examples.my_network
 foresee corridor --predictor examples.my_network:MyNetwork --out results/my_network
 """

@@ -26,9 +26,8 @@ class CheckSettings(Options):
 
 def _run(settings: CheckSettings) -> int:
     # Imported here, so that --help does not wait for slow imports.
-    from tqdm import tqdm
-
     from foresee.checking import check_predictor
+    from foresee.infra.progress import progress
     from foresee.prediction import BadPredictionError
     from predictor.evaluation import trial
     from predictor.registry import load_predictor
@@ -37,7 +36,7 @@ def _run(settings: CheckSettings) -> int:
     predictor = load_predictor(name)
     try:
         warnings = list(check_predictor(predictor))
-        with tqdm(total=trial.BUILDINGS, unit="drive", leave=False) as bar:
+        with progress(total=trial.BUILDINGS, unit="drive", leave=False) as bar:
             measured = trial.tried(predictor, bar.update)
     except BadPredictionError as error:
         print(f"{name}: error: {error}")

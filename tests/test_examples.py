@@ -22,7 +22,7 @@ def test_a_network_of_ones_own_is_trained_exported_checked_and_driven_with(
     tmp_path, monkeypatch, capsys
 ):
     for name in ("onnxscript", "openvino"):
-        pytest.importorskip(name, reason="extras: pip install 'foresee[onnx,openvino]'")
+        pytest.importorskip(name, reason="extras: pip install 'foresee-nav[onnx,openvino]'")
     from examples import my_network
 
     monkeypatch.chdir(tmp_path)
@@ -38,7 +38,7 @@ def test_a_network_of_ones_own_is_trained_exported_checked_and_driven_with(
 
 
 def test_an_agent_learns_and_drives_with_its_saved_policy(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("stable_baselines3", reason="an extra: pip install 'foresee[rl]'")
+    pytest.importorskip("stable_baselines3", reason="an extra: pip install 'foresee-nav[rl]'")
     from examples import learn
 
     monkeypatch.chdir(tmp_path)
