@@ -271,7 +271,7 @@ def test_times_that_no_stamp_can_hold_are_refused(tmp_path):
 def test_without_rosbags_a_line_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with (
-        pytest.raises(McapError, match=r"pip install 'foresee\[bags\]'"),
+        pytest.raises(McapError, match=r"pip install 'foresee-nav\[bags\]'"),
         writing_mcap(tmp_path / "a.mcap", {}),
     ):
         pass

@@ -88,7 +88,8 @@ def quick(monkeypatch):
         return [throughput.Driven(30.0, 3.0, 900.0) for _ in items]
 
     monkeypatch.setattr(throughput, "driven", driven)
-    monkeypatch.setattr(beside, "_on_cores", lambda drives, seed, cores: ([5.0] * 9 + [9.0], 2))
+    times = dict.fromkeys(beside.STAGES, [5.0] * 9 + [9.0])
+    monkeypatch.setattr(beside, "_on_cores", lambda drives, seed, cores: (times, 2))
 
 
 def test_other_work_keeps_each_core_busy_until_the_end():
