@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import math
+import numbers
 import warnings
 from collections.abc import Callable
 from copy import deepcopy
@@ -32,6 +34,8 @@ class Prediction:
         confidence: how far the two probabilities may be relied upon, in [0, 1], (rows, columns);
             0 means unknown.
         nan_cells: number of unobserved cells that were NaN and were made unknown by `checked`.
+        doubt: at least 1; how many times as often as stated the predictor expects to be wrong in
+            surroundings like these. The level of the last resort is divided by it.
     """
 
     frame: GridFrame
@@ -39,6 +43,7 @@ class Prediction:
     p_occupied: NDArray[np.float32]
     confidence: NDArray[np.float32]
     nan_cells: int = 0
+    doubt: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +119,7 @@ class Predictor(Protocol):
 
         Returns:
             A prediction on the frame of `view.known`. Its values lie in [0, 1], and
-            p_free + p_occupied is at most 1. NaN means unknown.
+            p_free + p_occupied is at most 1. NaN means unknown. `doubt` may be left out.
         """
         ...
 
@@ -137,6 +142,7 @@ def with_observed(
     p_occupied: NDArray[np.float32],
     confidence: NDArray[np.float32],
     nan_cells: int = 0,
+    doubt: float = 1.0,
 ) -> Prediction:
     """Return a prediction in which observed cells keep their observed value, at confidence 1.
 
@@ -146,13 +152,14 @@ def with_observed(
         p_occupied: probability of occupied, likewise.
         confidence: confidence, likewise.
         nan_cells: number of unobserved cells that were NaN.
+        doubt: see `Prediction`.
     """
     observed = known.free, known.occupied, ~known.unknown
     p_free, p_occupied, confidence = (
         np.where(known.unknown, *pair).astype(np.float32, copy=False)
         for pair in zip((p_free, p_occupied, confidence), observed, strict=True)
     )
-    return Prediction(known.frame, p_free, p_occupied, confidence, nan_cells)
+    return Prediction(known.frame, p_free, p_occupied, confidence, nan_cells, doubt)
 
 
 def checked(prediction: Prediction, known: Grid) -> Prediction:
@@ -166,7 +173,7 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
 
     Raises:
         BadPredictionError: if it is not a Prediction, lies elsewhere than asked, has the wrong
-            shape, or holds values outside [0, 1].
+            shape, or holds values outside [0, 1] or a doubt below 1.
     """
     if not isinstance(prediction, Prediction):
         raise BadPredictionError(
@@ -186,6 +193,10 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         if not _lies_within(values, 0.0, 1.0):
             raise BadPredictionError(f"{name} has values outside [0, 1]")
         fields[name] = values.astype(np.float32, copy=False)
+    doubt = prediction.doubt
+    # A comparison with NaN is false.
+    if not isinstance(doubt, numbers.Real) or not 1.0 <= float(doubt) < math.inf:
+        raise BadPredictionError(f"doubt is {doubt!r}, it must be a finite number of at least 1")
     sum_ = fields["p_free"] + fields["p_occupied"]
     if not _lies_within(sum_, 0.0, 1.0 + 1e-4):
         raise BadPredictionError("p_free + p_occupied exceeds 1 in some cells")
@@ -196,7 +207,7 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         nan_cells = int((unusable & known.unknown).sum())
         fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
     p_free, p_occupied, confidence = fields.values()
-    return with_observed(known, p_free, p_occupied, confidence, nan_cells)
+    return with_observed(known, p_free, p_occupied, confidence, nan_cells, float(doubt))
 
 
 _WARNED = WeakSet[type]()

@@ -419,6 +419,7 @@ class Navigator:
         level = self._adaptive.level if c.adapt else c.level
         epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
+        level /= 1.0 if believed is None else believed.doubt
         seen = self.known.crop(frame)
         risk = RiskMap.from_prediction(seen, believed, epsilon, level)
         self._adaptive.believe(risk)

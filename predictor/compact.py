@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,13 @@ simulated robot logs, and fine-tuned on buildings as in the paper alone. The pag
 docs/reference/cards describe them."""
 SUREST = 0.9999
 """Highest confidence in an unobserved cell: a planner would take 1 as certain."""
+DOUBTS = {"narrow": 30.0, "floor_plan": 3.0, "as_built": 3.0, "office": 2.0}
+"""Doubt in each kind of building. Chosen by drives in generated buildings, see
+docs/results/risk.md; most of all in `narrow`, whose thin door frames no LIDAR sees behind its
+window."""
+LIKELY = 0.4
+"""Probability of a kind from which on its doubt counts in full; below, its logarithm grows with the
+probability."""
 
 
 class Compact:
@@ -47,6 +55,9 @@ class Compact:
     The probabilities are those of single cells. The confidence is 1 minus the probability that a
     cell is free but not part of a free square as wide as the car. Where p_free is high,
     confidence * p_free, which the planner uses, is therefore the probability of such a square.
+
+    The doubt is that of the kind of building, see `DOUBTS`; of the kinds that are likely, the one
+    with the largest doubt counts. A network that does not tell kinds apart has a doubt of 1.
 
     Args:
         weights: a .safetensors file; the shipped one by default.
@@ -77,16 +88,19 @@ class Compact:
             inputs.append(np.rot90(coarse_context(_context(view.around)), turns, axes=(1, 2)))
         outputs = self._outputs(*inputs)
         outputs = np.rot90(outputs, -turns, axes=(1, 2))[:, rows][:, :, cols].copy()
-        p_free, p_occupied, confidence = outputs
+        p_free, p_occupied, confidence, doubt = outputs
         if known.unknown.all():
             # With nothing observed, the network has no evidence for its answer.
             confidence[:] = 0.0
-        return with_observed(known, p_free, p_occupied, confidence)
+        return with_observed(known, p_free, p_occupied, confidence, doubt=float(doubt.max()))
 
     def _outputs(
         self, codes: NDArray[Any], context: NDArray[Any] | None = None
     ) -> NDArray[np.float32]:
-        """Return p_free, p_occupied and confidence (3, rows, columns) of a map facing +x."""
+        """Return p_free, p_occupied, confidence and doubt of a map facing +x, (4, rows, columns).
+
+        The doubt is the same in all cells.
+        """
         rows, cols = codes.shape
         over = [-n % self._config.multiple for n in codes.shape]
         padded = np.pad(codes, [(n // 2, n - n // 2) for n in over], constant_values=2)
@@ -127,9 +141,14 @@ class _Answers(nn.Module):
     def __init__(self, net: CompactNet) -> None:
         super().__init__()
         self.net = net
+        doubts = [math.log(DOUBTS.get(kind, 1.0)) for kind in net.config.kinds]
+        self.doubts: Tensor
+        self.register_buffer("doubts", torch.tensor(doubts))
 
     def forward(self, codes: Tensor, context: Tensor | None = None) -> Tensor:
-        """Return p_free, p_occupied and confidence (B, 3, H, W).
+        """Return p_free, p_occupied, confidence and doubt, (B, 4, H, W).
+
+        The doubt is the same in all cells of a map.
 
         Args:
             codes: codes of what was observed, (B, H, W).
@@ -137,13 +156,18 @@ class _Answers(nn.Module):
         """
         known = torch.stack([codes == 0, codes == 1], dim=1).float()
         shares = None if context is None else 0.01 * context.float()
-        logits = self.net(known.contiguous(memory_format=torch.channels_last), shares)
+        logits, kinds = self.net.both(known.contiguous(memory_format=torch.channels_last), shares)
         classes = torch.softmax(logits[:, :ROOM], dim=1)
         # The highest probability of a free square that holds each cell.
         _, asked = room_masks(codes)
         room = widened(torch.where(asked, torch.sigmoid(logits[:, ROOM]), 0.0))
         confidence = (1.0 - classes[:, FREE] + room).clamp(max=SUREST)
-        return torch.stack([classes[:, FREE], classes[:, OCCUPIED], confidence], dim=1)
+        if kinds is None:
+            doubt = torch.ones_like(confidence)
+        else:
+            likely = (torch.softmax(kinds, dim=1) / LIKELY).clamp(max=1.0)
+            doubt = (likely * self.doubts).amax(dim=1).exp()[:, None, None].expand_as(confidence)
+        return torch.stack([classes[:, FREE], classes[:, OCCUPIED], confidence, doubt], dim=1)
 
 
 @lru_cache(maxsize=4)

@@ -2,6 +2,7 @@
 
     foresee train                      compact, and its samples: two hours on 2 cores
     foresee train --arch far           what lies far ahead, for routes; the same samples
+    foresee train --arch kinds --start compact     its layer of kinds of building alone; minutes
     foresee train --steps 200 --train 20 --validation 4      a quick trial
     foresee train --start compact --world my_maps/      fine-tuning on your own buildings
     foresee train --arch unet_ff --expansion 1.3 --preset short
@@ -41,8 +42,8 @@ TRAINED = Path("results/train")
 """Default folder of the results of a training from random weights."""
 TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
 """Default folders of the samples and of the results of a fine-tuning (--start)."""
-ON_SAMPLES = ("compact", "far")
-"""Networks that are trained on samples of walks and logs."""
+ON_SAMPLES = ("compact", "far", "kinds")
+"""What is trained on samples of walks and logs: two networks, and a layer of compact."""
 FAR_TUNING = replace(
     FAR, steps=TUNING.steps, rate=TUNING.rate, warmup=TUNING.warmup, average=TUNING.average
 )
@@ -199,9 +200,17 @@ def _train_on_samples(
     from predictor.training.compact_comparison import table
     from predictor.training.compact_training import CompactTrainer
     from predictor.training.far_training import FarTrainer
+    from predictor.training.kinds_training import train_layer
     from predictor.weights import WeightsError, load_weights, weights_path
 
-    is_compact = settings.arch == "compact"
+    is_layer, is_compact = settings.arch == "kinds", settings.arch != "far"
+    if is_layer and compact.start is None:
+        raise TrainError("--arch kinds adds a layer to a trained compact: give it as --start")
+    schedule = given(
+        steps=compact.steps, batch=settings.batch, rate=settings.rate, seed=settings.seed
+    )
+    if is_layer and schedule:
+        raise TrainError(f"--{next(iter(schedule))} does not apply to --arch kinds")
     kind = CompactNet if is_compact else FarNet
     source, start, learned = None, None, frozenset[str]()
     training: SamplesTraining = SCRATCH if is_compact else FAR
@@ -217,7 +226,9 @@ def _train_on_samples(
         training, out = replace(tuning, start=start[1]["fingerprint"]), settings.out or TUNED[1]
         count, held_out = TUNING_DRIVES
         drives = replace(drives, out=TUNED[0], train=count, validation=held_out)
-        if (out / f"{settings.arch}.safetensors").resolve() == source.resolve():
+        if (
+            out / f"{'compact' if is_compact else 'far'}.safetensors"
+        ).resolve() == source.resolve():
             raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
@@ -228,9 +239,8 @@ def _train_on_samples(
     train = Samples.load(drives.out / "train", drives.train)
     validation = Samples.load(drives.out / "validation", drives.validation)
     check_apart({"train": train.worlds, "validation": validation.worlds})
-    schedule = given(
-        steps=compact.steps, batch=settings.batch, rate=settings.rate, seed=settings.seed
-    )
+    if start is not None and is_layer:
+        return train_layer(*start, train, validation, out / "compact.safetensors")
     training = replace(training, **schedule)
     if not is_compact:
         return FarTrainer(training, train, validation, out, start).run()

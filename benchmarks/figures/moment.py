@@ -110,7 +110,10 @@ def moment(run: Run, index: int | None = None, arm: str | None = None) -> Figure
 def _worth_showing(trace: Trace) -> tuple[bool, int]:
     """Return whether the cells that the moment relies on are truly free, and their number."""
     cells = trace.relied[int(trace.read("moment_tick"))].astype(int)
-    return bool(trace.truth.free[tuple(cells.T)].all()), len(cells)
+    # A plan may lead out of the building's map, where nothing is known to be free.
+    inside = ((cells >= 0) & (cells < trace.truth.frame.shape)).all(axis=1)
+    free = inside.all() and trace.truth.free[tuple(cells.T)].all()
+    return bool(free), len(cells)
 
 
 def _view(now: RecordedMoment) -> tuple[float, float, float, float]:

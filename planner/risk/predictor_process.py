@@ -131,10 +131,16 @@ class PredictorProcess:
         if kind != "answer":
             raise BadPredictionError(str(value))
         # Checked again, since the other process may have written anything into the memory.
-        fields = self._server.fields
-        answer = checked(Prediction(known.frame, *fields), known)
+        try:
+            nan_cells, doubt = value
+        except (TypeError, ValueError):
+            raise BadPredictionError(f"the predictor's process answered {value!r}") from None
+        p_free, p_occupied, confidence = self._server.fields
+        answer = checked(
+            Prediction(known.frame, p_free, p_occupied, confidence, doubt=doubt), known
+        )
         self._failures, self._server.first_limit = 0, 0.0
-        return replace(answer, nan_cells=value)
+        return replace(answer, nan_cells=nan_cells)
 
     def close(self) -> None:
         """End the process; later questions count as late."""

@@ -101,7 +101,7 @@ def serve(memory: int, connection: int, lifeline: int) -> None:
         try:
             # The view that the predictor gets is a copy, which lies in its own memory.
             answer = caller.ask(View(grids[0], pose, grids[-1]))
-            reply = "answer", answer.nan_cells
+            reply = "answer", (answer.nan_cells, answer.doubt)
         except RaisedError as error:
             answer, reply = None, ("raised", str(error))
         except BadPredictionError as error:

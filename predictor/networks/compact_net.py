@@ -15,6 +15,9 @@ features are added to those of stage 3, which have the same resolution of 1 m.
       stage 3       (B, 112, H/20, W/20)  ───────┐  │  │       context (B, 2, 80, 80) is added here
       stage 4       (B, 128, H/40, W/40)  ── up ─┴──┴──┴─▶ (B, 32, H/5, W/5)
     logits (B, 4, H, W)                           free, occupied, hidden; room
+
+A linear layer on the features of the context also tells the kind of building, since predictions
+come true less often in some kinds than in others.
 """
 
 from __future__ import annotations
@@ -48,6 +51,7 @@ class CompactConfig:
             the decoder only: a second would take a sixth of the time with 1 % of the weights.
         context: channels of the finest stage of the context's network; 0: no context.
         outputs: channels of the output.
+        kinds: names of the kinds of building that it tells apart, from the context; empty: none.
     """
 
     patch: int = 5
@@ -55,6 +59,7 @@ class CompactConfig:
     blocks: tuple[int, ...] = (0, 1, 1, 2)
     context: int = 0
     outputs: int = 4
+    kinds: tuple[str, ...] = ()
 
     @property
     def multiple(self) -> int:
@@ -72,11 +77,14 @@ class CompactConfig:
         """
         widths, blocks = tuple(fields["widths"]), tuple(fields["blocks"])
         context, outputs = fields.get("context", 0), fields.get("outputs", 4)
-        config = cls(fields["patch"], widths, blocks, context, outputs)
+        kinds = tuple(fields.get("kinds", ()))
+        config = cls(fields["patch"], widths, blocks, context, outputs, kinds)
         sizes, blocks = (config.patch, *widths, outputs), (*config.blocks, context)
         sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
         sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
         sane &= not config.context or (len(widths) > STAGE + 1 and config.patch == 5)
+        sane &= all(isinstance(kind, str) for kind in kinds) and len(kinds) <= 64
+        sane &= bool(context) or not kinds
         if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
             raise ValueError(f"no network is shaped like {config}")
         return config
@@ -138,8 +146,10 @@ class ContextNet(nn.Module):
             for parameter in last.parameters():
                 nn.init.zeros_(parameter)
 
-    def forward(self, context: Tensor, rows: int, cols: int) -> Tensor:
-        """Return features (B, outputs, rows, cols) of the square around the robot, on cells of 1 m.
+    def forward(self, context: Tensor, rows: int, cols: int) -> tuple[Tensor, Tensor]:
+        """Return features of the square around the robot, and a summary of the whole context.
+
+        The features (B, outputs, rows, cols) lie on cells of 1 m; the summary is (B, 4 · width).
 
         Args:
             context: shares in [0, 1] observed free, and observed occupied, (B, 2, CELLS, CELLS).
@@ -149,8 +159,9 @@ class ContextNet(nn.Module):
         fine = self.fine(F.relu(self.stem(F.pixel_unshuffle(context, 4))))
         coarse = self.coarse(F.relu(self.down(fine)))
         here = self.here(self.decode(self.up(coarse) + fine))
-        whole: Tensor = self.everywhere(coarse.mean(dim=(2, 3), keepdim=True))
-        return _middle(_middle(here, rows, 2), cols, 3) + whole
+        mean = coarse.mean(dim=(2, 3), keepdim=True)
+        features = _middle(_middle(here, rows, 2), cols, 3) + self.everywhere(mean)
+        return features, torch.cat([mean.flatten(1), coarse.amax(dim=(2, 3))], dim=1)
 
 
 class CompactNet(nn.Module):
@@ -160,9 +171,13 @@ class CompactNet(nn.Module):
         config: shape of the network.
     """
 
-    ARCHITECTURES: tuple[str, ...] = ("foresee-compact-1", "foresee-compact-2")
-    """Names in files of weights, without and with a context; the number changes when the meaning of
-    weights does."""
+    ARCHITECTURES: tuple[str, ...] = (
+        "foresee-compact-1",
+        "foresee-compact-2",
+        "foresee-compact-3",
+    )
+    """Names in files of weights: without a context, with one, and with kinds of building too. The
+    number changes when the meaning of weights does."""
     CONFIG = CompactConfig
 
     def __init__(self, config: CompactConfig | None = None) -> None:
@@ -180,14 +195,23 @@ class CompactNet(nn.Module):
         self.decode = nn.ModuleList(Block(width) for width in widths[:-1])
         self.head = nn.Conv2d(widths[0], config.outputs * cells, 1)
         self.context = ContextNet(config.context, widths[STAGE]) if config.context else None
+        kinds = len(config.kinds)
+        self.kinds = nn.Linear(4 * config.context, kinds) if kinds else None
 
     @property
     def architecture(self) -> str:
         """Name in files of weights."""
-        return self.ARCHITECTURES[self.context is not None]
+        return self.ARCHITECTURES[(self.context is not None) + (self.kinds is not None)]
 
     def forward(self, known: Tensor, context: Tensor | None = None) -> Tensor:
         """Return logits (B, 4, H, W) of FREE, OCCUPIED and HIDDEN (softmax), and ROOM (sigmoid).
+
+        See `both` for the arguments.
+        """
+        return self.both(known, context)[0]
+
+    def both(self, known: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor | None]:
+        """Return the logits of `forward`, and those of `config.kinds`, (B, kinds), if any.
 
         Args:
             known: 1 where observed free, and 1 where observed occupied, (B, 2, H, W); H and W are
@@ -196,17 +220,19 @@ class CompactNet(nn.Module):
                 see `foresee.mapping.context`; needed if the network has a context.
         """
         x = F.relu(self.stem(F.pixel_unshuffle(known, self.config.patch)))
-        skips = []
+        skips, kinds = [], None
         for number, (stage, down) in enumerate(zip(self.encode, self.down, strict=False)):
             if number == STAGE and self.context is not None:
-                x = x + self.context(context, x.shape[2], x.shape[3])
+                features, summary = self.context(context, x.shape[2], x.shape[3])
+                x = x + features
+                kinds = None if self.kinds is None else self.kinds(summary)
             x = stage(x)
             skips.append(x)
             x = F.relu(down(x))
         x = self.encode[-1](x)
         for up, decode in reversed(list(zip(self.up, self.decode, strict=True))):
             x = decode(up(x) + skips.pop())
-        return F.pixel_shuffle(self.head(x), self.config.patch)
+        return F.pixel_shuffle(self.head(x), self.config.patch), kinds
 
     def with_context(self, width: int) -> CompactNet:
         """Return this network, or a copy with a context that does not change the output yet.
@@ -219,6 +245,22 @@ class CompactNet(nn.Module):
             return self
         other = CompactNet(replace(self.config, context=width))
         other.load_state_dict(other.state_dict() | self.state_dict())
+        return other
+
+    def with_kinds(self, kinds: tuple[str, ...]) -> CompactNet:
+        """Return a copy with a layer that tells kinds of building apart, not yet trained.
+
+        Args:
+            kinds: their names.
+
+        Raises:
+            ValueError: if this network has no context.
+        """
+        if self.context is None:
+            raise ValueError("without a context, a network cannot tell the kind of building")
+        other = CompactNet(replace(self.config, kinds=kinds))
+        kept = {n: v for n, v in self.state_dict().items() if not n.startswith("kinds.")}
+        other.load_state_dict(other.state_dict() | kept)
         return other
 
     def folded(self) -> CompactNet:

@@ -22,6 +22,7 @@ from predictor.training.compact_targets import (
     losses,
     middle_squares,
 )
+from predictor.training.kinds_training import NONE, kind_numbers
 from predictor.training.optimisation import deterministic
 from predictor.training.samples_trainer import SamplesTrainer
 from predictor.training.settings import CompactTraining
@@ -38,7 +39,7 @@ without one."""
 VALIDATED = 1024
 """Number of samples of a validation."""
 KIND_WEIGHT = 0.05
-"""Weight of the loss of `KindOfBuilding`."""
+"""Weight of the loss of `KindOfBuilding`, and of that of the network's own kinds."""
 
 
 class CompactTrainer(SamplesTrainer):
@@ -101,8 +102,13 @@ class CompactTrainer(SamplesTrainer):
         codes = middle_squares(codes, side, mirror)
         context = contexts(coarse, mirror, alone, side)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
-            logits = self.net(known_input(codes), context)
+            logits, kinds = self.net.both(known_input(codes), context)
         loss = torch.stack(losses(logits.float(), codes)).sum()
+        if kinds is not None:
+            told = kind_numbers(self.net, self.train.families).to(families.device)[families]
+            # One's own maps are of no kind.
+            of_kinds = F.cross_entropy(kinds.float(), told, ignore_index=NONE, reduction="sum")
+            loss = loss + KIND_WEIGHT * of_kinds / len(told)
         if self.kinds is not None:
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
         return loss

@@ -311,10 +311,11 @@ def test_the_name_of_a_figure_tells_what_was_chosen(episode, arm, name):
     assert file_name("moment", "gif", episode, arm) == name
 
 
-def test_the_moment_that_is_shown_relies_on_cells_that_are_free(tmp_path):
+@pytest.mark.parametrize("row", [4, -1, 40], ids=["a wall", "above the map", "below the map"])
+def test_the_moment_that_is_shown_relies_on_cells_that_are_free(tmp_path, row):
     run = Run.load(write_run(tmp_path / "run"))
     wrong = run.trace(1, "predicted").read("relied_cells").copy()
-    wrong[:, 0] = 4  # A wall.
+    wrong[:, 0] = row
     right = dict(run.arrays)
     for spoilt, shown in ((0, 1), (1, 0)):
         arrays = right | {f"e{spoilt}/predicted/relied_cells": wrong}

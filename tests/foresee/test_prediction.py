@@ -89,6 +89,11 @@ def test_checked_puts_observed_cells_back():
     assert (prediction.confidence[known.unknown] == 0.5).all()
 
 
+def test_a_doubt_is_kept():
+    assert checked(some_prediction(doubt=np.float32(2.5)), cluttered()).doubt == 2.5
+    assert checked(some_prediction(), cluttered()).doubt == 1.0
+
+
 @pytest.mark.parametrize("field", ["p_free", "p_occupied", "confidence"])
 def test_nan_makes_its_cell_unknown(field):
     known = Grid(FRAME, np.full(FRAME.shape, UNKNOWN, np.int8))
@@ -112,6 +117,10 @@ def test_nan_makes_its_cell_unknown(field):
         ({"p_free": np.full((80, 80), "a")}, "real numbers"),
         ({"p_free": None}, "p_free"),
         ({"frame": GridFrame(0.05, (1.0, -1.0), (80, 80))}, "lies on"),
+        ({"doubt": 0.9}, "doubt is 0.9"),
+        ({"doubt": np.nan}, "doubt is nan"),
+        ({"doubt": np.inf}, "doubt is inf"),
+        ({"doubt": "2"}, "doubt is '2'"),
     ],
 )
 def test_checked_refuses(changes, message):

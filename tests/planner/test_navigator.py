@@ -77,6 +77,23 @@ def test_only_above_level_zero_a_prediction_makes_unobserved_cells_certain(level
         assert (risk.certain & risk.known.unknown).any() == (level > 0.0)
 
 
+@pytest.mark.parametrize(("doubt", "certain"), [(1.0, True), (1.9, True), (2.1, False)])
+def test_the_level_of_the_last_resort_is_divided_by_the_doubt(doubt, certain):
+    class Doubting:
+        def predict(self, view):
+            frame = view.known.frame
+            free, sure = np.full(frame.shape, 0.9, np.float32), np.ones(frame.shape, np.float32)
+            return Prediction(frame, free, 0 * free, sure, doubt=doubt)
+
+    task = straight()
+    driver = navigator(task, Doubting(), reliance=0.2, level=0.2, adapt=False)
+    state = np.array([*task.start, 0.0])
+    risk = driver.step(state, LIDAR.scan(task.world, state)).risk_map
+    # What the plan may enter does not change.
+    assert (risk.safe & risk.known.unknown).any()
+    assert (risk.certain & risk.known.unknown).any() == certain
+
+
 def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():
     task = straight()
     driver = navigator(task)

@@ -79,6 +79,18 @@ def test_the_answers_are_those_in_a_thread_to_the_bit(started, name):
             assert getattr(one, field).dtype == np.float32
 
 
+def test_a_doubt_arrives_and_a_reply_that_is_none_is_a_bad_prediction(started):
+    predictor = started(Misbehaving, misbehaving.crashes)
+    view = random_view()
+    assert predictor.ask(view, BOUND).doubt == 3.0
+    for reply in (3, [0], "free", None, [0, 1.0, 2.0]):
+        with pytest.raises(BadPredictionError, match="process answered"):
+            predictor._answer(view.known, "answer", reply)
+    for doubt in (0.5, "2", None):
+        with pytest.raises(BadPredictionError, match="doubt is"):
+            predictor._answer(view.known, "answer", [0, doubt])
+
+
 def test_a_drive_is_the_same_as_with_a_thread(started):
     one, other = (
         drive(

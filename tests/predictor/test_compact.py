@@ -12,12 +12,13 @@ from foresee.checking import check_predictor
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.mapping.resampling import resampled
 from foresee.prediction import View
-from predictor.compact import BUILT, LOGS, PAPER, SHIPPED, Compact
+from predictor.compact import BUILT, DOUBTS, LOGS, PAPER, SHIPPED, Compact
 from predictor.networks.compact_net import CompactNet, room_masks
 from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
 from predictor.runtime import RUNTIMES, runner
 from predictor.training.compact_targets import known_input, losses, room_targets
+from predictor.weights import load_weights, save_weights
 
 CARDS = Path(__file__).parents[2] / "docs/reference/cards"
 
@@ -163,6 +164,32 @@ def test_confidence_leaves_less_than_p_free_beside_walls(compact):
     unseen = grid.unknown
     assert (trust[unseen] <= prediction.p_free[unseen] + 1e-6).all()
     assert trust[100, 145] > trust[81, 145]
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+@pytest.mark.parametrize(
+    ("chances", "doubt"),
+    [
+        ((1.0, 0.0, 0.0), 1.0),
+        ((0.0, 1.0, 0.0), DOUBTS["narrow"]),
+        ((0.5, 0.1, 0.4), max(DOUBTS["narrow"] ** 0.25, DOUBTS["floor_plan"])),
+        ((0.1, 0.45, 0.45), DOUBTS["narrow"]),
+    ],
+)
+def test_the_kind_of_building_changes_the_doubt_alone(tmp_path, runtime, chances, doubt):
+    net, facts = load_weights(BUILT, CompactNet)
+    told = net.with_kinds(("corridor", "narrow", "floor_plan"))
+    with torch.no_grad():
+        told.kinds.weight.zero_()
+        told.kinds.bias.copy_(torch.log(torch.tensor(chances) + 1e-9))
+    save_weights(tmp_path / "told.safetensors", told, facts)
+    view = View(corridor(), centre_pose(corridor()))
+    before, after = (
+        Compact(path, runtime).predict(view) for path in (BUILT, tmp_path / "told.safetensors")
+    )
+    assert np.abs(before.p_free - after.p_free).max() < 1e-5
+    assert np.abs(before.confidence - after.confidence).max() < 1e-5
+    assert after.doubt == pytest.approx(doubt, rel=1e-4)
 
 
 def test_of_what_was_not_seen_it_is_never_certain(compact):

@@ -27,6 +27,7 @@ from predictor.training import compact_training
 from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_training import CompactTrainer
+from predictor.training.kinds_training import train_layer
 from predictor.training.settings import CompactTraining
 from predictor.weights import load_weights, weights_path
 from sim import LidarConfig
@@ -36,9 +37,9 @@ from sim.task import sample_task
 CONFIG = CompactTraining(steps=12, batch=2, warmup=4)
 
 
-def some_drive(folder, seed):
+def some_drive(folder, seed, family="narrow"):
     """A way through a building, without driving it: quick, and good enough to learn from."""
-    task = sample_task(generate("narrow", seed), seed)
+    task = sample_task(generate(family, seed), seed)
     world, rng = task.world, np.random.default_rng(seed)
     ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
     states = np.column_stack([task.waypoints, np.arctan2(ways[:, 1], ways[:, 0])])
@@ -49,7 +50,7 @@ def some_drive(folder, seed):
         truth, true_around = truth_codes(*world.truth(crop.frame)), world.grid.crop(around.frame)
         samples.append(encoded(crop, truth, around, true_around, state[2]))
     building = world_hash(world.grid.cells)
-    about = {"seed": seed, "world": building, "original": building}
+    about = {"seed": seed, "family": family, "world": building, "original": building}
     folder.mkdir(parents=True, exist_ok=True)
     write_samples(folder / f"{seed:06d}.npz", [(one, np.zeros(3)) for one in samples], about)
 
@@ -270,6 +271,44 @@ def test_weights_to_start_from_that_do_not_exist_are_named_before_any_drive(tmp_
     assert main(["--start", "compakt", "--data", str(tmp_path / "data")]) == 2
     assert "'compakt': choose one of compact, " in capsys.readouterr().err
     assert not (tmp_path / "data").exists()
+
+
+def test_the_layer_of_kinds_learns_which_family_it_sees(tmp_path, capsys):
+    for seed, family in ((1, "narrow"), (2, "corridor")):
+        some_drive(tmp_path / "data", seed, family)
+    samples = Samples.load(tmp_path / "data")
+    torch.manual_seed(0)
+    net = CompactNet().with_context(4).eval()
+    before = {name: values.clone() for name, values in net.state_dict().items()}
+    path = train_layer(net, {"fingerprint": "0"}, samples, samples, tmp_path / "it.safetensors")
+    fitted, facts = load_weights(path, CompactNet)
+    assert fitted.architecture == "foresee-compact-3"
+    assert set(facts["worlds"]) == samples.worlds
+    after = fitted.state_dict()
+    assert all(torch.equal(values, after[name]) for name, values in before.items())
+    assert fitted.config.kinds == ("corridor", "narrow")
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert rows[0] == ["corridor", "narrow"]
+    assert min(float(rows[1][1]), float(rows[2][2])) > 0.6
+
+
+def test_the_layer_of_kinds_needs_a_context_and_two_families(data, tmp_path):
+    samples, facts = Samples.load(data / "train"), {"fingerprint": "0"}
+    with pytest.raises(TrainError, match="has no context"):
+        train_layer(CompactNet(), facts, samples, samples, tmp_path / "it.safetensors")
+    with pytest.raises(TrainError, match="two are needed"):
+        train_layer(
+            CompactNet().with_context(4), facts, samples, samples, tmp_path / "it.safetensors"
+        )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [([], "give it as --start"), (["--start", "compact", "--steps", "3"], "--steps does not")],
+)
+def test_the_layer_of_kinds_has_no_schedule(wrong, named, capsys):
+    assert main(["--arch", "kinds", *wrong]) == 2
+    assert named in capsys.readouterr().err
 
 
 def test_shipped_weights_are_named_and_files_are_given_by_their_path():

@@ -30,7 +30,7 @@ def random_view(side=60, seed=0):
 
 def good(view):
     values = np.full(view.known.frame.shape, 0.5, np.float32)
-    return Prediction(view.known.frame, values, values, values)
+    return Prediction(view.known.frame, values, values, values, doubt=3.0)
 
 
 def holds_the_lock():
