@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -40,13 +39,6 @@ simulated robot logs, and fine-tuned on buildings as in the paper alone. The pag
 docs/reference/cards describe them."""
 SUREST = 0.9999
 """Highest confidence in an unobserved cell: a planner would take 1 as certain."""
-DOUBTS = {"narrow": 30.0, "floor_plan": 3.0, "as_built": 3.0, "office": 2.0}
-"""Doubt in each kind of building. Chosen by drives in generated buildings, see
-docs/results/risk.md; most of all in `narrow`, whose thin door frames no LIDAR sees behind its
-window."""
-LIKELY = 0.4
-"""Probability of a kind from which on its doubt counts in full; below, its logarithm grows with the
-probability."""
 
 
 class Compact:
@@ -56,8 +48,8 @@ class Compact:
     cell is free but not part of a free square as wide as the car. Where p_free is high,
     confidence * p_free, which the planner uses, is therefore the probability of such a square.
 
-    The doubt is that of the kind of building, see `DOUBTS`; of the kinds that are likely, the one
-    with the largest doubt counts. A network that does not tell kinds apart has a doubt of 1.
+    The doubt is that of the kind of building; a network that does not tell kinds apart has a doubt
+    of 1.
 
     Args:
         weights: a .safetensors file; the shipped one by default.
@@ -141,9 +133,6 @@ class _Answers(nn.Module):
     def __init__(self, net: CompactNet) -> None:
         super().__init__()
         self.net = net
-        doubts = [math.log(DOUBTS.get(kind, 1.0)) for kind in net.config.kinds]
-        self.doubts: Tensor
-        self.register_buffer("doubts", torch.tensor(doubts))
 
     def forward(self, codes: Tensor, context: Tensor | None = None) -> Tensor:
         """Return p_free, p_occupied, confidence and doubt, (B, 4, H, W).
@@ -165,8 +154,7 @@ class _Answers(nn.Module):
         if kinds is None:
             doubt = torch.ones_like(confidence)
         else:
-            likely = (torch.softmax(kinds, dim=1) / LIKELY).clamp(max=1.0)
-            doubt = (likely * self.doubts).amax(dim=1).exp()[:, None, None].expand_as(confidence)
+            doubt = self.net.doubt(kinds)[:, None, None].expand_as(confidence)
         return torch.stack([classes[:, FREE], classes[:, OCCUPIED], confidence, doubt], dim=1)
 
 

@@ -36,6 +36,9 @@ FREE, OCCUPIED, HIDDEN, ROOM = range(4)
 ROOM_REACH = 3
 """Half the width of the square of ROOM [cells], without the middle cell: a cell has room if the
 square around it is free, which is 0.35 m wide, the width of a car plus one cell."""
+LIKELY = 0.4
+"""Probability of a kind of building from which on its doubt counts in full; below, the logarithm
+of the doubt grows with the probability."""
 STAGE = 2
 """Number of the stage, counted from 0, that the features of the context are added to."""
 
@@ -195,8 +198,12 @@ class CompactNet(nn.Module):
         self.decode = nn.ModuleList(Block(width) for width in widths[:-1])
         self.head = nn.Conv2d(widths[0], config.outputs * cells, 1)
         self.context = ContextNet(config.context, widths[STAGE]) if config.context else None
-        kinds = len(config.kinds)
-        self.kinds = nn.Linear(4 * config.context, kinds) if kinds else None
+        self.kinds: nn.Linear | None = None
+        if config.kinds:
+            self.kinds = nn.Linear(4 * config.context, len(config.kinds))
+            # Part of the weights, since calibrations hold for these values alone.
+            self.doubts: Tensor
+            self.register_buffer("doubts", torch.ones(len(config.kinds)))
 
     @property
     def architecture(self) -> str:
@@ -209,6 +216,14 @@ class CompactNet(nn.Module):
         See `both` for the arguments.
         """
         return self.both(known, context)[0]
+
+    def doubt(self, kinds: Tensor) -> Tensor:
+        """Return the doubt in buildings, (B,), for the logits of their kinds, (B, kinds).
+
+        Of the kinds that are likely, that with the largest doubt counts.
+        """
+        likely = (torch.softmax(kinds, dim=1) / LIKELY).clamp(max=1.0)
+        return (likely * self.doubts.log()).amax(dim=1).exp()
 
     def both(self, known: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor | None]:
         """Return the logits of `forward`, and those of `config.kinds`, (B, kinds), if any.
@@ -259,7 +274,9 @@ class CompactNet(nn.Module):
         if self.context is None:
             raise ValueError("without a context, a network cannot tell the kind of building")
         other = CompactNet(replace(self.config, kinds=kinds))
-        kept = {n: v for n, v in self.state_dict().items() if not n.startswith("kinds.")}
+        kept = {
+            n: v for n, v in self.state_dict().items() if n.split(".")[0] not in ("kinds", "doubts")
+        }
         other.load_state_dict(other.state_dict() | kept)
         return other
 

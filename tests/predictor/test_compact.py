@@ -12,7 +12,7 @@ from foresee.checking import check_predictor
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.mapping.resampling import resampled
 from foresee.prediction import View
-from predictor.compact import BUILT, DOUBTS, LOGS, PAPER, SHIPPED, Compact
+from predictor.compact import BUILT, LOGS, PAPER, SHIPPED, Compact
 from predictor.networks.compact_net import CompactNet, room_masks
 from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
@@ -171,9 +171,10 @@ def test_confidence_leaves_less_than_p_free_beside_walls(compact):
     ("chances", "doubt"),
     [
         ((1.0, 0.0, 0.0), 1.0),
-        ((0.0, 1.0, 0.0), DOUBTS["narrow"]),
-        ((0.5, 0.1, 0.4), max(DOUBTS["narrow"] ** 0.25, DOUBTS["floor_plan"])),
-        ((0.1, 0.45, 0.45), DOUBTS["narrow"]),
+        ((0.0, 1.0, 0.0), 30.0),
+        ((0.5, 0.1, 0.4), 6.0),
+        ((0.7, 0.2, 0.1), 30.0**0.5),
+        ((0.1, 0.45, 0.45), 30.0),
     ],
 )
 def test_the_kind_of_building_changes_the_doubt_alone(tmp_path, runtime, chances, doubt):
@@ -182,6 +183,7 @@ def test_the_kind_of_building_changes_the_doubt_alone(tmp_path, runtime, chances
     with torch.no_grad():
         told.kinds.weight.zero_()
         told.kinds.bias.copy_(torch.log(torch.tensor(chances) + 1e-9))
+        told.doubts.copy_(torch.tensor([1.0, 30.0, 6.0]))
     save_weights(tmp_path / "told.safetensors", told, facts)
     view = View(corridor(), centre_pose(corridor()))
     before, after = (

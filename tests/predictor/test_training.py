@@ -27,7 +27,7 @@ from predictor.training import compact_training
 from predictor.training import trainer as training_loop
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_training import CompactTrainer
-from predictor.training.kinds_training import train_layer
+from predictor.training.kinds_training import DOUBTS, train_layer
 from predictor.training.settings import CompactTraining
 from predictor.weights import load_weights, weights_path
 from sim import LidarConfig
@@ -287,6 +287,7 @@ def test_the_layer_of_kinds_learns_which_family_it_sees(tmp_path, capsys):
     after = fitted.state_dict()
     assert all(torch.equal(values, after[name]) for name, values in before.items())
     assert fitted.config.kinds == ("corridor", "narrow")
+    assert fitted.doubts.tolist() == [1.0, DOUBTS["narrow"]]
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert rows[0] == ["corridor", "narrow"]
     assert min(float(rows[1][1]), float(rows[2][2])) > 0.6
