@@ -41,7 +41,7 @@ class WorthSettings(Options):
     predictors: tuple[str, ...] = option(
         ("distance", "extend", "compact"),
         "predictors to compare, such as also weights FILE.safetensors of the paper's networks; "
-        "distance is the baseline without a network at a risk above 0",
+        "distance and extend are the baselines without a network at a risk above 0",
         "P",
     )
     calibrations: tuple[Path, ...] = option(

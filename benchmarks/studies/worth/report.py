@@ -9,7 +9,7 @@ from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.statistics import BASELINES, ResultsByArm
-from benchmarks.studies.worth.series import RULE, Series
+from benchmarks.studies.worth.series import RULES, Series
 from foresee.mapping.car_limits import CarLimits
 
 Drives = Mapping[str, Sequence[dict[str, Any]]]
@@ -101,7 +101,7 @@ def _baselines(series: Series, group: Sequence[Series]) -> list[str]:
     rules = [
         other.driver
         for other in group
-        if other.settings.predictor == RULE and other.settings.risk <= series.settings.risk
+        if other.settings.predictor in RULES and other.settings.risk <= series.settings.risk
     ]
     driven = {other.driver for other in group}
     return [name for name in (*BASELINES, *rules) if name in driven]

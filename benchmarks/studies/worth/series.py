@@ -15,8 +15,8 @@ MIXTURE = ("corridor", "narrow", "office", "paper", "floor_plan")
 """Families of the mixture: those of the shipped calibrations, in which one certificate holds."""
 PRESCRIBED, WINDOWS, FREE = "prescribed", "windows", "free"
 """Parts of the study."""
-RULE = "distance"
-"""Predictor without a network, a baseline at a risk above 0."""
+RULES = ("distance", "extend")
+"""Predictors without a network, baselines at a risk above 0."""
 RISKS = (0.0, 0.02, 0.05)
 """Risks of the drivers on a prescribed route."""
 SIGHTS = tuple((window, v_max) for v_max in (4.0, 8.0) for window in (5.0, 10.0, 20.0))
