@@ -119,4 +119,5 @@ def _ask(caller: Caller, view: View) -> tuple[Prediction, float]:
 
 
 def _same(first: Prediction, second: Prediction) -> bool:
-    return all(np.array_equal(getattr(first, name), getattr(second, name)) for name in FIELDS)
+    alike = (np.array_equal(getattr(first, name), getattr(second, name)) for name in FIELDS)
+    return first.doubt == second.doubt and all(alike)

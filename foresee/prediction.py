@@ -193,10 +193,7 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         if not _lies_within(values, 0.0, 1.0):
             raise BadPredictionError(f"{name} has values outside [0, 1]")
         fields[name] = values.astype(np.float32, copy=False)
-    doubt = prediction.doubt
-    # A comparison with NaN is false.
-    if not isinstance(doubt, numbers.Real) or not 1.0 <= float(doubt) < math.inf:
-        raise BadPredictionError(f"doubt is {doubt!r}, it must be a finite number of at least 1")
+    doubt = _doubt(prediction.doubt)
     sum_ = fields["p_free"] + fields["p_occupied"]
     if not _lies_within(sum_, 0.0, 1.0 + 1e-4):
         raise BadPredictionError("p_free + p_occupied exceeds 1 in some cells")
@@ -207,7 +204,22 @@ def checked(prediction: Prediction, known: Grid) -> Prediction:
         nan_cells = int((unusable & known.unknown).sum())
         fields = {name: np.where(unusable, 0.0, values) for name, values in fields.items()}
     p_free, p_occupied, confidence = fields.values()
-    return with_observed(known, p_free, p_occupied, confidence, nan_cells, float(doubt))
+    return with_observed(known, p_free, p_occupied, confidence, nan_cells, doubt)
+
+
+def _doubt(given: Any) -> float:
+    """Return a predictor's doubt, which may be of any kind of number."""
+    try:
+        # Converted once, since a plug-in's number may change from one reading to the next.
+        doubt = float(given) if isinstance(given, numbers.Real) else math.nan
+    except OverflowError:
+        doubt = math.inf
+    # A comparison with NaN is false.
+    if not 1.0 <= doubt < math.inf:
+        raise BadPredictionError(
+            f"doubt is {given!r:.40}, it must be a finite number of at least 1"
+        )
+    return doubt
 
 
 _WARNED = WeakSet[type]()

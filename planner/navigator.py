@@ -43,6 +43,9 @@ WAYPOINT_SIDE = 5.0
 """Side of the square around each waypoint that the map covers from the start [m]."""
 RISK_MAP_AHEAD = 2.5
 """Distance from the car to the centre of the risk map, ahead of the car [m]."""
+DOUBT_KEPT = 0.98
+"""Share of the doubt that is left in the next tick if the predictor doubts no more: what it tells
+of the surroundings changes faster than they do. Half of it is left after 3.4 s."""
 REST_TICKS = 4
 """Number of ticks at rest after which a car searches for a recovery manoeuvre, and again each time
 as many have passed."""
@@ -62,8 +65,9 @@ class NavigatorConfig:
         reliance: in [0, 1]: a plan may enter unobserved cells that are predicted free with a
             probability of at least 1 - `reliance`. If the prediction is wrong, the car brakes hard.
         level: in [0, `reliance`]: the last resort may enter unobserved cells that are predicted
-            free with a probability of at least 1 - `level`. If the prediction is wrong, the car may
-            collide. 0: it enters observed cells alone.
+            free with a probability of at least 1 - `level`, or less where the predictor has a
+            doubt, by which the level is divided. If the prediction is wrong, the car may collide.
+            0: it enters observed cells alone.
         adapt: whether the level is lowered while predictions prove wrong, see
             `planner.risk.adaptive_level`.
         steer: whether predictions also change the cost map, and with it the route.
@@ -211,7 +215,7 @@ class Navigator:
         """Control that was decided last, unless it was withdrawn."""
         self._before = _Before.of(self.chooser, None)
         self.faults: Counter[Fault] = Counter()
-        self._adaptive = AdaptiveLevel(config.level)
+        self._adaptive, self._doubt = AdaptiveLevel(config.level), 1.0
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
@@ -419,7 +423,9 @@ class Navigator:
         level = self._adaptive.level if c.adapt else c.level
         epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
         believed = prediction if epsilon > 0 else None
-        level /= 1.0 if believed is None else believed.doubt
+        if believed is not None:
+            self._doubt = max(believed.doubt, DOUBT_KEPT * self._doubt)
+            level /= self._doubt
         seen = self.known.crop(frame)
         risk = RiskMap.from_prediction(seen, believed, epsilon, level)
         self._adaptive.believe(risk)

@@ -42,13 +42,15 @@ TRAINED = Path("results/train")
 """Default folder of the results of a training from random weights."""
 TUNED = Path("data/fine-tuning"), Path("results/fine-tuning")
 """Default folders of the samples and of the results of a fine-tuning (--start)."""
+KINDS = Path("results/kinds")
+"""Default folder of the result of --arch kinds."""
 ON_SAMPLES = ("compact", "far", "kinds")
 """What is trained on samples of walks and logs: two networks, and a layer of compact."""
 FAR_TUNING = replace(
     FAR, steps=TUNING.steps, rate=TUNING.rate, warmup=TUNING.warmup, average=TUNING.average
 )
 """Settings of a fine-tuning of far."""
-COMPACT = "compact and far alone"
+COMPACT = "compact, kinds and far alone"
 RECORDED = Section(COMPACT, ("simulated_logs", "families", "world", "share"))
 """Fields of `DrivesConfig` that are also options of this command."""
 
@@ -62,7 +64,7 @@ class TrainSettings(Options):
     )
     data: Path | None = option(
         None,
-        "folder of the training data. For compact and far: samples, which are made first if "
+        "folder of the training data. For compact, kinds and far: samples, which are made first if "
         f"they are missing (default: {DRIVES.out}; with --start: {TUNED[0]}). For the paper's "
         f"networks: frames of predictor.dataset or drives (default: {SIMULATED})",
         "DIR",
@@ -70,7 +72,7 @@ class TrainSettings(Options):
     out: Path | None = option(
         None,
         f"folder of checkpoint, log, curve and weights (default: {TRAINED}; with --start: "
-        f"{TUNED[1]}; or results/networks/ARCH-EXPANSION)",
+        f"{TUNED[1]}; kinds: {KINDS}; or results/networks/ARCH-EXPANSION)",
         "DIR",
     )
     batch: int | None = option(
@@ -100,7 +102,7 @@ class TrainSettings(Options):
 
 @dataclass(frozen=True)
 class CompactOptions(Options):
-    """Options that are valid for compact and far alone."""
+    """Options that are valid for compact, its layer of kinds and far alone."""
 
     train: int | None = option(
         None,
@@ -125,7 +127,7 @@ class CompactOptions(Options):
     start: Path | None = option(
         None,
         f"weights to fine-tune: a file, FILE{SUFFIX}, or the name of a shipped network, such as "
-        "compact (default: random weights). The scores before and after are printed at the end",
+        "compact (default: random weights). Of compact, the scores before and after are printed",
         "WEIGHTS",
     )
 
@@ -179,7 +181,7 @@ def _train_network(settings: TrainSettings, network: NetworkOptions) -> Path:
 def _train_on_samples(
     settings: TrainSettings, compact: CompactOptions, drives: DrivesConfig
 ) -> Path:
-    """Train compact or far, on samples that are made first if they are missing.
+    """Train compact, its layer of kinds or far, on samples that are made if they are missing.
 
     Returns:
         Path of the weights.
@@ -212,6 +214,7 @@ def _train_on_samples(
     if is_layer and schedule:
         raise TrainError(f"--{next(iter(schedule))} does not apply to --arch kinds")
     kind = CompactNet if is_compact else FarNet
+    weights = "compact.safetensors" if is_compact else "far.safetensors"
     source, start, learned = None, None, frozenset[str]()
     training: SamplesTraining = SCRATCH if is_compact else FAR
     out = settings.out or TRAINED
@@ -223,12 +226,11 @@ def _train_on_samples(
             raise TrainError(f"--start: {error}") from None
         learned = frozenset(start[1].get("worlds", ()))
         tuning = TUNING if is_compact else FAR_TUNING
-        training, out = replace(tuning, start=start[1]["fingerprint"]), settings.out or TUNED[1]
+        training = replace(tuning, start=start[1]["fingerprint"])
+        out = settings.out or (KINDS if is_layer else TUNED[1])
         count, held_out = TUNING_DRIVES
         drives = replace(drives, out=TUNED[0], train=count, validation=held_out)
-        if (
-            out / f"{'compact' if is_compact else 'far'}.safetensors"
-        ).resolve() == source.resolve():
+        if (out / weights).resolve() == source.resolve():
             raise TrainError(f"--out {out} would overwrite the weights of --start: choose another")
     numbers = given(out=settings.data, train=compact.train, validation=compact.validation)
     drives = replace(drives, **numbers)
@@ -240,7 +242,7 @@ def _train_on_samples(
     validation = Samples.load(drives.out / "validation", drives.validation)
     check_apart({"train": train.worlds, "validation": validation.worlds})
     if start is not None and is_layer:
-        return train_layer(*start, train, validation, out / "compact.safetensors")
+        return train_layer(*start, train, validation, out / weights)
     training = replace(training, **schedule)
     if not is_compact:
         return FarTrainer(training, train, validation, out, start).run()

@@ -36,6 +36,8 @@ FREE, OCCUPIED, HIDDEN, ROOM = range(4)
 ROOM_REACH = 3
 """Half the width of the square of ROOM [cells], without the middle cell: a cell has room if the
 square around it is free, which is 0.35 m wide, the width of a car plus one cell."""
+MOST_DOUBT = 1e6
+"""Largest doubt: no last resort relies on a prediction with it."""
 LIKELY = 0.4
 """Probability of a kind of building from which on its doubt counts in full; below, the logarithm
 of the doubt grows with the probability."""
@@ -80,7 +82,10 @@ class CompactConfig:
         """
         widths, blocks = tuple(fields["widths"]), tuple(fields["blocks"])
         context, outputs = fields.get("context", 0), fields.get("outputs", 4)
-        kinds = tuple(fields.get("kinds", ()))
+        kinds = fields.get("kinds", ())
+        if isinstance(kinds, str) or len(kinds) != len(set(kinds)):
+            raise ValueError(f"the kinds of building are {kinds!r}, they must be different names")
+        kinds = tuple(kinds)
         config = cls(fields["patch"], widths, blocks, context, outputs, kinds)
         sizes, blocks = (config.patch, *widths, outputs), (*config.blocks, context)
         sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
@@ -220,10 +225,11 @@ class CompactNet(nn.Module):
     def doubt(self, kinds: Tensor) -> Tensor:
         """Return the doubt in buildings, (B,), for the logits of their kinds, (B, kinds).
 
-        Of the kinds that are likely, that with the largest doubt counts.
+        Of the kinds that are likely, that with the largest doubt counts. A doubt below 1, which no
+        training writes, counts as 1.
         """
         likely = (torch.softmax(kinds, dim=1) / LIKELY).clamp(max=1.0)
-        return (likely * self.doubts.log()).amax(dim=1).exp()
+        return (likely * self.doubts.clamp(1.0, MOST_DOUBT).log()).amax(dim=1).exp()
 
     def both(self, known: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor | None]:
         """Return the logits of `forward`, and those of `config.kinds`, (B, kinds), if any.
@@ -278,6 +284,14 @@ class CompactNet(nn.Module):
             n: v for n, v in self.state_dict().items() if n.split(".")[0] not in ("kinds", "doubts")
         }
         other.load_state_dict(other.state_dict() | kept)
+        return other
+
+    def without_kinds(self) -> CompactNet:
+        """Return this network, or a copy without a layer that tells kinds of building apart."""
+        if self.kinds is None:
+            return self
+        other = CompactNet(replace(self.config, kinds=()))
+        other.load_state_dict({name: self.state_dict()[name] for name in other.state_dict()})
         return other
 
     def folded(self) -> CompactNet:

@@ -25,4 +25,6 @@ class FarNet(CompactNet):
     ARCHITECTURES = ("foresee-far-1",)
 
     def __init__(self, config: CompactConfig = FAR) -> None:
+        if config.context:
+            raise ValueError("a far network has no context")
         super().__init__(config)

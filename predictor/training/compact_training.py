@@ -22,7 +22,6 @@ from predictor.training.compact_targets import (
     losses,
     middle_squares,
 )
-from predictor.training.kinds_training import NONE, kind_numbers
 from predictor.training.optimisation import deterministic
 from predictor.training.samples_trainer import SamplesTrainer
 from predictor.training.settings import CompactTraining
@@ -39,7 +38,7 @@ without one."""
 VALIDATED = 1024
 """Number of samples of a validation."""
 KIND_WEIGHT = 0.05
-"""Weight of the loss of `KindOfBuilding`, and of that of the network's own kinds."""
+"""Weight of the loss of `KindOfBuilding`."""
 
 
 class CompactTrainer(SamplesTrainer):
@@ -69,7 +68,8 @@ class CompactTrainer(SamplesTrainer):
     ) -> None:
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
-        net = net.with_context(config.context)
+        # The layer of kinds was fitted to features that change now: fit it again afterwards.
+        net = net.with_context(config.context).without_kinds()
         self.kinds = None
         if net.context is not None:
             self.kinds = KindOfBuilding(net.context, len(train.families))
@@ -102,13 +102,8 @@ class CompactTrainer(SamplesTrainer):
         codes = middle_squares(codes, side, mirror)
         context = contexts(coarse, mirror, alone, side)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.brief):
-            logits, kinds = self.net.both(known_input(codes), context)
+            logits = self.net(known_input(codes), context)
         loss = torch.stack(losses(logits.float(), codes)).sum()
-        if kinds is not None:
-            told = kind_numbers(self.net, self.train.families).to(families.device)[families]
-            # One's own maps are of no kind.
-            of_kinds = F.cross_entropy(kinds.float(), told, ignore_index=NONE, reduction="sum")
-            loss = loss + KIND_WEIGHT * of_kinds / len(told)
         if self.kinds is not None:
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
         return loss

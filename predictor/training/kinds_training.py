@@ -12,17 +12,20 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from foresee.infra.progress import progress
+from foresee.mapping.family_names import FAMILIES
 from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_targets import contexts
+from predictor.training.samples_trainer import check_unlearned
 from predictor.weights import save_weights
 
 DOUBTS = {"narrow": 30.0, "floor_plan": 6.0, "as_built": 6.0, "office": 3.0}
-"""Doubt in each kind of building; 1 in all others. Chosen by drives in generated buildings with
-seeds 41000 to 41009, see docs/results/risk.md."""
+"""Doubt in each kind of building; 1 in the other generated ones. They were chosen by drives in a
+mixture of five families, see docs/reference/cards/compact-built.md. `as_built`, in which no drive
+was made, has the doubt of `floor_plan`, for which it is most often taken."""
 NONE = -1
-"""Number of a family of samples that is no kind of the network."""
+"""Number of samples that are of no kind."""
 DECAY = 0.01
 """Weight of the sum of the squared weights in the loss, for features of variance 1."""
 STEPS = 200
@@ -37,17 +40,22 @@ def train_layer(
     Args:
         net: network with a context.
         facts: facts of its training.
-        train: samples to fit it to, of two families at least, which become the kinds.
+        train: samples to fit it to, of two families of generated buildings at least, which become
+            the kinds. One's own maps and logs are of no kind, and are left out.
         validation: samples of other buildings.
         path: path of the file to write.
 
     Raises:
-        TrainError: if the network has no context, or all samples are of one family.
+        TrainError: if the network has no context, has learned from buildings of the validation
+            samples, or there are too few families; or if there are weights at `path` already.
     """
     if net.context is None:
         raise TrainError("the network of --start has no context, from which kinds are told")
-    if len(train.families) < 2:
-        raise TrainError(f"all samples are of the kind {train.families[0]!r}, two are needed")
+    check_unlearned(facts, validation)
+    if len(known_kinds(train)) < 2:
+        raise TrainError(f"two families are needed; the samples are of {', '.join(train.families)}")
+    if path.exists():
+        raise TrainError(f"{path} exists: choose another folder by --out")
     fitted = fit(net, train)
     print(confusions(fitted, validation))
     layer = {"samples": len(train), "start": facts["fingerprint"], "decay": DECAY}
@@ -66,15 +74,16 @@ def fit(net: CompactNet, samples: Samples) -> CompactNet:
     stay as they are. Each family of buildings is a kind, and all have the same weight in the loss,
     whatever the number of their samples.
     """
-    summaries, families = summarised(net, samples)
-    share = 1.0 / torch.bincount(families)[families]
+    kinds = known_kinds(samples)
+    summaries, families = summarised(net, samples, kinds)
+    share = 1.0 / torch.bincount(families, minlength=len(kinds))[families]
     mean, spread = summaries.mean(dim=0), summaries.std(dim=0) + 1e-6
-    layer = torch.nn.Linear(summaries.shape[1], len(samples.families))
+    layer = torch.nn.Linear(summaries.shape[1], len(kinds))
     with torch.no_grad():
         # The loss is convex, so the start decides no more than the time.
         layer.weight.zero_()
         layer.bias.zero_()
-    optimiser = torch.optim.LBFGS(layer.parameters(), max_iter=STEPS)
+    optimiser = torch.optim.LBFGS(layer.parameters(), max_iter=STEPS, line_search_fn="strong_wolfe")
     scaled = (summaries - mean) / spread
 
     def loss() -> Tensor:
@@ -85,7 +94,6 @@ def fit(net: CompactNet, samples: Samples) -> CompactNet:
         return value
 
     optimiser.step(loss)
-    kinds = tuple(samples.families)
     fitted = net.with_kinds(kinds)
     assert fitted.kinds is not None
     with torch.no_grad():
@@ -95,35 +103,41 @@ def fit(net: CompactNet, samples: Samples) -> CompactNet:
     return fitted
 
 
-def summarised(net: CompactNet, samples: Samples) -> tuple[Tensor, Tensor]:
-    """Return the summary of each sample's context, (n, 4 · width), and the number of its family."""
+def known_kinds(samples: Samples) -> tuple[str, ...]:
+    """Return the families of generated buildings among samples."""
+    return tuple(name for name in samples.families if name in FAMILIES)
+
+
+def summarised(net: CompactNet, samples: Samples, kinds: tuple[str, ...]) -> tuple[Tensor, Tensor]:
+    """Return the summary of the context of each sample of some kinds, and the number of its kind.
+
+    The summaries are (n, 4 · width), the numbers (n,).
+    """
     assert net.context is not None
     net.eval()
     found = []
+    numbers = np.array([kinds.index(f) if f in kinds else NONE for f in samples.families])
+    numbers = numbers[samples.family_numbers]
+    wanted = np.flatnonzero(numbers != NONE)
     with torch.inference_mode():
-        batches = np.array_split(np.arange(len(samples)), max(1, len(samples) // 64))
+        batches = np.array_split(wanted, max(1, len(wanted) // 64))
         for chosen in progress(batches, desc="contexts"):
             data = torch.from_numpy(samples.stacked(chosen, 100))
             none = torch.zeros(len(data), dtype=torch.bool)
             found.append(net.context(contexts(Samples.parts(data)[1], none, none, 200), 4, 4)[1])
-    return torch.cat(found).clone(), torch.from_numpy(samples.family_numbers)
-
-
-def kind_numbers(net: CompactNet, families: list[str]) -> Tensor:
-    """Return the number of the kind of each family; `NONE` if it is none of the network."""
-    kinds = net.config.kinds
-    return torch.tensor([kinds.index(name) if name in kinds else NONE for name in families])
+    return torch.cat(found).clone(), torch.from_numpy(numbers[wanted])
 
 
 def confusions(net: CompactNet, samples: Samples) -> str:
     """Return a table of the mean probability of each kind, one row for each family of samples."""
-    summaries, families = summarised(net, samples)
+    families = known_kinds(samples)
+    summaries, numbers = summarised(net, samples, families)
     assert net.kinds is not None
     with torch.inference_mode():
         chances: NDArray[np.float32] = torch.softmax(net.kinds(summaries), dim=1).numpy()
     width = max(map(len, net.config.kinds)) + 2
     lines = ["".join(name.rjust(width) for name in ("", *net.config.kinds))]
-    for number, name in enumerate(samples.families):
-        means = chances[families.numpy() == number].mean(axis=0)
+    for number, name in enumerate(families):
+        means = chances[numbers.numpy() == number].mean(axis=0)
         lines.append(name.rjust(width) + "".join(f"{mean:.2f}".rjust(width) for mean in means))
     return "\n".join(lines)

@@ -54,12 +54,7 @@ class SamplesTrainer(Trainer):
         self.brief = self.device.type == "cuda" or bool(
             torch.cpu.get_capabilities().get("avx512_bf16")
         )
-        both = validation.worlds & set(before.get("worlds", ()))
-        if both:
-            raise TrainError(
-                f"--start: its weights have learned from {len(both)} of the buildings "
-                "to validate on"
-            )
+        check_unlearned(before, validation)
         self.net = net.to(self.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.helper = helper and helper.to(self.device)
         self.averaged = {name: v.detach().clone() for name, v in self.net.state_dict().items()}
@@ -144,3 +139,20 @@ class SamplesTrainer(Trainer):
 
     def _export(self, facts: dict[str, Any]) -> None:
         save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
+
+
+def check_unlearned(before: dict[str, Any], validation: Samples) -> None:
+    """Check that weights to start from have not learned from the buildings to validate on.
+
+    Args:
+        before: facts of the training of these weights; empty: random weights.
+        validation: validation samples.
+
+    Raises:
+        TrainError: if they have.
+    """
+    both = validation.worlds & set(before.get("worlds", ()))
+    if both:
+        raise TrainError(
+            f"--start: its weights have learned from {len(both)} of the buildings to validate on"
+        )

@@ -55,7 +55,7 @@ def test_a_context_that_is_added_to_a_network_changes_nothing_at_first():
     more = net.with_context(16).eval()
     assert torch.equal(more(known, context), net(known))
     assert more.with_context(16) is more
-    assert (net.architecture, more.architecture) == net.ARCHITECTURES
+    assert (net.architecture, more.architecture) == net.ARCHITECTURES[:2]
 
 
 def test_weights_with_a_context_come_back(weights):

@@ -89,6 +89,15 @@ def test_checked_puts_observed_cells_back():
     assert (prediction.confidence[known.unknown] == 0.5).all()
 
 
+def test_a_number_that_changes_when_it_is_read_is_read_once():
+    class Fickle(float):
+        def __float__(self):
+            self.readings = getattr(self, "readings", 0) + 1
+            return 2.0 if self.readings == 1 else 0.0
+
+    assert checked(some_prediction(doubt=Fickle()), cluttered()).doubt == 2.0
+
+
 def test_a_doubt_is_kept():
     assert checked(some_prediction(doubt=np.float32(2.5)), cluttered()).doubt == 2.5
     assert checked(some_prediction(), cluttered()).doubt == 1.0
@@ -121,6 +130,7 @@ def test_nan_makes_its_cell_unknown(field):
         ({"doubt": np.nan}, "doubt is nan"),
         ({"doubt": np.inf}, "doubt is inf"),
         ({"doubt": "2"}, "doubt is '2'"),
+        ({"doubt": 10**400}, "doubt is 1000"),
     ],
 )
 def test_checked_refuses(changes, message):
@@ -238,3 +248,17 @@ def test_the_command_prints_warnings_and_says_with_its_status_what_is_broken(cap
     for exits in ("sys:exit", "no_such_module:Predictor"):
         assert check.main([exits]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_doubt_that_changes_from_call_to_call_breaks_the_contract():
+    class Wavering:
+        def __init__(self):
+            self.doubt = 1.0
+
+        def predict(self, view):
+            self.doubt += 1.0
+            values = np.full(view.known.frame.shape, 0.3, np.float32)
+            return Prediction(view.known.frame, values, values, values, doubt=self.doubt)
+
+    with pytest.raises(BadPredictionError, match="two answers"):
+        check_predictor(Wavering())

@@ -12,7 +12,7 @@ from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.motion.path import Path as Way
 from planner.mpc.mpc import Solution, Status
-from planner.navigator import NavigatorConfig
+from planner.navigator import DOUBT_KEPT, NavigatorConfig
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells
 from planner.safety.plan_choice import Situation
@@ -92,6 +92,27 @@ def test_the_level_of_the_last_resort_is_divided_by_the_doubt(doubt, certain):
     # What the plan may enter does not change.
     assert (risk.safe & risk.known.unknown).any()
     assert (risk.certain & risk.known.unknown).any() == certain
+
+
+def test_a_doubt_is_forgotten_slowly():
+    class Forgetful:
+        doubt = 30.0
+
+        def predict(self, view):
+            frame = view.known.frame
+            free, sure = np.full(frame.shape, 0.95, np.float32), np.ones(frame.shape, np.float32)
+            return Prediction(frame, free, 0 * free, sure, doubt=self.doubt)
+
+    task, predictor = straight(), Forgetful()
+    driver = navigator(task, predictor, reliance=0.2, level=0.2, adapt=False)
+    state = np.array([*task.start, 0.0])
+    certain = []
+    for _ in range(120):
+        risk = driver.step(state, LIDAR.scan(task.world, state)).risk_map
+        certain.append((risk.certain & risk.known.unknown).any())
+        predictor.doubt = 1.0
+    # A level of 0.05 is enough here: the doubt must have fallen to 4.
+    assert certain == [tick >= math.log(4.0 / 30.0) / math.log(DOUBT_KEPT) for tick in range(120)]
 
 
 def test_a_car_that_starts_enclosed_by_the_unknown_sets_off():

@@ -86,7 +86,7 @@ def test_a_doubt_arrives_and_a_reply_that_is_none_is_a_bad_prediction(started):
     for reply in (3, [0], "free", None, [0, 1.0, 2.0]):
         with pytest.raises(BadPredictionError, match="process answered"):
             predictor._answer(view.known, "answer", reply)
-    for doubt in (0.5, "2", None):
+    for doubt in (0.5, "2", None, 10**400):
         with pytest.raises(BadPredictionError, match="doubt is"):
             predictor._answer(view.known, "answer", [0, doubt])
 

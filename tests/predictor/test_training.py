@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ CONFIG = CompactTraining(steps=12, batch=2, warmup=4)
 
 def some_drive(folder, seed, family="narrow"):
     """A way through a building, without driving it: quick, and good enough to learn from."""
-    task = sample_task(generate(family, seed), seed)
+    task = sample_task(generate("narrow" if family == "map" else family, seed), seed)
     world, rng = task.world, np.random.default_rng(seed)
     ways = np.diff(task.waypoints, axis=0, prepend=[task.start[:2]])
     states = np.column_stack([task.waypoints, np.arctan2(ways[:, 1], ways[:, 0])])
@@ -274,9 +275,10 @@ def test_weights_to_start_from_that_do_not_exist_are_named_before_any_drive(tmp_
 
 
 def test_the_layer_of_kinds_learns_which_family_it_sees(tmp_path, capsys):
-    for seed, family in ((1, "narrow"), (2, "corridor")):
+    for seed, family in ((1, "narrow"), (2, "corridor"), (3, "map")):
         some_drive(tmp_path / "data", seed, family)
     samples = Samples.load(tmp_path / "data")
+    assert len(samples.families) == 3
     torch.manual_seed(0)
     net = CompactNet().with_context(4).eval()
     before = {name: values.clone() for name, values in net.state_dict().items()}
@@ -293,14 +295,30 @@ def test_the_layer_of_kinds_learns_which_family_it_sees(tmp_path, capsys):
     assert min(float(rows[1][1]), float(rows[2][2])) > 0.6
 
 
-def test_the_layer_of_kinds_needs_a_context_and_two_families(data, tmp_path):
-    samples, facts = Samples.load(data / "train"), {"fingerprint": "0"}
+def test_a_layer_of_kinds_that_cannot_be_trained_says_why(data, tmp_path):
+    samples, facts, net = Samples.load(data / "train"), {"fingerprint": "0"}, CompactNet()
+    path = tmp_path / "it.safetensors"
     with pytest.raises(TrainError, match="has no context"):
-        train_layer(CompactNet(), facts, samples, samples, tmp_path / "it.safetensors")
-    with pytest.raises(TrainError, match="two are needed"):
-        train_layer(
-            CompactNet().with_context(4), facts, samples, samples, tmp_path / "it.safetensors"
-        )
+        train_layer(net, facts, samples, samples, path)
+    net = net.with_context(4)
+    with pytest.raises(TrainError, match="two families are needed; the samples are of narrow"):
+        train_layer(net, facts, samples, samples, path)
+    with pytest.raises(TrainError, match="have learned from 2 of the buildings"):
+        train_layer(net, facts | {"worlds": sorted(samples.worlds)}, samples, samples, path)
+    some_drive(tmp_path / "data", 1, "narrow")
+    some_drive(tmp_path / "data", 2, "corridor")
+    path.touch()
+    both = Samples.load(tmp_path / "data")
+    with pytest.raises(TrainError, match=r"it\.safetensors exists"):
+        train_layer(net, facts, both, both, path)
+
+
+def test_a_fine_tuning_leaves_the_layer_of_kinds_out(data, tmp_path, small):
+    net = CompactNet().with_context(4).with_kinds(("corridor", "narrow"))
+    train_set, validation = (Samples.load(data / name) for name in ("train", "validation"))
+    config = replace(CONFIG, steps=1)
+    path = CompactTrainer(config, train_set, validation, tmp_path, (net, {})).run()
+    assert load_weights(path, CompactNet)[0].architecture == "foresee-compact-2"
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,10 @@ def test_weights_of_another_shape(written, tmp_path):
         {"patch": 5, "widths": [8, 8], "blocks": [1]},
         {"patch": 5, "widths": "ab", "blocks": [1, 1]},
         {"widths": [8, 8]},
+        *(
+            {"patch": 5, "widths": [8, 8, 8, 8], "blocks": [1, 1, 1, 1], "context": c, "kinds": k}
+            for c, k in ((0, ["a"]), (4, "ab"), (4, ["a", "a"]), (4, [3]), (4, 5))
+        ),
         7,
     ],
 )
