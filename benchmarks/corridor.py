@@ -151,7 +151,8 @@ def _run(
         print(mixed)
     learned = len({e["index"] for e in results["episodes"] if e.get("learned")})
     if learned:
-        print(f"warning: the predictor was trained on the buildings of {learned} episodes")
+        where = f"the buildings of {learned} episodes"
+        print(f"warning: the predictor was trained or validated in {where}")
     if interrupted:
         print(f"\ninterrupted; {out} keeps the finished drives, the same command continues the run")
         return 130

@@ -97,7 +97,7 @@ def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_pat
 
     first = go("one")
     assert first.returncode == 0, first.stderr
-    assert "was trained on the buildings of 1 episode" in first.stdout
+    assert "was trained or validated in the buildings of 1 episode" in first.stdout
     learned = {e["arm"]: e["learned"] for e in results(tmp_path / "run")["episodes"]}
     assert learned == {"known": False, "predicted": True}
     second = go("two")

@@ -43,6 +43,8 @@ SHORT = {
 """Measures of the short table → column heads."""
 
 ABOVE = """\
+# Results: all tables of the study of predictions
+
 ## Above the baselines
 
 Differences in SSIM to the baselines, of the paper's networks and of the `compact…` networks, whose
