@@ -20,7 +20,7 @@ from predictor.training.compact_targets import contexts
 from predictor.training.samples_trainer import check_unlearned
 from predictor.weights import save_weights
 
-DOUBTS = {"narrow": 30.0, "floor_plan": 6.0, "as_built": 6.0, "office": 3.0}
+DOUBTS = {"narrow": 60.0, "floor_plan": 15.0, "as_built": 15.0, "office": 6.0}
 """Doubt in each kind of building; 1 in the other generated ones. They were chosen by drives in a
 mixture of five families, see docs/reference/cards/compact-built.md. `as_built`, in which no drive
 was made, has the doubt of `floor_plan`, for which it is most often taken."""
