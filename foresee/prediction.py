@@ -34,8 +34,9 @@ class Prediction:
         confidence: how far the two probabilities may be relied upon, in [0, 1], (rows, columns);
             0 means unknown.
         nan_cells: number of unobserved cells that were NaN and were made unknown by `checked`.
-        doubt: at least 1; how many times as often as stated the predictor expects to be wrong in
-            surroundings like these. The level of the last resort is divided by it.
+        doubt: factor of at least 1. In the present surroundings, the probability that a prediction
+            is wrong is this many times as high as p_free and the confidence say. The level of the
+            last resort is divided by it.
     """
 
     frame: GridFrame

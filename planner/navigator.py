@@ -44,8 +44,8 @@ WAYPOINT_SIDE = 5.0
 RISK_MAP_AHEAD = 2.5
 """Distance from the car to the centre of the risk map, ahead of the car [m]."""
 DOUBT_KEPT = 0.98
-"""Share of the doubt that is left in the next tick if the predictor doubts no more: what it tells
-of the surroundings changes faster than they do. Half of it is left after 3.4 s."""
+"""Factor by which the doubt decays in each tick while the predictor states a smaller one: its
+classification of the surroundings can change from tick to tick. The half-life is 3.4 s."""
 REST_TICKS = 4
 """Number of ticks at rest after which a car searches for a recovery manoeuvre, and again each time
 as many have passed."""
@@ -65,9 +65,9 @@ class NavigatorConfig:
         reliance: in [0, 1]: a plan may enter unobserved cells that are predicted free with a
             probability of at least 1 - `reliance`. If the prediction is wrong, the car brakes hard.
         level: in [0, `reliance`]: the last resort may enter unobserved cells that are predicted
-            free with a probability of at least 1 - `level`, or less where the predictor has a
-            doubt, by which the level is divided. If the prediction is wrong, the car may collide.
-            0: it enters observed cells alone.
+            free with a probability of at least 1 - `level` / doubt, see
+            `foresee.prediction.Prediction`. If the prediction is wrong, the car may collide. 0: it
+            enters observed cells alone.
         adapt: whether the level is lowered while predictions prove wrong, see
             `planner.risk.adaptive_level`.
         steer: whether predictions also change the cost map, and with it the route.

@@ -48,8 +48,8 @@ class Compact:
     cell is free but not part of a free square as wide as the car. Where p_free is high,
     confidence * p_free, which the planner uses, is therefore the probability of such a square.
 
-    The doubt is that of the kind of building; a network that does not tell kinds apart has a doubt
-    of 1.
+    The doubt depends on the kind of building, see `CompactNet.doubt`; it is 1 for a network without
+    a layer for kinds.
 
     Args:
         weights: a .safetensors file; the shipped one by default.
@@ -145,7 +145,9 @@ class _Answers(nn.Module):
         """
         known = torch.stack([codes == 0, codes == 1], dim=1).float()
         shares = None if context is None else 0.01 * context.float()
-        logits, kinds = self.net.both(known.contiguous(memory_format=torch.channels_last), shares)
+        logits, kinds = self.net.all_logits(
+            known.contiguous(memory_format=torch.channels_last), shares
+        )
         classes = torch.softmax(logits[:, :ROOM], dim=1)
         # The highest probability of a free square that holds each cell.
         _, asked = room_masks(codes)

@@ -2,7 +2,7 @@
 
     foresee train                      compact, and its samples: two hours on 2 cores
     foresee train --arch far           what lies far ahead, for routes; the same samples
-    foresee train --arch kinds --start compact     its layer of kinds of building alone; minutes
+    foresee train --arch kinds --start compact     its layer for kinds of building alone; minutes
     foresee train --steps 200 --train 20 --validation 4      a quick trial
     foresee train --start compact --world my_maps/      fine-tuning on your own buildings
     foresee train --arch unet_ff --expansion 1.3 --preset short

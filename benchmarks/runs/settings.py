@@ -136,8 +136,8 @@ class Settings(Options):
     level: float = option(
         0.0,
         "in place of --risk, without a certificate: the last resort of arm predicted may enter an "
-        "unobserved cell if confidence · p_free is at least 1 − LEVEL, the level divided by the "
-        "predictor's doubt; 0: none. If that proves wrong, the car may collide",
+        "unobserved cell if confidence · p_free is at least 1 − LEVEL / doubt, where the doubt is "
+        "that of the predictor, usually 1; 0: none. If that proves wrong, the car may collide",
         "LEVEL",
         low=0,
         high=0.99,

@@ -16,8 +16,8 @@ features are added to those of stage 3, which have the same resolution of 1 m.
       stage 4       (B, 128, H/40, W/40)  ── up ─┴──┴──┴─▶ (B, 32, H/5, W/5)
     logits (B, 4, H, W)                           free, occupied, hidden; room
 
-A linear layer on the features of the context also tells the kind of building, since predictions
-come true less often in some kinds than in others.
+A linear layer on a summary of the context classifies the building, because predictions are wrong
+more often in some kinds of building than in others.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ ROOM_REACH = 3
 """Half the width of the square of ROOM [cells], without the middle cell: a cell has room if the
 square around it is free, which is 0.35 m wide, the width of a car plus one cell."""
 MOST_DOUBT = 1e6
-"""Largest doubt: no last resort relies on a prediction with it."""
+"""Upper bound of the doubt in each kind of building."""
 LIKELY = 0.4
-"""Probability of a kind of building from which on its doubt counts in full; below, the logarithm
-of the doubt grows with the probability."""
+"""Probability of a kind of building from which on its whole doubt is used. Below, the logarithm of
+the doubt is scaled by probability / LIKELY."""
 STAGE = 2
 """Number of the stage, counted from 0, that the features of the context are added to."""
 
@@ -56,7 +56,7 @@ class CompactConfig:
             the decoder only: a second would take a sixth of the time with 1 % of the weights.
         context: channels of the finest stage of the context's network; 0: no context.
         outputs: channels of the output.
-        kinds: names of the kinds of building that it tells apart, from the context; empty: none.
+        kinds: names of the kinds of building that it classifies by the context; empty: none.
     """
 
     patch: int = 5
@@ -184,7 +184,7 @@ class CompactNet(nn.Module):
         "foresee-compact-2",
         "foresee-compact-3",
     )
-    """Names in files of weights: without a context, with one, and with kinds of building too. The
+    """Names in files of weights: without a context, with one, and also with kinds of building. The
     number changes when the meaning of weights does."""
     CONFIG = CompactConfig
 
@@ -218,20 +218,22 @@ class CompactNet(nn.Module):
     def forward(self, known: Tensor, context: Tensor | None = None) -> Tensor:
         """Return logits (B, 4, H, W) of FREE, OCCUPIED and HIDDEN (softmax), and ROOM (sigmoid).
 
-        See `both` for the arguments.
+        See `all_logits` for the arguments.
         """
-        return self.both(known, context)[0]
+        return self.all_logits(known, context)[0]
 
     def doubt(self, kinds: Tensor) -> Tensor:
-        """Return the doubt in buildings, (B,), for the logits of their kinds, (B, kinds).
+        """Return the doubt, (B,), for the logits of the kinds of building, (B, kinds).
 
-        Of the kinds that are likely, that with the largest doubt counts. A doubt below 1, which no
-        training writes, counts as 1.
+        It is the largest doubt of all kinds, each scaled as described at `LIKELY`. Doubts in the
+        weights are limited to [1, `MOST_DOUBT`].
         """
         likely = (torch.softmax(kinds, dim=1) / LIKELY).clamp(max=1.0)
         return (likely * self.doubts.clamp(1.0, MOST_DOUBT).log()).amax(dim=1).exp()
 
-    def both(self, known: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor | None]:
+    def all_logits(
+        self, known: Tensor, context: Tensor | None = None
+    ) -> tuple[Tensor, Tensor | None]:
         """Return the logits of `forward`, and those of `config.kinds`, (B, kinds), if any.
 
         Args:
@@ -269,7 +271,7 @@ class CompactNet(nn.Module):
         return other
 
     def with_kinds(self, kinds: tuple[str, ...]) -> CompactNet:
-        """Return a copy with a layer that tells kinds of building apart, not yet trained.
+        """Return a copy with a layer for kinds of building, which is not trained yet.
 
         Args:
             kinds: their names.
@@ -278,7 +280,7 @@ class CompactNet(nn.Module):
             ValueError: if this network has no context.
         """
         if self.context is None:
-            raise ValueError("without a context, a network cannot tell the kind of building")
+            raise ValueError("without a context, a network cannot classify the building")
         other = CompactNet(replace(self.config, kinds=kinds))
         kept = {
             n: v for n, v in self.state_dict().items() if n.split(".")[0] not in ("kinds", "doubts")
@@ -287,7 +289,7 @@ class CompactNet(nn.Module):
         return other
 
     def without_kinds(self) -> CompactNet:
-        """Return this network, or a copy without a layer that tells kinds of building apart."""
+        """Return this network, or a copy without the layer for kinds of building."""
         if self.kinds is None:
             return self
         other = CompactNet(replace(self.config, kinds=()))

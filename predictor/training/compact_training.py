@@ -119,7 +119,7 @@ class KindOfBuilding(nn.Module):
     would hardly teach the network to recognise it. The tasks are used in training only.
 
     Args:
-        context: network of the context, whose coarse features are read by a forward hook.
+        context: network of the context, whose summary is read by a forward hook.
         families: number of families of buildings.
     """
 
@@ -127,11 +127,11 @@ class KindOfBuilding(nn.Module):
         super().__init__()
         self.families = families
         self.head = nn.Linear(2 * context.coarse.first.conv.out_channels, families + 1)
-        context.coarse.register_forward_hook(self._catch)
+        context.register_forward_hook(self._catch)
 
-    def _catch(self, block: nn.Module, given: Any, features: Tensor) -> None:
-        if block.training:
-            self.features = features
+    def _catch(self, context: nn.Module, given: Any, found: tuple[Tensor, Tensor]) -> None:
+        if context.training:
+            self.summary = found[1]
 
     def loss(self, families: Tensor, codes: Tensor) -> Tensor:
         """Compute the sum of the cross-entropies of both tasks for the network's last batch.
@@ -140,8 +140,7 @@ class KindOfBuilding(nn.Module):
             families: number of each sample's family, (B,).
             codes: codes of the samples, (B, H, W).
         """
-        features = self.features.float()
-        logits = self.head(torch.cat([features.mean(dim=(2, 3)), features.amax(dim=(2, 3))], dim=1))
+        logits = self.head(self.summary.float())
         seen, truth = parted(codes)
         unseen = seen == NOTHING
         free = (unseen & (truth == 0)).sum(dim=(1, 2)) / unseen.sum(dim=(1, 2)).clamp(min=1)

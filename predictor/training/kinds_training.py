@@ -1,4 +1,4 @@
-"""The training of the layer of compact that tells kinds of building apart."""
+"""The training of the layer of compact that classifies the building around the robot."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from predictor.training.samples_trainer import check_unlearned
 from predictor.weights import save_weights
 
 DOUBTS = {"narrow": 60.0, "floor_plan": 15.0, "as_built": 15.0, "office": 6.0}
-"""Doubt in each kind of building; 1 in the other generated ones. They were chosen by drives in a
-mixture of five families, see docs/reference/cards/compact-built.md. `as_built`, in which no drive
-was made, has the doubt of `floor_plan`, for which it is most often taken."""
+"""Doubt for each kind of building; 1 for all other kinds. The values were chosen by drives in a
+mixture of five families, see docs/reference/cards/compact-built.md. No drives were made in
+`as_built`: it has the doubt of `floor_plan`, with which it is most often confused."""
 NONE = -1
-"""Number of samples that are of no kind."""
+"""Number of the kind of samples that have none."""
 DECAY = 0.01
 """Weight of the sum of the squared weights in the loss, for features of variance 1."""
 STEPS = 200
@@ -35,7 +35,7 @@ STEPS = 200
 def train_layer(
     net: CompactNet, facts: dict[str, Any], train: Samples, validation: Samples, path: Path
 ) -> Path:
-    """Fit the layer, print what it tells in other buildings, and write the whole network.
+    """Fit the layer, print its mean probabilities in other buildings, and write the network.
 
     Args:
         net: network with a context.
@@ -50,7 +50,7 @@ def train_layer(
             samples, or there are too few families; or if there are weights at `path` already.
     """
     if net.context is None:
-        raise TrainError("the network of --start has no context, from which kinds are told")
+        raise TrainError("the network of --start has no context, which the layer needs")
     check_unlearned(facts, validation)
     if len(known_kinds(train)) < 2:
         raise TrainError(f"two families are needed; the samples are of {', '.join(train.families)}")
@@ -125,7 +125,7 @@ def summarised(net: CompactNet, samples: Samples, kinds: tuple[str, ...]) -> tup
             data = torch.from_numpy(samples.stacked(chosen, 100))
             none = torch.zeros(len(data), dtype=torch.bool)
             found.append(net.context(contexts(Samples.parts(data)[1], none, none, 200), 4, 4)[1])
-    return torch.cat(found).clone(), torch.from_numpy(numbers[wanted])
+    return torch.cat(found), torch.from_numpy(numbers[wanted])
 
 
 def confusions(net: CompactNet, samples: Samples) -> str:
