@@ -43,9 +43,6 @@ WAYPOINT_SIDE = 5.0
 """Side of the square around each waypoint that the map covers from the start [m]."""
 RISK_MAP_AHEAD = 2.5
 """Distance from the car to the centre of the risk map, ahead of the car [m]."""
-DOUBT_KEPT = 0.98
-"""Factor by which the doubt decays in each tick while the predictor states a smaller one: its
-classification of the surroundings can change from tick to tick. The half-life is 3.4 s."""
 REST_TICKS = 4
 """Number of ticks at rest after which a car searches for a recovery manoeuvre, and again each time
 as many have passed."""
@@ -215,7 +212,7 @@ class Navigator:
         """Control that was decided last, unless it was withdrawn."""
         self._before = _Before.of(self.chooser, None)
         self.faults: Counter[Fault] = Counter()
-        self._adaptive, self._doubt = AdaptiveLevel(config.level), 1.0
+        self._level = AdaptiveLevel(config.level, config.adapt)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
@@ -259,7 +256,7 @@ class Navigator:
         self._before = _Before.of(self.chooser, self._last)
         self.guide.search_ms = 0.0
         faults += self._integrate(scan, state)
-        self._adaptive.check(self.known)
+        self._level.check(self.known)
         clock.lap("integrate")
         prediction, failed = self._predict(state, clock)
         faults += failed
@@ -420,15 +417,12 @@ class Navigator:
         centre = driven[:2] + RISK_MAP_AHEAD * np.array([math.cos(driven[2]), math.sin(driven[2])])
         frame = self.known.frame.square(float(centre[0]), float(centre[1]), c.risk_side)
         # In reverse the car enters only cells that were observed free.
-        level = self._adaptive.level if c.adapt else c.level
-        epsilon, level = (c.reliance, level) if self.guide.gear > 0 else (0.0, 0.0)
+        epsilon = c.reliance if self.guide.gear > 0 else 0.0
         believed = prediction if epsilon > 0 else None
-        if believed is not None:
-            self._doubt = max(believed.doubt, DOUBT_KEPT * self._doubt)
-            level /= self._doubt
+        level = 0.0 if believed is None else self._level.doubted(believed.doubt)
         seen = self.known.crop(frame)
         risk = RiskMap.from_prediction(seen, believed, epsilon, level)
-        self._adaptive.believe(risk)
+        self._level.believe(risk)
         return risk
 
     def _change_gear(self) -> None:

@@ -30,13 +30,12 @@ from predictor.networks.compact_net import (
 from predictor.runtime import Runner, runner
 from predictor.weights import load_weights
 
-SHIPPED, BUILT, LOGS, PAPER = (
+SHIPPED, LOGS, PAPER = (
     Path(__file__).with_name(f"{name}.safetensors")
-    for name in ("compact", "compact-built", "compact-logs", "compact-paper")
+    for name in ("compact", "compact-logs", "compact-paper")
 )
-"""Files of weights in this package: for driving, trained further on plans as built, fine-tuned on
-simulated robot logs, and fine-tuned on buildings as in the paper alone. The pages in
-docs/reference/cards describe them."""
+"""Files of weights in this package: for driving, fine-tuned on simulated robot logs, and fine-tuned
+on buildings as in the paper alone. The pages in docs/reference/cards describe them."""
 SUREST = 0.9999
 """Highest confidence in an unobserved cell: a planner would take 1 as certain."""
 
@@ -101,14 +100,6 @@ class Compact:
         inputs = [padded] if context is None else [padded, context.astype(np.int8)]
         answers = self._run(*(np.ascontiguousarray(array)[None] for array in inputs))
         return answers[0, :, top : top + rows, left : left + cols]
-
-
-def of_built() -> Compact:
-    """Return `Compact()`, trained further, above all on plans and robots' maps of buildings.
-
-    It predicts real buildings better. Few calibrations are for it yet.
-    """
-    return Compact(BUILT)
 
 
 def of_logs() -> Compact:

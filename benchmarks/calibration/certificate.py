@@ -229,7 +229,7 @@ def _fitting(
 ) -> Calibration:
     """Return the calibration, out of some, for drives at a risk.
 
-    For uncertified drives that none is for, it is that of the mixture of families for the same
+    For uncertified drives that none is for, it is that of the mixture of most families for the same
     predictor and route.
 
     Raises:
@@ -245,6 +245,7 @@ def _fitting(
             if len(c.conditions["world"]) > 1
             and all(c.conditions[name] == conditions[name] for name in ("predictor", "route"))
         ]
+        fitting.sort(key=lambda c: len(c.conditions["world"]), reverse=True)
     if not fitting:
         or_else, instead = "", "; or drive without a certificate, with --uncertified"
         if settings.uncertified:

@@ -146,7 +146,7 @@ class Settings(Options):
         False, "do not lower the level of the last resort while predictions prove wrong"
     )
     reliance: float = option(
-        0.05,
+        0.3,
         "a plan may enter an unobserved cell if confidence · p_free is at least 1 − RELIANCE. If "
         "that proves wrong, the car brakes hard. It is raised to --level if it is smaller",
         "RELIANCE",

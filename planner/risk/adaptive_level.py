@@ -1,4 +1,4 @@
-"""Adaptation of the last resort's level λ during a drive: wrong predictions lower it."""
+"""Adaptation of the last resort's level λ during a drive: wrong predictions and doubt lower it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from planner.risk.risk_map import RiskMap
 
 SUSTAINED = 0.5
 """Sum of the excess losses (loss - α) that lowers the level from its maximum to 0."""
+DOUBT_KEPT = 0.98
+"""Factor by which the doubt decays in each tick while the predictor states a smaller one: its
+classification of the surroundings can change from tick to tick. The half-life is 3.4 s."""
 
 
 class AdaptiveLevel:
@@ -35,17 +38,31 @@ class AdaptiveLevel:
 
     Args:
         allowed: α, the level at the start and the highest one, in [0, 1).
+        adapts: whether wrong predictions lower the level.
     """
 
-    def __init__(self, allowed: float) -> None:
+    def __init__(self, allowed: float, adapts: bool = True) -> None:
         self._allowed = self._level = allowed
+        self._adapts = adapts
+        self._doubt = 1.0
         self._frame: GridFrame | None = None
         self._believed = np.zeros((0, 0), dtype=np.bool_)
 
     @property
     def level(self) -> float:
-        """The level for the next tick, in [0, allowed]."""
+        """The level for the next tick at a doubt of 1, in [0, allowed]."""
         return max(self._level, 0.0)
+
+    def doubted(self, doubt: float) -> float:
+        """Return the level for this tick, divided by the doubt.
+
+        A doubt that was larger in earlier ticks is forgotten by 1 - `DOUBT_KEPT` a tick.
+
+        Args:
+            doubt: doubt of the prediction of this tick, see `foresee.prediction.Prediction`.
+        """
+        self._doubt = max(doubt, DOUBT_KEPT * self._doubt)
+        return self.level / self._doubt
 
     def check(self, known: OccupancyGrid) -> None:
         """Check the cells that have been observed since they were allowed, and update the level.
@@ -53,7 +70,7 @@ class AdaptiveLevel:
         Args:
             known: map of all that was observed.
         """
-        if self._frame is None:
+        if self._frame is None or not self._adapts:
             return
         now = known.crop(self._frame)
         checked = self._believed & ~now.unknown
@@ -71,7 +88,7 @@ class AdaptiveLevel:
 
     def believe(self, risk: RiskMap) -> None:
         """Remember the unobserved cells that the last resort may enter in this tick."""
-        if self._allowed == 0.0:
+        if self._allowed == 0.0 or not self._adapts:
             return
         believed: NDArray[np.bool_] = risk.certain & risk.known.unknown
         if self._frame is not None:

@@ -33,7 +33,8 @@ SECONDS = 4.0
 EVERY = 5
 """Ticks from one scored prediction to the next."""
 RELIANCE = 0.05
-"""Reliance ε of the drives, the default of `foresee corridor`."""
+"""Reliance ε of the drives. It is smaller than the default of `foresee corridor`, so that a broken
+promise shows a cell in which the predictor was certain and wrong."""
 MOST_BROKEN, TOO_MANY_BROKEN = 2 * RELIANCE, 5 * RELIANCE
 """Shares of broken promises above which the trial warns, and above which the predictor fails. A
 calibrated one breaks about a share of ε; in so few drives it may well be twice as much."""

@@ -38,9 +38,6 @@ ROOM_REACH = 3
 square around it is free, which is 0.35 m wide, the width of a car plus one cell."""
 MOST_DOUBT = 1e6
 """Upper bound of the doubt in each kind of building."""
-LIKELY = 0.4
-"""Probability of a kind of building from which on its whole doubt is used. Below, the logarithm of
-the doubt is scaled by probability / LIKELY."""
 STAGE = 2
 """Number of the stage, counted from 0, that the features of the context are added to."""
 
@@ -225,11 +222,11 @@ class CompactNet(nn.Module):
     def doubt(self, kinds: Tensor) -> Tensor:
         """Return the doubt, (B,), for the logits of the kinds of building, (B, kinds).
 
-        It is the largest doubt of all kinds, each scaled as described at `LIKELY`. Doubts in the
-        weights are limited to [1, `MOST_DOUBT`].
+        It is the mean of the kinds' doubts, weighted by their probabilities: the doubt of a kind is
+        the factor by which predictions are wrong more often there than in other kinds. It is high
+        where the kind is not known yet. Doubts in the weights are limited to [1, `MOST_DOUBT`].
         """
-        likely = (torch.softmax(kinds, dim=1) / LIKELY).clamp(max=1.0)
-        return (likely * self.doubts.clamp(1.0, MOST_DOUBT).log()).amax(dim=1).exp()
+        return torch.softmax(kinds, dim=1) @ self.doubts.clamp(1.0, MOST_DOUBT)
 
     def all_logits(
         self, known: Tensor, context: Tensor | None = None

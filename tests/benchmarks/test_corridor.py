@@ -74,7 +74,7 @@ def test_the_results_have_the_documented_fields(narrow):
     assert episode["outcome"] in OUTCOMES
     assert episode["outcome"] != "collided"
     assert r["settings"]["world"] == ["narrow"]
-    assert r["settings"]["reliance"] == 0.05
+    assert r["settings"]["reliance"] == 0.3
     assert r["settings"]["vehicle"] == "dubins"
     json.loads((out / "results.json").read_text(), parse_constant=pytest.fail)
 

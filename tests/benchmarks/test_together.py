@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import benchmarks.calibration
 from benchmarks import tables
 from benchmarks.calibration.together import joint, pooled, together
 from planner.risk.betting import capital, needed
 
 RESULTS = Path(__file__).parents[2] / "docs/results"
-SHIPPED = Path(benchmarks.calibration.__file__).with_name("shipped")
-FIRST, SECOND = RESULTS / "calibration-fixed-first.json", SHIPPED / "fixed-mixture.json"
+EARLIER = RESULTS / "calibration-revision-1"
+FIRST, SECOND = RESULTS / "calibration-fixed-first.json", EARLIER / "fixed-mixture.json"
 FAMILIES = ("corridor", "floor_plan", "narrow", "office", "paper")
 
 
@@ -96,7 +95,7 @@ def test_published_calibrations_of_the_mixture_and_their_pool_certify_what_the_p
     assert (first["seed"], second["seed"]) == (5_000_000, 5_200_000)
     assert first["certified"] == {"0.02": 0.01, "0.05": 0.03}
     assert pooled([first, second])["certified"] == second["certified"]
-    families = [SHIPPED / f"fixed-{family}.json" for family in FAMILIES]
+    families = [EARLIER / f"fixed-{family}.json" for family in FAMILIES]
     assert tables.main([*map(str, families), str(FIRST), str(SECOND)]) == 0
     shown = capsys.readouterr().out
     assert "Pool of calibration-fixed-first, fixed-mixture:" in shown

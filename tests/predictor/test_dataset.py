@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from foresee.mapping.grid import world_hash
-from predictor.compact import BUILT, LOGS, PAPER, SHIPPED
+from predictor.compact import LOGS, PAPER, SHIPPED
 from predictor.data.frames import MANIFEST, Frames, FramesError
 from predictor.data.splits import SplitError, check_apart
 from predictor.data.squares import truth_codes
@@ -86,7 +86,7 @@ def buildings():
     return {world_hash(generate("paper", seed).grid.cells) for seed in maps}
 
 
-@pytest.mark.parametrize("weights", [SHIPPED, BUILT, LOGS, PAPER])
+@pytest.mark.parametrize("weights", [SHIPPED, LOGS, PAPER])
 def test_shipped_weights_know_none_of_the_buildings(buildings, weights):
     _, facts = read_facts(weights)
     assert len(buildings) == 27

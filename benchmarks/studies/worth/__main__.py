@@ -76,7 +76,7 @@ def _run(settings: WorthSettings) -> int:
     from sim.buildings import check_maps
 
     check_maps(settings.maps)
-    all_series, without = list_series(
+    all_series, left_out = list_series(
         settings.parts,
         settings.tasks,
         settings.maps,
@@ -93,7 +93,7 @@ def _run(settings: WorthSettings) -> int:
             "commit": commit(),
             "seed": all_series[0].settings.seed,
             "rows": rows(all_series, drives),
-            "without_calibration": without,
+            "left_out": left_out,
             "missing": missing,
         }
         write_results(settings.out / "results.json", "worth", results)

@@ -74,7 +74,9 @@ def list_series(
     calibrations: Sequence[Path],
     buildings: int,
 ) -> tuple[list[Series], list[str]]:
-    """Return the series of the study, and a line for each driver that no calibration is for.
+    """Return the series of the study, and a line for each driver that is left out.
+
+    A driver is left out if no calibration is for it, or if it has the level of a smaller risk.
 
     Args:
         parts: parts of the study to drive.
@@ -87,21 +89,29 @@ def list_series(
     kinds = {name: MIXTURE if name == "mixture" else (name,) for name in tasks}
     real = {"real": tuple(maps)} if maps else {}
     all_series: list[Series] = []
-    missing: list[str] = []
+    left_out: list[str] = []
     among = (*SHIPPED, *calibrations)
 
     def add(part: str, name: str, same: Settings, risks: Sequence[float]) -> None:
         for predictor in predictors:
             label = Path(predictor).name.removesuffix(".safetensors")
+            drivers: dict[float, str] = {}
             for risk in risks:
                 asked = replace(same, predictor=predictor, arms=(CALIBRATED_ARM,), risk=risk)
                 # One certificate does not hold in other buildings, windows or speeds.
                 asked = replace(asked, uncertified=True)
                 driver = f"{label} {100 * risk:g} %" if risk else label
                 try:
-                    all_series.append(Series(part, name, driver, at_risk(asked, among=among)))
+                    found = at_risk(asked, among=among)
                 except UsageError as error:
-                    missing.append(f"{part}, {name}: {driver} does not drive: {error}")
+                    left_out.append(f"{part}, {name}: {driver} does not drive: {error}")
+                    continue
+                if found.level in drivers:
+                    same_as = drivers[found.level]
+                    left_out.append(f"{part}, {name}: {driver} has the level of {same_as}")
+                    continue
+                drivers[found.level] = driver
+                all_series.append(Series(part, name, driver, found))
 
     if PRESCRIBED in parts:
         for name, world in (kinds | real).items():
@@ -131,7 +141,7 @@ def list_series(
                     window=window,
                 )
                 all_series += _arms(FREE, name, same, FREE_ARMS)
-    return all_series, missing
+    return all_series, left_out
 
 
 def _arms(part: str, name: str, same: Settings, arms: Sequence[str]) -> Iterator[Series]:

@@ -33,7 +33,7 @@ def tables(results: dict[str, Any]) -> str:
     if cells := _cells(results["rows"]):
         parts.append(f"**Prescribed route at a risk of 0: {TIME} in each family**")
         parts += [records(cells), _slower(results["rows"])]
-    parts += [f"- {line}" for line in results["without_calibration"]]
+    parts += [f"- {line}" for line in results["left_out"]]
     if results["missing"]:
         parts.append(f"{results['missing']} drives are still to be made: the same command goes on.")
     return "\n\n".join(parts)

@@ -98,7 +98,7 @@ def test_collisions_count_though_their_times_do_not():
 def test_tables_and_figure_show_every_driver(tmp_path):
     groups = [driven(WINDOWS, window) for window in (5.0, 10.0)]
     found = [row for group, drives in groups for row in rows(group, drives)]
-    results = {"rows": found, "without_calibration": ["extend 2 % does not drive"], "missing": 3}
+    results = {"rows": found, "left_out": ["extend 2 % does not drive"], "missing": 3}
     said = tables(results)
     for driver in TIMES:
         assert said.count(f"| `{driver}`") == 2
@@ -126,7 +126,7 @@ def test_a_table_gives_the_times_in_each_family_and_names_those_who_are_slower()
     indices = (1, 4, 7)
     expected = sum(2 * (17 + i) for i in indices) / sum(20 + i for i in indices)
     assert backup["by_family"]["narrow"]["value"] == pytest.approx(expected)
-    said = tables({"rows": found, "without_calibration": [], "missing": 0})
+    said = tables({"rows": found, "left_out": [], "missing": 0})
     line = next(line for line in said.splitlines() if line.startswith("Slower than"))
     assert "`backup` in `narrow` (window 5 m, 4 m/s)." in line
     assert line.count(" in `") == 1
@@ -136,13 +136,13 @@ def test_a_table_gives_the_times_in_each_family_and_names_those_who_are_slower()
     # The table is of a risk of 0, and of mixtures alone.
     assert "2 %" not in said[said.index("in each family") :]
     assert "in each family" not in tables(
-        {"rows": rows(*driven(WINDOWS)), "without_calibration": [], "missing": 0}
+        {"rows": rows(*driven(WINDOWS)), "left_out": [], "missing": 0}
     )
 
 
 def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_a_group(short_map):
     parts = (PRESCRIBED, WINDOWS, FREE)
-    found, without = list_series(
+    found, left_out = list_series(
         parts, ("mixture", "trap"), (str(short_map),), ("distance", "compact"), (), 33
     )
     assert len({series.name for series in found}) == len(found)
@@ -162,7 +162,9 @@ def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_
         groups.setdefault(series.group, set()).add(same)
     assert {len(same) for same in groups.values()} == {1}
     # There is no calibration of the rule; the network is certified in the mixture alone.
-    assert all("distance" in line for line in without)
+    lines = [line for line in left_out if "does not drive" in line]
+    assert lines
+    assert all("distance" in line for line in lines)
     certified = {
         series.tasks: not series.settings.uncertified
         for series in found
@@ -180,6 +182,15 @@ def test_a_calibration_of_ones_own_lets_a_predictor_drive_at_its_risk(tmp_path):
     found, _ = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4)
     levels = {s.driver: s.settings.level for s in found if s.settings.risk}
     assert levels == {"distance 2 %": 0.003, "distance 5 %": 0.01}
+
+
+def test_a_risk_with_the_level_of_a_smaller_one_is_not_driven_again(tmp_path):
+    settings = Settings(world=MIXTURE, route="fixed", predictor="distance")
+    same = {"0.02": 0.01, "0.05": 0.01}
+    path = written(tmp_path / "c.json", conditions=conditions_for(settings), certified=same)
+    found, left_out = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4)
+    assert [s.driver for s in found if s.settings.risk] == ["distance 2 %"]
+    assert left_out == ["prescribed, mixture: distance 5 % has the level of distance 2 %"]
 
 
 def test_the_mixture_is_that_of_the_learned_families():
