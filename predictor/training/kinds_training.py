@@ -20,7 +20,7 @@ from predictor.training.compact_targets import contexts
 from predictor.training.samples_trainer import check_unlearned
 from predictor.weights import save_weights
 
-DOUBTS = {"narrow": 60.0, "floor_plan": 15.0, "as_built": 15.0, "office": 6.0}
+DOUBTS = {"narrow": 60.0, "floor_plan": 12.0, "as_built": 12.0, "office": 5.0}
 """Doubt for each kind of building; 1 for all other kinds. The values were chosen by drives in a
 mixture of five families, see docs/reference/cards/compact-built.md. No drives were made in
 `as_built`: it has the doubt of `floor_plan`, with which it is most often confused."""
