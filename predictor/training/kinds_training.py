@@ -22,8 +22,8 @@ from predictor.weights import save_weights
 
 DOUBTS = {"narrow": 60.0, "floor_plan": 12.0, "as_built": 12.0, "office": 5.0}
 """Doubt for each kind of building; 1 for all other kinds. The values were chosen by drives in a
-mixture of five families, see docs/reference/cards/compact-built.md. No drives were made in
-`as_built`: it has the doubt of `floor_plan`, with which it is most often confused."""
+mixture of five families and in real buildings, see docs/reference/cards/compact.md. `as_built` has
+the doubt of `floor_plan`, with which it is most often confused."""
 NONE = -1
 """Number of the kind of samples that have none."""
 DECAY = 0.01

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.calibration.certificate import SHIPPED, at_risk
+from benchmarks.calibration.certificate import SHIPPED, at_risk, conditions_for, load_calibration
 from benchmarks.runs.arms import ARMS, CALIBRATED_ARM
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
@@ -98,6 +98,8 @@ def list_series(
             drivers: dict[float, str] = {}
             for risk in risks:
                 asked = replace(same, predictor=predictor, arms=(CALIBRATED_ARM,), risk=risk)
+                if risk:
+                    asked = _as_calibrated(asked, calibrations)
                 # One certificate does not hold in other buildings, windows or speeds.
                 asked = replace(asked, uncertified=True)
                 driver = f"{label} {100 * risk:g} %" if risk else label
@@ -142,6 +144,18 @@ def list_series(
                 )
                 all_series += _arms(FREE, name, same, FREE_ARMS)
     return all_series, left_out
+
+
+def _as_calibrated(asked: Settings, calibrations: Sequence[Path]) -> Settings:
+    """Return settings with the reliance at which a predictor was calibrated, if it is among some.
+
+    A rule without a network may drive best at a reliance other than the default.
+    """
+    own = conditions_for(asked)["predictor"]
+    for found in map(load_calibration, calibrations):
+        if found.conditions["predictor"] == own:
+            return replace(asked, reliance=found.conditions["reliance"])
+    return asked
 
 
 def _arms(part: str, name: str, same: Settings, arms: Sequence[str]) -> Iterator[Series]:

@@ -134,7 +134,10 @@ class NavigatorSettings(CarSettings):
         high=1.0,
     )
     level: float = parameter(
-        0.0, "so does the last resort, with 1 - level; above 0 the car may collide", low=0.0, high=1
+        0.0,
+        "so does the last resort, with 1 - level / doubt; above 0 the car may collide",
+        low=0.0,
+        high=1,
     )
     steer: bool = parameter(True, "predictions also influence the route")
     range_error: float = parameter(0.03, "largest error of a range", "m", low=0.0, high=0.5)

@@ -177,11 +177,15 @@ def test_the_series_have_names_and_buildings_of_their_own_and_the_same_tasks_in_
 
 
 def test_a_calibration_of_ones_own_lets_a_predictor_drive_at_its_risk(tmp_path):
-    settings = Settings(world=MIXTURE, route="fixed", predictor="distance")
+    settings = Settings(world=MIXTURE, route="fixed", predictor="distance", reliance=0.11)
     path = written(tmp_path / "c.json", conditions=conditions_for(settings))
     found, _ = list_series((PRESCRIBED,), ("mixture",), (), ("distance",), (path,), 4)
     levels = {s.driver: s.settings.level for s in found if s.settings.risk}
     assert levels == {"distance 2 %": 0.003, "distance 5 %": 0.01}
+    # It drives at the reliance at which it was calibrated.
+    reliances = {s.driver: s.settings.reliance for s in found if s.driver.startswith("distance")}
+    assert reliances == {"distance": Settings.reliance, "distance 2 %": 0.11, "distance 5 %": 0.11}
+    assert not any(s.settings.uncertified for s in found)
 
 
 def test_a_risk_with_the_level_of_a_smaller_one_is_not_driven_again(tmp_path):
