@@ -38,6 +38,9 @@ ROOM_REACH = 3
 square around it is free, which is 0.35 m wide, the width of a car plus one cell."""
 MOST_DOUBT = 1e6
 """Upper bound of the doubt in each kind of building."""
+LIKELY = 0.4
+"""Probability of a kind of building from which on its whole doubt is used. Below, the logarithm of
+the doubt is scaled by probability / LIKELY."""
 STAGE = 2
 """Number of the stage, counted from 0, that the features of the context are added to."""
 
@@ -179,10 +182,10 @@ class CompactNet(nn.Module):
     ARCHITECTURES: tuple[str, ...] = (
         "foresee-compact-1",
         "foresee-compact-2",
-        "foresee-compact-3",
+        "foresee-compact-4",
     )
     """Names in files of weights: without a context, with one, and also with kinds of building. The
-    number changes when the meaning of weights does."""
+    number changes when the meaning of weights does: 3 had another formula of the doubt."""
     CONFIG = CompactConfig
 
     def __init__(self, config: CompactConfig | None = None) -> None:
@@ -222,11 +225,17 @@ class CompactNet(nn.Module):
     def doubt(self, kinds: Tensor) -> Tensor:
         """Return the doubt, (B,), for the logits of the kinds of building, (B, kinds).
 
-        It is the mean of the kinds' doubts, weighted by their probabilities: the doubt of a kind is
-        the factor by which predictions are wrong more often there than in other kinds. It is high
-        where the kind is not known yet. Doubts in the weights are limited to [1, `MOST_DOUBT`].
+        The doubt of a kind is the factor by which predictions are wrong more often there than in
+        other kinds. The result is the larger of two values: the mean of these doubts over the
+        probabilities of the kinds, and the largest of them, each scaled as described at `LIKELY`.
+        The mean is high while no kind is likely, the other where one is. Doubts in the weights are
+        limited to [1, `MOST_DOUBT`].
         """
-        return torch.softmax(kinds, dim=1) @ self.doubts.clamp(1.0, MOST_DOUBT)
+        chances = torch.softmax(kinds, dim=1)
+        doubts = self.doubts.clamp(1.0, MOST_DOUBT)
+        largest = ((chances / LIKELY).clamp(max=1.0) * doubts.log()).amax(dim=1).exp()
+        # The largest is at least 1 exactly, which the mean is not after rounding.
+        return torch.maximum(largest, chances @ doubts)
 
     def all_logits(
         self, known: Tensor, context: Tensor | None = None

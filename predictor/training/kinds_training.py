@@ -20,10 +20,10 @@ from predictor.training.compact_targets import contexts
 from predictor.training.samples_trainer import check_unlearned
 from predictor.weights import save_weights
 
-DOUBTS = {"narrow": 60.0, "floor_plan": 12.0, "as_built": 12.0, "office": 5.0}
+DOUBTS = {"narrow": 60.0, "floor_plan": 15.0, "as_built": 20.0, "office": 6.0}
 """Doubt for each kind of building; 1 for all other kinds. The values were chosen by drives in a
-mixture of five families and in real buildings, see docs/reference/cards/compact.md. `as_built` has
-the doubt of `floor_plan`, with which it is most often confused."""
+mixture of five families and in validation maps of real buildings, see
+docs/reference/cards/compact.md."""
 NONE = -1
 """Number of the kind of samples that have none."""
 DECAY = 0.01

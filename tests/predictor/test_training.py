@@ -284,7 +284,7 @@ def test_the_layer_of_kinds_learns_which_family_it_sees(tmp_path, capsys):
     before = {name: values.clone() for name, values in net.state_dict().items()}
     path = train_layer(net, {"fingerprint": "0"}, samples, samples, tmp_path / "it.safetensors")
     fitted, facts = load_weights(path, CompactNet)
-    assert fitted.architecture == "foresee-compact-3"
+    assert fitted.architecture == "foresee-compact-4"
     assert set(facts["worlds"]) == samples.worlds
     after = fitted.state_dict()
     assert all(torch.equal(values, after[name]) for name, values in before.items())
