@@ -90,6 +90,7 @@ def _run(settings: RaceSettings) -> None:
     from benchmarks.runs.drive_file import DriveFile
     from benchmarks.runs.warm_up import warm_up_if_cold
     from foresee.infra.environment import machine, own_version
+    from planner.revision import FIRST, REVISION
     from sim.suite import Suite
 
     suite = Suite.read(settings.suite)
@@ -116,11 +117,13 @@ def _run(settings: RaceSettings) -> None:
         "risk": entry.risk,
         "level": entry.level,
         "uncertified": entry.uncertified,
+        "revision": REVISION,
         "version": own_version(),
         "machine": machine(),
     }
     # Of a plug-in, older files cover the file of its class alone.
     older = {"sources": list(entry.sources[:1]), "risk": 0.0, "level": 0.0, "uncertified": False}
+    older["revision"] = FIRST
     warm_up_if_cold()
     file = DriveFile(settings.out, "race", facts, "buildings", older)
     file.fill(

@@ -7,5 +7,4 @@ REVISION = 5
 drives in the default settings differ. 2: what beams through corners of cells observe, and the free
 space that is assumed around the start. 3: routes that respect predicted walls, and plans that are
 chosen together with their last resorts. 4: where last resorts must end, and that a car which would
-hardly move drives on. 5: plans rely on predictions that are right with a probability of 0.7, which
-was 0.95."""
+hardly move drives on. 5: the default reliance is 0.3, which was 0.05."""

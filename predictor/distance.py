@@ -1,6 +1,6 @@
 """The rule of distance: unobserved space is free, with a trust that falls with the distance.
 
-The fall decides how far the plan reaches beyond observed space at the default reliance, compared
+The fall decides how far the plan reaches beyond observed space at a reliance of 0.05, compared
 with the last resort. In 30 validation buildings (5 families, seeds from 1500, a last resort that
 reaches 0.5 m), the car needed 0.88 (0.85–0.90) times the time of `known` with a fall of 0.02 a
 metre, and 0.92 (0.90–0.96) with 0.1.

@@ -229,8 +229,8 @@ def _fitting(
 ) -> Calibration:
     """Return the calibration, out of some, for drives at a risk.
 
-    For uncertified drives that none is for, it is that of the mixture of most families for the same
-    predictor and route.
+    For uncertified drives that none is for, it is that of their mixture, or else of the mixture of
+    most families, for the same predictor and route.
 
     Raises:
         UsageError: if there is none; the message says how to make one.
@@ -245,11 +245,18 @@ def _fitting(
             if len(c.conditions["world"]) > 1
             and all(c.conditions[name] == conditions[name] for name in ("predictor", "route"))
         ]
-        fitting.sort(key=lambda c: len(c.conditions["world"]), reverse=True)
+        same = set(settings.world)
+        fitting.sort(
+            key=lambda c: (
+                set(c.conditions["world"]) == same,
+                len(set(c.conditions["world"]) & set(FAMILIES)),
+            ),
+            reverse=True,
+        )
     if not fitting:
         or_else, instead = "", "; or drive without a certificate, with --uncertified"
         if settings.uncertified:
-            or_else, instead = ", nor of the mixture for the same predictor and route", ""
+            or_else, instead = ", nor of a mixture for the same predictor and route", ""
         raise UsageError(
             f"no calibration that ships with foresee is for these drives at a risk of "
             f"{settings.risk:g}{or_else}: make one with `{_command(settings)}` and name it with "

@@ -130,8 +130,8 @@ class Settings(Options):
     uncertified: bool = option(
         False,
         "drive at a --risk without a calibration for these drives, such as in real buildings: the "
-        "level is that of --calibration, or of the shipped one for the same predictor and route "
-        "in the mixture of families. More drives than accepted may collide",
+        "level is that of --calibration, or of a shipped one for the same predictor and route "
+        "in a mixture of families. More drives than accepted may collide",
     )
     level: float = option(
         0.0,
@@ -377,8 +377,9 @@ its file is called."""
 CONDITIONS = tuple(field.name for field in fields(Settings) if field.name not in NO_CONDITIONS)
 """Settings that a calibration must share with the drives that use it."""
 OLDER: dict[str, Any] = loads(dumps({field.name: field.default for field in fields(Settings)}))
-"""Setting → its default, as plain data for JSON. Results and calibrations that do not contain a
-setting are older than it; they were driven with this value."""
+"""Setting → its first default, as plain data for JSON. Results and calibrations that do not contain
+a setting are older than it; they were driven with this value."""
+OLDER["reliance"] = 0.05
 
 
 def up_to_date(settings: dict[str, Any]) -> dict[str, Any]:

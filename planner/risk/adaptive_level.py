@@ -34,6 +34,8 @@ class AdaptiveLevel:
     Adding up the updates gives the sum of these losses <= αT + (α + η) / η. The bound is about the
     mean loss over a drive; `planner.risk.calibration` is about the probability of a collision.
 
+    The last resort of a tick uses λ divided by the doubt of the predictor, see `doubted`.
+
     Cells that leave the square of the risk map before they are observed are never checked.
 
     Args:
@@ -54,9 +56,9 @@ class AdaptiveLevel:
         return max(self._level, 0.0)
 
     def doubted(self, doubt: float) -> float:
-        """Return the level for this tick, divided by the doubt.
+        """Return the level for this tick: λ divided by the doubt. Call it once per tick.
 
-        A doubt that was larger in earlier ticks is forgotten by 1 - `DOUBT_KEPT` a tick.
+        A larger doubt of an earlier tick decays by the factor `DOUBT_KEPT` per tick.
 
         Args:
             doubt: doubt of the prediction of this tick, see `foresee.prediction.Prediction`.
@@ -82,7 +84,9 @@ class AdaptiveLevel:
             self.update(0.0)
 
     def update(self, loss: float) -> None:
-        """Update the level by the loss of a tick, in [0, 1]."""
+        """Update the level by the loss of a tick, in [0, 1], if it adapts."""
+        if not self._adapts:
+            return
         step = self._allowed / SUSTAINED
         self._level = min(self._allowed, self._level + step * (self._allowed - loss))
 

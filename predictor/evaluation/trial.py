@@ -128,8 +128,8 @@ class Trial:
         if self.promises == 0:
             lines.append(
                 f"it makes no promises: confidence · p_free does not reach {1 - RELIANCE:g} where "
-                "a plan could lead, so it influences the route alone; raise the confidence in "
-                "cells that are almost always free"
+                f"a plan could lead, so at a reliance of {RELIANCE:g} it influences the route "
+                "alone; raise the confidence in cells that are almost always free"
             )
         own, rate = self.own.measures(), self.share_free
         constant = rate * (1.0 - rate)

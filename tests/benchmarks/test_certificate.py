@@ -202,7 +202,7 @@ def test_a_setting_that_a_calibration_does_not_contain_means_its_default(name, t
 
 
 def test_the_defaults_of_settings_that_published_results_lack_are_those_they_were_driven_with():
-    driven = {"vehicle": "dubins", "braking": 1.5, "frontiers": "learned"}
+    driven = {"vehicle": "dubins", "braking": 1.5, "frontiers": "learned", "reliance": 0.05}
     driven |= {"risk": 0.0, "level": 0.0, "fixed_level": False}
     assert driven.items() <= OLDER.items()
     assert OLDER.keys() == asdict(Settings()).keys()

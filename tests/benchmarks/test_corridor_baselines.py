@@ -107,7 +107,7 @@ def test_baselines_of_another_reliance_serve_the_arms_that_have_their_own(
     first, second = tmp_path / "first", tmp_path / "second"
     assert run(*command, "--arms", "known,oracle", "--out", first) == 0
     for arms, why in (
-        ("oracle", "holds a run with reliance 0.05"),
+        ("oracle", "holds a run with reliance 0.3"),
         ("predicted", "chosen predictor"),
     ):
         assert (

@@ -77,7 +77,7 @@ def test_a_folder_of_another_run_is_refused_in_one_line_and_left_alone(narrow, c
     assert run(*command, "--reliance", 0.5) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "reliance 0.05" in error
+    assert "reliance 0.3" in error
     assert (out / "results.json").read_bytes() == before
 
 

@@ -54,7 +54,7 @@ def test_the_tables_of_older_results_have_what_can_be_said_of_them(capsys):
 
 
 def test_the_tables_of_runs_have_the_reliance_beside_what_became_of_it(capsys):
-    files = sorted((Path(__file__).parents[2] / "docs/results/reliance").glob("corridor-*.json"))
+    files = sorted((Path(__file__).parents[2] / "docs/results/reliance").glob("mixture-*.json"))
     assert len(files) > 1
     assert tables.main([str(path) for path in files]) == 0
     text = capsys.readouterr().out

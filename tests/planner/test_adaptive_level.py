@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from foresee.prediction import Prediction
-from planner.risk.adaptive_level import SUSTAINED, AdaptiveLevel
+from planner.risk.adaptive_level import DOUBT_KEPT, SUSTAINED, AdaptiveLevel
 from planner.risk.risk_map import RiskMap
 
 FRAME = GridFrame(0.1, (0.0, 0.0), (8, 8))
@@ -122,3 +122,18 @@ def test_what_is_believed_later_is_checked_too():
     cells[2, 2] = OCCUPIED
     level.check(map_of(cells))
     assert level.level < 0.1
+
+
+def test_a_level_that_does_not_adapt_stays():
+    level = AdaptiveLevel(0.1, adapts=False)
+    level.update(1.0)
+    assert level.level == 0.1
+
+
+def test_a_lowered_level_is_divided_by_the_doubt_which_decays():
+    level = AdaptiveLevel(0.2)
+    level.update(0.45)
+    assert level.level == pytest.approx(0.1)
+    assert level.doubted(4.0) == pytest.approx(0.1 / 4.0)
+    assert level.doubted(1.0) == pytest.approx(0.1 / (4.0 * DOUBT_KEPT))
+    assert level.doubted(10.0) == pytest.approx(0.1 / 10.0)

@@ -172,8 +172,10 @@ def test_confidence_leaves_less_than_p_free_beside_walls(compact):
     [
         ((1.0, 0.0, 0.0), 1.0),
         ((0.0, 1.0, 0.0), 30.0),
-        ((0.5, 0.1, 0.4), 5.9),
-        ((0.1, 0.45, 0.45), 16.3),
+        # The mean, where no kind is likely.
+        ((0.7, 0.2, 0.1), 7.3),
+        # The largest of the likely ones.
+        ((0.1, 0.45, 0.45), 30.0),
     ],
 )
 def test_the_kind_of_building_changes_the_doubt_alone(tmp_path, runtime, chances, doubt):
@@ -291,3 +293,9 @@ def test_an_interrupt_while_openvino_converts_the_network_is_an_interrupt(monkey
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_a_doubt_is_at_least_one_whatever_the_rounding():
+    net = CompactNet(CompactConfig(context=16, kinds=("corridor", "office", "paper")))
+    chances = torch.randn(1000, 3, generator=torch.Generator().manual_seed(0))
+    assert (net.doubt(20.0 * chances) >= 1.0).all()

@@ -12,7 +12,7 @@ from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
 
 MIXTURE = ("corridor", "narrow", "office", "paper", "floor_plan")
-"""Families of the mixture: those of the shipped calibrations, in which one certificate holds."""
+"""Families of the mixture, in which one certificate holds."""
 PRESCRIBED, WINDOWS, FREE = "prescribed", "windows", "free"
 """Parts of the study."""
 RULES = ("distance", "extend")
@@ -95,7 +95,7 @@ def list_series(
     def add(part: str, name: str, same: Settings, risks: Sequence[float]) -> None:
         for predictor in predictors:
             label = Path(predictor).name.removesuffix(".safetensors")
-            drivers: dict[float, str] = {}
+            drivers: dict[tuple[float, bool], str] = {}
             for risk in risks:
                 asked = replace(same, predictor=predictor, arms=(CALIBRATED_ARM,), risk=risk)
                 if risk:
@@ -108,11 +108,10 @@ def list_series(
                 except UsageError as error:
                     left_out.append(f"{part}, {name}: {driver} does not drive: {error}")
                     continue
-                if found.level in drivers:
-                    same_as = drivers[found.level]
+                same_as = drivers.setdefault((found.level, found.uncertified), driver)
+                if same_as != driver:
                     left_out.append(f"{part}, {name}: {driver} has the level of {same_as}")
                     continue
-                drivers[found.level] = driver
                 all_series.append(Series(part, name, driver, found))
 
     if PRESCRIBED in parts:
@@ -147,13 +146,13 @@ def list_series(
 
 
 def _as_calibrated(asked: Settings, calibrations: Sequence[Path]) -> Settings:
-    """Return settings with the reliance at which a predictor was calibrated, if it is among some.
+    """Return settings with the reliance of the first calibration of their predictor and route.
 
     A rule without a network may drive best at a reliance other than the default.
     """
-    own = conditions_for(asked)["predictor"]
+    own = {name: conditions_for(asked)[name] for name in ("predictor", "route")}
     for found in map(load_calibration, calibrations):
-        if found.conditions["predictor"] == own:
+        if own.items() <= found.conditions.items():
             return replace(asked, reliance=found.conditions["reliance"])
     return asked
 
