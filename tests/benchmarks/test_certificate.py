@@ -31,8 +31,9 @@ from sim import empty_straight, save_world
 from sim.map_server import load_world
 from sim.world import World
 
-OFFICE, MIXTURE = (
-    next(path for path in SHIPPED if path.stem == f"fixed-{name}") for name in ("office", "mixture")
+OFFICE, MIXTURE, MOST = (
+    next(path for path in SHIPPED if path.stem == f"fixed-{name}")
+    for name in ("office", "mixture", "mixture-built")
 )
 AT_RISK = Settings(world=("office",), route="fixed", risk=0.05)
 
@@ -101,13 +102,18 @@ def test_without_a_calibration_the_command_that_makes_one_is_told():
             at_risk(settings)
 
 
-def test_drives_that_no_calibration_is_for_are_uncertified_at_the_level_of_the_mixture():
+def test_drives_that_no_calibration_is_for_are_uncertified_at_the_level_of_a_mixture():
     here = replace(AT_RISK, world=("trap",), uncertified=True)
     found = at_risk(here)
     assert found.uncertified
+    assert found.level == load_calibration(MOST).level_at(0.05)
+    # Of the calibrations of mixtures, that of the same buildings goes first.
+    families = tuple(load_calibration(MIXTURE).conditions["world"])
+    found = at_risk(replace(here, world=families, window=10.0))
+    assert found.uncertified
     assert found.level == load_calibration(MIXTURE).level_at(0.05)
     assert at_risk(here, OFFICE).level == load_calibration(OFFICE).level_at(0.05)
-    with pytest.raises(UsageError, match="nor of the mixture for the same predictor and route"):
+    with pytest.raises(UsageError, match="nor of a mixture for the same predictor and route"):
         at_risk(replace(here, predictor="extend"))
     with pytest.raises(CalibrationError, match="is for world office, not trap"):
         at_risk(replace(here, uncertified=False), OFFICE)
@@ -193,7 +199,7 @@ def test_a_new_setting_of_the_drives_counts_only_if_it_is_not_at_its_default(mon
 @pytest.mark.parametrize("name", CONDITIONS)
 def test_a_setting_that_a_calibration_does_not_contain_means_its_default(name, tmp_path):
     found = json.loads(OFFICE.read_text())
-    default = Settings(world=("office",), risk=0.05)
+    default = Settings(world=("office",), risk=0.05, reliance=OLDER["reliance"])
     found["conditions"] = json.loads(json.dumps(conditions_for(default)))
     del found["conditions"][name]
     path = tmp_path / "calibration.json"
