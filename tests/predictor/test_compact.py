@@ -13,7 +13,7 @@ from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.mapping.resampling import resampled
 from foresee.prediction import View
 from predictor.compact import LOGS, PAPER, SHIPPED, Compact
-from predictor.networks.compact_net import CompactNet, room_masks
+from predictor.networks.compact_net import CompactConfig, CompactNet, room_masks
 from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
 from predictor.runtime import RUNTIMES, runner
