@@ -145,7 +145,7 @@ def test_no_calibration_is_for_given_tasks(tmp_path, short_map):
     )
     with pytest.raises(UsageError, match="not for those of --tasks"):
         at_risk(settings)
-    assert at_risk(replace(settings, uncertified=True)).uncertified
+    assert at_risk(replace(settings, route="fixed", uncertified=True)).uncertified
 
 
 def test_a_worker_refuses_tasks_that_were_edited_during_the_run(tmp_path, short_map):

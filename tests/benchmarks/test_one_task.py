@@ -107,4 +107,4 @@ def test_no_calibration_is_for_a_given_task():
     settings = Settings(arms=("predicted",), risk=0.05, start=START, goal=GOAL)
     with pytest.raises(UsageError, match="not for those of --start"):
         at_risk(settings)
-    assert at_risk(replace(settings, uncertified=True)).uncertified
+    assert at_risk(replace(settings, route="fixed", uncertified=True)).uncertified

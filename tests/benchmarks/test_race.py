@@ -179,7 +179,7 @@ def test_what_cannot_be_compared_is_refused(files, tmp_path, change, message, ca
         (("--predictor", "none", "--calibration", "c"), "--calibration needs a --risk above 0"),
         (("--predictor", "none", "--uncertified"), "--uncertified needs a --risk above 0"),
         (("--predictor", "none", "--risk", "0.02"), "without a certificate, with --uncertified"),
-        (("--predictor", "none", "--risk", "0.02", "--uncertified"), "nor of the mixture"),
+        (("--predictor", "none", "--risk", "0.02", "--uncertified"), "nor of a mixture"),
         (("--arm", "nobody"), "no arm is called 'nobody'"),
         (("--driver", "examples.dwa:Nobody"), "module examples.dwa has no Nobody"),
         (("--driver", "examples.dwa:AHEAD"), "must be a class or a function"),
@@ -207,7 +207,7 @@ def test_a_risk_gives_the_level_that_a_calibration_certifies(tmp_path, monkeypat
 
 def test_a_risk_without_a_certificate_is_said_in_the_ranking(files, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(DriveFile, "fill", lambda *_: {})
-    words = ("--suite", "mixed-v1", "--predictor", "compact", "--risk", "0.05")
+    words = ("--suite", "floor-plans-v1", "--predictor", "compact", "--risk", "0.05")
     assert bench(tmp_path / "out.json", *words) == 2
     assert bench(tmp_path / "out.json", *words, "--uncertified") == 0
     settings = json.loads((tmp_path / "out.json").read_text())["settings"]

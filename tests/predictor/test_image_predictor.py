@@ -167,7 +167,7 @@ def test_results_can_tell_weights_runtime_and_buildings(folder):
 def test_weights_of_another_architecture_are_refused(folder):
     with pytest.raises(WeightsError, match=r"'foresee-gan-1', not of 'foresee-compact-1'"):
         Compact(folder / "gan.safetensors")
-    with pytest.raises(WeightsError, match=r"'foresee-compact-2', not of 'foresee-unet_ff-1' or"):
+    with pytest.raises(WeightsError, match=r"'foresee-compact-4', not of 'foresee-unet_ff-1' or"):
         ImagePredictor(SHIPPED)
 
 
