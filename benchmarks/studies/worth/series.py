@@ -150,9 +150,9 @@ def _as_calibrated(asked: Settings, calibrations: Sequence[Path]) -> Settings:
 
     A rule without a network may drive best at a reliance other than the default.
     """
-    own = {name: conditions_for(asked)[name] for name in ("predictor", "route")}
+    conditions = conditions_for(asked)
     for found in map(load_calibration, calibrations):
-        if own.items() <= found.conditions.items():
+        if all(found.conditions[name] == conditions[name] for name in ("predictor", "route")):
             return replace(asked, reliance=found.conditions["reliance"])
     return asked
 
