@@ -1,4 +1,4 @@
-"""Runtimes of networks on a CPU: OpenVINO if it is installed, else PyTorch."""
+"""Runtimes of networks: OpenVINO if it is installed, else PyTorch, on a GPU if there is one."""
 
 from __future__ import annotations
 
@@ -24,10 +24,16 @@ MOST_SIZES = 8
 """Number of input sizes for which compiled networks are kept."""
 
 
+def fastest_device() -> torch.device:
+    """Return a GPU if there is one, else the CPU."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
 def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> tuple[Runner, str]:
     """Return a function that runs a network, and the name and version of the runtime.
 
-    OpenVINO uses one core, PyTorch as many as `torch.set_num_threads` allows.
+    OpenVINO uses one core; PyTorch a GPU if there is one, else as many cores as
+    `torch.set_num_threads` allows.
 
     Args:
         module: network from int8 arrays (1, ...) to one float array.
@@ -43,16 +49,20 @@ def runner(module: nn.Module, runtime: str | None, *shapes: tuple[int, ...]) -> 
         raise ValueError(f"runtime is {runtime!r}, it must be one of {', '.join(RUNTIMES)}")
     if not find_spec(runtime):
         raise ValueError(f"{runtime} is not installed: pip install 'foresee-nav[openvino]'")
-    run = _openvino(module, shapes) if runtime == "openvino" else _torch(module)
-    return run, f"{runtime} {version(runtime)}"
+    name = f"{runtime} {version(runtime)}"
+    if runtime == "openvino":
+        return _openvino(module, shapes), name
+    device = fastest_device()
+    return _torch(module, device), name if device.type == "cpu" else f"{name} on {device.type}"
 
 
-def _torch(module: nn.Module) -> Runner:
-    module.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+def _torch(module: nn.Module, device: torch.device) -> Runner:
+    module.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def run(*arrays: NDArray[np.int8]) -> NDArray[np.float32]:
         with torch.inference_mode():
-            return np.asarray(module(*map(torch.from_numpy, arrays)).numpy())
+            given = (torch.from_numpy(array).to(device) for array in arrays)
+            return np.asarray(module(*given).cpu().numpy())
 
     return run
 

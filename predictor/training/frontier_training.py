@@ -15,7 +15,8 @@ from torch import Tensor
 from foresee.infra.markdown import records
 from predictor.data.frontier_samples import COLUMNS, GOALS, FrontierSamples, way_back
 from predictor.networks.frontier_net import SCALE, FrontierNet
-from predictor.training.optimisation import cosine, descend, deterministic, fastest_device
+from predictor.runtime import fastest_device
+from predictor.training.optimisation import cosine, descend, deterministic
 from predictor.training.settings import FrontierTraining
 from predictor.training.trainer import Trainer, common_facts
 from predictor.weights import save_weights

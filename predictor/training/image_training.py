@@ -19,10 +19,11 @@ from predictor.data.samples import RECIPE, Samples
 from predictor.data.splits import check_apart
 from predictor.networks.grey_net import GreyNet
 from predictor.networks.image_config import ImageConfig
+from predictor.runtime import fastest_device
 from predictor.training.checkpoint import TrainError, is_trained
 from predictor.training.image_learner import Adversary, Learner
 from predictor.training.image_validation import batch_images, fit, images_alike
-from predictor.training.optimisation import deterministic, fastest_device
+from predictor.training.optimisation import deterministic
 from predictor.training.settings import ImageTraining, described
 from predictor.training.trainer import Trainer
 from predictor.weights import save_weights

@@ -1,4 +1,4 @@
-"""The device of a training, steps of an optimiser, and the state of networks and optimisers."""
+"""Steps of an optimiser, and the state of networks and optimisers."""
 
 from __future__ import annotations
 
@@ -7,11 +7,6 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-
-
-def fastest_device() -> torch.device:
-    """Return a GPU if there is one, else the CPU."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def deterministic(seed: int) -> None:

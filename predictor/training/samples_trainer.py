@@ -13,8 +13,9 @@ from torch import Tensor
 
 from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
+from predictor.runtime import fastest_device
 from predictor.training.checkpoint import TrainError
-from predictor.training.optimisation import cosine, descend, fastest_device
+from predictor.training.optimisation import cosine, descend
 from predictor.training.settings import SamplesTraining
 from predictor.training.trainer import Trainer, common_facts
 from predictor.weights import save_weights

@@ -32,7 +32,7 @@ from predictor.training.checkpoint import TrainError, read_checkpoint, write_che
 from predictor.training.optimisation import restore, states
 
 SAVE_EVERY = 60.0
-"""Time between two checkpoints [s]; one also follows each entry of the log."""
+"""Time between two checkpoints [s]."""
 SHOWN = (
     "loss",
     "l1",
@@ -147,7 +147,7 @@ class Trainer(ABC):
                     bar.set_postfix_str(summary_line(self.log[-1]), refresh=False)
                     self.losses = []
                 stop = time.monotonic() > end and not last
-                if time.monotonic() - saved > SAVE_EVERY or noted or stop:
+                if time.monotonic() - saved > SAVE_EVERY or last or stop:
                     self.seconds = before + time.monotonic() - begun
                     self.save()
                     saved = time.monotonic()

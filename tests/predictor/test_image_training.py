@@ -66,6 +66,7 @@ def test_other_frames_are_another_training(tmp_path):
 @pytest.mark.parametrize("arch", ARCHITECTURES)
 @pytest.mark.parametrize("batch", [1, 4])
 def test_a_killed_training_ends_as_if_it_had_not_been(tmp_path, monkeypatch, arch, batch):
+    monkeypatch.setattr("predictor.training.trainer.SAVE_EVERY", 0.0)
     settings = {"arch": arch, "epochs": 1.2, "batch": batch}
     whole = trainer(tmp_path / "whole", **settings).run()
     killed = trainer(tmp_path / "killed", **settings)

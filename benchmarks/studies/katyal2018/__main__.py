@@ -107,16 +107,18 @@ def _run(settings: PredictionSettings) -> None:
 
 def _logs(settings: PredictionSettings) -> Path | None:
     """Return the folder of the physical data set, made here if logs are given; None without one."""
-    from predictor.data.bag_config import BagConfig
     from predictor.data.frames import MANIFEST
-    from predictor.data.log_files import logs_in
-    from predictor.recording.data_sets import make_physical
 
     logs = list(settings.logs) or [PHYSICAL]
     if len(logs) == 1 and (logs[0] / MANIFEST).is_file():
         return logs[0]
     if not settings.logs:
         return None
+    # Imported here, because a data set that exists needs neither planner nor simulator.
+    from predictor.data.bag_config import BagConfig
+    from predictor.data.log_files import logs_in
+    from predictor.recording.data_sets import make_physical
+
     folder = settings.out / "physical"
     make_physical(folder, logs_in(logs), BagConfig(), settings.jobs)
     return folder
