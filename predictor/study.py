@@ -2,7 +2,7 @@
 
     foresee study --preset short        all 20, in about two hours on 2 cores
     foresee study                       as in the paper: months without a GPU
-    foresee study --epochs 2 --batch 32 --bf16 --minutes 20       20 minutes on a GPU
+    foresee study --sigma 0.02 --epochs 3 --batch 8 --rate 4e-4 --bf16 --jobs 15    minutes on a GPU
 
 The most important trainings come first, so that a study can be stopped at any time. Interrupted, it
 continues when the same command is given again: finished trainings are skipped, interrupted ones are
