@@ -1,0 +1,44 @@
+"""Runtimes: the shipped networks create nothing on another device than that of their input."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from predictor import compact, far, image_predictor
+from predictor.image_predictor import ImagePredictor
+from predictor.networks import ARCHITECTURES
+from predictor.networks.grey_net import GreyNet
+from predictor.networks.image_config import ImageConfig
+from predictor.weights import save_weights, weights_path
+
+
+@pytest.fixture
+def devices(monkeypatch):
+    """Devices of the answers of all networks that are made; they run on torch's device meta."""
+    found = []
+
+    def runner(module, runtime, *shapes):
+        given = [torch.zeros(1, *shape, dtype=torch.int8, device="meta") for shape in shapes]
+        with torch.inference_mode():
+            # Like a GPU, it refuses tensors of the CPU.
+            found.append(module.to("meta")(*given).device.type)
+        return lambda *arrays: None, "meta"
+
+    for module in (compact, far, image_predictor):
+        monkeypatch.setattr(module, "runner", runner)
+    return found
+
+
+def test_compact_and_far_run_on_any_device(devices):
+    compact._loaded.__wrapped__(weights_path(Path("compact")), 0, None)
+    far._loaded.__wrapped__(weights_path(Path("far")), 0, None)
+    assert devices == ["meta", "meta"]
+
+
+@pytest.mark.parametrize("arch", ARCHITECTURES)
+def test_a_network_of_the_paper_runs_on_any_device(devices, tmp_path, arch):
+    path = tmp_path / "net.safetensors"
+    save_weights(path, GreyNet(ImageConfig(arch, width=1 / 64, side=64)), {})
+    ImagePredictor(path)
+    assert devices == ["meta"]
