@@ -101,6 +101,7 @@ def _converted(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Any:
     # The frontend itself, because `convert_model` takes seconds and sends telemetry.
     from openvino.frontend import FrontEndManager
     from openvino.frontend.pytorch.ts_decoder import TorchScriptPythonDecoder
+    from openvino.passes import ConstantFolding, Manager
 
     examples = tuple(torch.zeros(1, *shape, dtype=torch.int8) for shape in shapes)
     with warnings.catch_warnings():
@@ -111,7 +112,12 @@ def _converted(module: nn.Module, shapes: tuple[tuple[int, ...], ...]) -> Any:
         traced = torch.jit.trace(module.eval(), examples, check_trace=False)
     frontend = FrontEndManager().load_by_framework("pytorch")
     decoder = TorchScriptPythonDecoder(traced, example_input=examples)
-    return frontend.convert(frontend.load(decoder))
+    model = frontend.convert(frontend.load(decoder))
+    # OpenVINO uses integers only where the ranges of quantised convolutions are constants.
+    passes = Manager()
+    passes.register_pass(ConstantFolding())
+    passes.run_passes(model)
+    return model
 
 
 @contextmanager

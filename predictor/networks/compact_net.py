@@ -18,6 +18,9 @@ features are added to those of stage 3, which have the same resolution of 1 m.
 
 A linear layer on a summary of the context classifies the building, because predictions are wrong
 more often in some kinds of building than in others.
+
+With known ranges of their inputs, all convolutions but those of the context compute in 8-bit
+integers. The context decides the doubt, which small changes of it would change by large factors.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from predictor.networks.quantised_conv import convolutions, quantise
 
 FREE, OCCUPIED, HIDDEN, ROOM = range(4)
 """Channels of the output: three exclusive classes, and one separate probability."""
@@ -57,6 +62,7 @@ class CompactConfig:
         context: channels of the finest stage of the context's network; 0: no context.
         outputs: channels of the output.
         kinds: names of the kinds of building that it classifies by the context; empty: none.
+        quantised: whether it computes in 8-bit integers, once it is `folded`.
     """
 
     patch: int = 5
@@ -65,6 +71,7 @@ class CompactConfig:
     context: int = 0
     outputs: int = 4
     kinds: tuple[str, ...] = ()
+    quantised: bool = False
 
     @property
     def multiple(self) -> int:
@@ -86,13 +93,14 @@ class CompactConfig:
         if isinstance(kinds, str) or len(kinds) != len(set(kinds)):
             raise ValueError(f"the kinds of building are {kinds!r}, they must be different names")
         kinds = tuple(kinds)
-        config = cls(fields["patch"], widths, blocks, context, outputs, kinds)
+        quantised = fields.get("quantised", False)
+        config = cls(fields["patch"], widths, blocks, context, outputs, kinds, quantised)
         sizes, blocks = (config.patch, *widths, outputs), (*config.blocks, context)
         sane = all(isinstance(n, int) and 0 < n <= 1024 for n in sizes)
         sane &= all(isinstance(n, int) and 0 <= n <= 64 for n in blocks)
         sane &= not config.context or (len(widths) > STAGE + 1 and config.patch == 5)
         sane &= all(isinstance(kind, str) for kind in kinds) and len(kinds) <= 64
-        sane &= bool(context) or not kinds
+        sane &= (bool(context) or not kinds) and isinstance(quantised, bool)
         if not sane or len(config.widths) != len(config.blocks) or not 1 < len(config.widths) < 9:
             raise ValueError(f"no network is shaped like {config}")
         return config
@@ -209,6 +217,15 @@ class CompactNet(nn.Module):
             # Part of the weights, since calibrations hold for these values alone.
             self.doubts: Tensor
             self.register_buffer("doubts", torch.ones(len(config.kinds)))
+        # The lowest and highest input of each of its `convolutions`.
+        self.ranges: Tensor | None
+        count = len(self.convolutions())
+        self.register_buffer("ranges", torch.zeros(count, 2) if config.quantised else None)
+
+    def convolutions(self) -> list[tuple[nn.Module, str]]:
+        """Return the convolutions outside of the context, as `quantised_conv.convolutions` does."""
+        of_context = {id(parent) for parent, _ in convolutions(self.context or nn.Module())}
+        return [place for place in convolutions(self) if id(place[0]) not in of_context]
 
     @property
     def architecture(self) -> str:
@@ -294,20 +311,31 @@ class CompactNet(nn.Module):
         other.load_state_dict(other.state_dict() | kept)
         return other
 
-    def without_kinds(self) -> CompactNet:
-        """Return this network, or a copy without the layer for kinds of building."""
-        if self.kinds is None:
-            return self
-        other = CompactNet(replace(self.config, kinds=()))
+    def with_ranges(self, ranges: Tensor) -> CompactNet:
+        """Return a copy that computes in 8-bit integers, once it is `folded`.
+
+        Args:
+            ranges: lowest and highest input of each of its `convolutions`, (n, 2).
+        """
+        other = CompactNet(replace(self.config, quantised=True))
+        other.load_state_dict(self.state_dict() | {"ranges": ranges})
+        return other.eval()
+
+    def bare(self) -> CompactNet:
+        """Return a copy without what was fitted to its features: layer for kinds, and ranges."""
+        other = CompactNet(replace(self.config, kinds=(), quantised=False))
         other.load_state_dict({name: self.state_dict()[name] for name in other.state_dict()})
         return other
 
     def folded(self) -> CompactNet:
-        """Merge batch normalisation in place, for inference, and return this network."""
+        """Merge batch normalisation, and quantise, in place, for inference; return this network."""
         self.eval()
+        places = self.convolutions()
         for module in self.modules():
             if isinstance(module, Conv):
                 module.fold()
+        if self.ranges is not None:
+            quantise(places, self.ranges)
         return self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 

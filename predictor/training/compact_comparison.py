@@ -29,7 +29,7 @@ def table(before: Path, after: Path, samples: Samples) -> str:
     Raises:
         WeightsError: if a file does not hold weights of the compact network.
     """
-    nets = [load_weights(path, CompactNet)[0].eval() for path in (before, after)]
+    nets = [load_weights(path, CompactNet)[0].folded() for path in (before, after)]
     kinds = np.array(samples.families)[samples.family_numbers]
     rows = []
     for kind in dict.fromkeys(kinds):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from torch import Tensor, nn
 from predictor.data.samples import Samples
 from predictor.data.squares import NOTHING, parted
 from predictor.networks.compact_net import ROOM, CompactNet, ContextNet
+from predictor.networks.quantised_conv import input_ranges
 from predictor.scoring.scores import RINGS, Scores
 from predictor.training.compact_targets import (
     NEAR,
@@ -37,6 +39,8 @@ ALONE = 0.2
 without one."""
 VALIDATED = 1024
 """Number of samples of a validation."""
+RANGED = 256
+"""Number of samples from which the ranges of a quantised network are measured."""
 KIND_WEIGHT = 0.05
 """Weight of the loss of `KindOfBuilding`."""
 
@@ -69,7 +73,7 @@ class CompactTrainer(SamplesTrainer):
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
         # The layer of kinds was fitted to features that change now: fit it again afterwards.
-        net = net.with_context(config.context).without_kinds()
+        net = net.with_context(config.context).bare()
         self.kinds = None
         if net.context is not None:
             self.kinds = KindOfBuilding(net.context, len(train.families))
@@ -108,8 +112,19 @@ class CompactTrainer(SamplesTrainer):
             loss = loss + KIND_WEIGHT * self.kinds.loss(families, codes)
         return loss
 
+    def _exported(self) -> CompactNet:
+        return quantised(self.smoothed(), self.train)
+
     def _measures(self) -> dict[str, float]:
         return validate(self.smoothed(), self.validation, USUAL_SIDE).measures()
+
+
+def quantised(net: CompactNet, samples: Samples) -> CompactNet:
+    """Return a copy that computes in 8-bit integers, for the ranges of `RANGED` of some samples."""
+    net.eval()
+    chosen = spread(len(samples), RANGED)
+    run = partial(validate, net, samples, USUAL_SIDE, chosen)
+    return net.with_ranges(input_ranges(net.convolutions(), run))
 
 
 class KindOfBuilding(nn.Module):

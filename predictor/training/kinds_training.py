@@ -17,6 +17,7 @@ from predictor.data.samples import Samples
 from predictor.networks.compact_net import CompactNet
 from predictor.training.checkpoint import TrainError
 from predictor.training.compact_targets import contexts
+from predictor.training.compact_training import quantised
 from predictor.training.samples_trainer import check_unlearned
 from predictor.weights import save_weights
 
@@ -56,7 +57,8 @@ def train_layer(
         raise TrainError(f"two families are needed; the samples are of {', '.join(train.families)}")
     if path.exists():
         raise TrainError(f"{path} exists: choose another folder by --out")
-    fitted = fit(net, train)
+    # Weights of an earlier version have no ranges, and the layer changes none.
+    fitted = quantised(fit(net, train), train)
     print(confusions(fitted, validation))
     layer = {"samples": len(train), "start": facts["fingerprint"], "decay": DECAY}
     learned = {

@@ -139,7 +139,11 @@ class SamplesTrainer(Trainer):
         """
 
     def _export(self, facts: dict[str, Any]) -> None:
-        save_weights(self.weights, self.smoothed(), facts | {"validation": self.log[-1]})
+        save_weights(self.weights, self._exported(), facts | {"validation": self.log[-1]})
+
+    def _exported(self) -> CompactNet:
+        """Return the network to export."""
+        return self.smoothed()
 
 
 def check_unlearned(before: dict[str, Any], validation: Samples) -> None:
