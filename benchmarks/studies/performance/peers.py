@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.studies.performance.sized_maps import along, crops_along
 from benchmarks.studies.performance.stage_times import OURS, beside_ours
 from foresee.prediction import View
-from predictor.compact import Compact
+from predictor.compact import SHIPPED, Compact
+from predictor.networks.compact_net import CompactNet
+from predictor.weights import load_weights, save_weights
 from sim.buildings import task_in
 
 TOGETHER = 10
@@ -46,13 +50,22 @@ def compare(calls: dict[str, Callable[[int], Any]], repeats: int) -> dict[str, d
 
 
 def predictions(seed: int) -> dict[str, dict[str, float]]:
-    """Time predictions of 10 m squares in a corridor with the same network in two runtimes."""
+    """Time predictions of 10 m squares in a corridor with the same network in other ways.
+
+    They are another runtime, and floating-point numbers.
+    """
     task = task_in("corridor", seed)
     crops, poses = crops_along(task, REPEATS), along(task, REPEATS)
     views = [View(crop, pose) for crop, pose in zip(crops, poses, strict=True)]
+    net, facts = load_weights(SHIPPED, CompactNet)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "floats.safetensors"
+        save_weights(path, net.bare(), facts)
+        floats = Compact(path)
     ours, torch = Compact(), Compact(runtime="torch")
     calls: dict[str, Callable[[int], Any]] = {
         OURS: lambda i: ours.predict(views[i]),
+        "floating-point numbers": lambda i: floats.predict(views[i]),
         "PyTorch, eager": lambda i: torch.predict(views[i]),
     }
     return compare(calls, REPEATS)
