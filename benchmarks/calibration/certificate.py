@@ -54,7 +54,7 @@ def conditions_for(settings: Settings) -> dict[str, Any]:
     weights = weights_fingerprint(load_predictor(settings.predictor))
     return {
         **_map_conditions(settings),
-        # Without the runtime, which only changes the rounding.
+        # Without the runtime, which only changes the rounding: single cells by up to 0.1.
         "predictor": (weights or settings.predictor).partition(" on ")[0],
         "world": list(settings.world),
         **{

@@ -311,18 +311,22 @@ class CompactNet(nn.Module):
         other.load_state_dict(other.state_dict() | kept)
         return other
 
-    def with_ranges(self, ranges: Tensor) -> CompactNet:
+    def with_ranges(self, ranges: Tensor | None) -> CompactNet:
         """Return a copy that computes in 8-bit integers, once it is `folded`.
 
         Args:
-            ranges: lowest and highest input of each of its `convolutions`, (n, 2).
+            ranges: lowest and highest input of each of its `convolutions`, (n, 2); None: it
+                computes in floating-point numbers.
         """
-        other = CompactNet(replace(self.config, quantised=True))
-        other.load_state_dict(self.state_dict() | {"ranges": ranges})
+        other = CompactNet(replace(self.config, quantised=ranges is not None))
+        kept = {name: v for name, v in self.state_dict().items() if name != "ranges"}
+        other.load_state_dict(kept if ranges is None else kept | {"ranges": ranges})
         return other.eval()
 
-    def bare(self) -> CompactNet:
-        """Return a copy without what was fitted to its features: layer for kinds, and ranges."""
+    def without_kinds_and_ranges(self) -> CompactNet:
+        """Return this network, or a copy without the layer for kinds of building and the ranges."""
+        if self.kinds is None and self.ranges is None:
+            return self
         other = CompactNet(replace(self.config, kinds=(), quantised=False))
         other.load_state_dict({name: self.state_dict()[name] for name in other.state_dict()})
         return other
@@ -336,6 +340,7 @@ class CompactNet(nn.Module):
                 module.fold()
         if self.ranges is not None:
             quantise(places, self.ranges)
+            self.ranges = None
         return self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 

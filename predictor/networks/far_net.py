@@ -25,6 +25,6 @@ class FarNet(CompactNet):
     ARCHITECTURES = ("foresee-far-1",)
 
     def __init__(self, config: CompactConfig = FAR) -> None:
-        if config.context:
-            raise ValueError("a far network has no context")
+        if config.context or config.quantised:
+            raise ValueError("a far network has no context, and is not quantised")
         super().__init__(config)

@@ -72,8 +72,8 @@ class CompactTrainer(SamplesTrainer):
     ) -> None:
         deterministic(config.seed)
         net, before = (CompactNet(), {}) if start is None else start
-        # The layer of kinds was fitted to features that change now: fit it again afterwards.
-        net = net.with_context(config.context).bare()
+        # Both were fitted to features that change now. The layer has to be fitted again afterwards.
+        net = net.with_context(config.context).without_kinds_and_ranges()
         self.kinds = None
         if net.context is not None:
             self.kinds = KindOfBuilding(net.context, len(train.families))

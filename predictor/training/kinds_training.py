@@ -57,8 +57,10 @@ def train_layer(
         raise TrainError(f"two families are needed; the samples are of {', '.join(train.families)}")
     if path.exists():
         raise TrainError(f"{path} exists: choose another folder by --out")
-    # Weights of an earlier version have no ranges, and the layer changes none.
-    fitted = quantised(fit(net, train), train)
+    fitted = fit(net, train)
+    if fitted.ranges is None:
+        # Weights of an earlier version.
+        fitted = quantised(fitted, train)
     print(confusions(fitted, validation))
     layer = {"samples": len(train), "start": facts["fingerprint"], "decay": DECAY}
     learned = {

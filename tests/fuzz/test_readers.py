@@ -197,6 +197,10 @@ def read_bags(folder):
 
 NETS = {
     "compact": (lambda: CompactNet(CompactConfig(5, (2, 2, 2, 2), (1, 1, 1, 1), 1)), CompactNet),
+    "quantised": (
+        lambda: CompactNet(CompactConfig(5, (2, 2, 2), (1, 1, 1), quantised=True)),
+        CompactNet,
+    ),
     "frontier": (lambda: FrontierNet(FrontierConfig((2, 2), 2)), FrontierNet),
     "image": (lambda: GreyNet(ImageConfig("unet_ff", width=1 / 64, side=64)), GreyNet),
 }

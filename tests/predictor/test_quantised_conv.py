@@ -9,8 +9,8 @@ from foresee.mapping.context import CELLS
 from predictor.compact import _Answers
 from predictor.networks.compact_net import CompactConfig, CompactNet
 from predictor.networks.quantised_conv import (
-    INPUT_LEVELS,
-    WEIGHT_LEVELS,
+    INPUT_MAX,
+    WEIGHT_MAX,
     QuantisedConv,
     convolutions,
     input_ranges,
@@ -59,10 +59,10 @@ def test_two_products_of_integers_fit_into_16_bits(kind):
     layer = QuantisedConv(CONVOLUTIONS[kind](), 0.0, 1.0)
     shape = [1, 1, 1, 1]
     shape[layer.axis] = -1
-    integers = layer.conv.weight / layer.scales.reshape(shape)
+    integers = layer.conv.weight / layer.weight_scales.reshape(shape)
     assert torch.allclose(integers, integers.round(), atol=1e-4)
-    assert integers.abs().max().round() == WEIGHT_LEVELS
-    assert 2 * INPUT_LEVELS * WEIGHT_LEVELS < 2**15
+    assert integers.abs().max().round() == WEIGHT_MAX
+    assert 2 * INPUT_MAX * WEIGHT_MAX < 2**15
 
 
 def test_inputs_outside_the_range_are_clipped():
@@ -90,7 +90,7 @@ def test_ranges_are_kept_in_the_file_and_left_out_of_a_training(net, tmp_path):
     again, _ = load_weights(tmp_path / "it.safetensors", CompactNet)
     assert torch.equal(again.ranges, net.ranges)
     assert (again.ranges[:, 1] > again.ranges[:, 0]).all()
-    bare = again.bare()
+    bare = again.without_kinds_and_ranges()
     assert bare.ranges is None
     assert not bare.config.quantised
     assert bare.architecture == "foresee-compact-2"
@@ -103,22 +103,40 @@ def test_a_file_without_its_ranges_is_refused(net, tmp_path):
         load_weights(tmp_path / "it.safetensors", CompactNet)
 
 
+def test_folding_twice_quantises_once(net):
+    known, context = given()
+    before = net.folded()(known, context)
+    assert torch.equal(net.folded()(known, context), before)
+
+
+def test_other_convolutions_are_refused():
+    for conv in (nn.Conv2d(4, 4, 3, groups=2), nn.Conv2d(4, 4, 3, padding="same")):
+        with pytest.raises(ValueError, match="cannot be quantised"):
+            QuantisedConv(conv, 0.0, 1.0)
+
+
 def test_openvino_computes_in_integers_and_gives_the_answers_of_torch(net):
     ov = pytest.importorskip("openvino")
-    answers = _Answers(net.folded())
     shapes = (80, 80), (2, CELLS, CELLS)
+    floats = _Answers(net.with_ranges(None).folded())
+    answers = _Answers(net.folded())
     model = _converted(answers, shapes)
     model.reshape({0: [1, 80, 80], 1: [1, 2, CELLS, CELLS]})
     compiled = ov.Core().compile_model(model, "CPU", {"INFERENCE_PRECISION_HINT": "f32"})
-    found = [
-        node.get_rt_info()["runtimePrecision"].value
+    kinds = [
+        node.get_rt_info()["layerType"].value
         for node in compiled.get_runtime_model().get_ops()
-        if node.get_rt_info()["layerType"].value in ("Convolution", "Deconvolution")
+        if node.get_rt_info()["runtimePrecision"].value in ("u8", "i8")
     ]
-    assert sum(precision in ("u8", "i8") for precision in found) >= 17
-    codes = np.random.default_rng(0).integers(0, 3, (1, 80, 80)).astype(np.int8)
-    context = np.zeros((1, 2, CELLS, CELLS), np.int8)
-    fast, plain = (
-        runner(answers, name, *shapes)[0](codes, context) for name in ("openvino", "torch")
+    # All but the 11 of the context: 17 plain or strided ones, and 3 transposed ones.
+    assert kinds.count("Convolution") == 17
+    assert kinds.count("Deconvolution") == 3
+    rng = np.random.default_rng(0)
+    codes = rng.integers(0, 3, (1, 80, 80)).astype(np.int8)
+    context = rng.integers(0, 50, (1, 2, CELLS, CELLS)).astype(np.int8)
+    fast, plain, exact = (
+        runner(module, name, *shapes)[0](codes, context)[:, :3]
+        for module, name in ((answers, "openvino"), (answers, "torch"), (floats, "torch"))
     )
-    assert np.abs(fast - plain).mean() < 2e-3
+    assert np.abs(fast - plain).mean() < 2e-5
+    assert np.abs(fast - exact).mean() > 1e-4

@@ -149,6 +149,10 @@ def test_it_goes_on_from_weights_and_remembers_their_buildings(data, tmp_path, s
     assert facts["config"]["start"] == start[1]["fingerprint"]
     for name, values in before.named_parameters():
         assert torch.allclose(net.state_dict()[name], values, atol=1e-6)
+    # Both compute in integers, and the ranges are measured anew.
+    assert (before.ranges[:, 1] > before.ranges[:, 0]).all()
+    assert (net.ranges[:, 1] > net.ranges[:, 0]).all()
+    assert not torch.equal(net.ranges, before.ranges)
 
 
 def test_another_training_in_the_folder_is_not_overwritten(data, tmp_path, small):
@@ -293,6 +297,11 @@ def test_the_layer_of_kinds_learns_which_family_it_sees(tmp_path, capsys):
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert rows[0] == ["corridor", "narrow"]
     assert min(float(rows[1][1]), float(rows[2][2])) > 0.6
+    # It had no ranges; the layer changes none.
+    assert (fitted.ranges[:, 1] > fitted.ranges[:, 0]).all()
+    kept = fitted.with_ranges(2 * fitted.ranges)
+    path = train_layer(kept, {"fingerprint": "0"}, samples, samples, tmp_path / "2.safetensors")
+    assert torch.equal(load_weights(path, CompactNet)[0].ranges, kept.ranges)
 
 
 def test_a_layer_of_kinds_that_cannot_be_trained_says_why(data, tmp_path):
