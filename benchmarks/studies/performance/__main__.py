@@ -63,8 +63,7 @@ class StageSettings(Options):
     seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
     peers: bool = option(
         False,
-        "also time another runtime of the network and other solvers of the MPC's problem, which "
-        "takes some minutes, mostly for compiling; needs pip install 'foresee-nav[peers]'",
+        "also time other solvers of the MPC's problem, which takes some minutes, mostly for compiling; needs pip install 'foresee-nav[peers]'",
     )
 
 
@@ -76,7 +75,7 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
         report: function that shows what is being measured.
     """
     # Imported here, so that --help and bad arguments do not wait for slow imports.
-    from benchmarks.studies.performance import rates, throughput
+    from benchmarks.studies.performance import peers, rates, throughput
     from benchmarks.studies.performance.beside import beside
     from benchmarks.studies.performance.measurements import Measurement, installed
     from benchmarks.studies.performance.stage_times import closed_loop, spread
@@ -104,11 +103,11 @@ def measurements(settings: StageSettings, report: Callable[[str], None]) -> list
     add("measures/beside", measure, drives=settings.drives, seed=seed)
     measure = partial(throughput.memory, settings.memory, seed, report)
     add("measures/memory", measure, drives=settings.memory, seed=seed)
+    add("peers/prediction", partial(peers.predictions, seed), seed=seed)
     if settings.peers:
-        from benchmarks.studies.performance import peers, peers_mpc
+        from benchmarks.studies.performance import peers_mpc
 
         packages = installed([PEER_PACKAGE])
-        add("peers/prediction", partial(peers.predictions, seed), seed=seed, packages=packages)
         drives = {"halls": HALLS, "ticks": HALL_TICKS, "packages": packages}
         for name, config in (("mpc", peers_mpc.COST_ONLY), ("mpc, inside", peers_mpc.CONSTRAINED)):
             compare = partial(peers_mpc.compare, config, HALLS, HALL_TICKS, report)
