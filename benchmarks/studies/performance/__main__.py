@@ -63,7 +63,8 @@ class StageSettings(Options):
     seed: int = option(0, "seed of the first drive", "N", low=0, high=2**31)
     peers: bool = option(
         False,
-        "also time other solvers of the MPC's problem, which takes some minutes, mostly for compiling; needs pip install 'foresee-nav[peers]'",
+        "also time other solvers of the MPC's problem, which takes some minutes, mostly for "
+        "compiling; needs pip install 'foresee-nav[peers]'",
     )
 
 
