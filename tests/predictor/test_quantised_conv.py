@@ -109,6 +109,13 @@ def test_folding_twice_quantises_once(net):
     assert torch.equal(net.folded()(known, context), before)
 
 
+def test_what_it_adds_to_a_convolution_moves_with_it():
+    layer = QuantisedConv(nn.Conv2d(3, 8, 3), 0.0, 1.0).to("meta")
+    tensors = {name: t.device.type for name, t in layer.state_dict().items()}
+    assert tensors.keys() >= {"weight_scales", "zero_points"}
+    assert set(tensors.values()) == {"meta"}
+
+
 def test_other_convolutions_are_refused():
     for conv in (nn.Conv2d(4, 4, 3, groups=2), nn.Conv2d(4, 4, 3, padding="same")):
         with pytest.raises(ValueError, match="cannot be quantised"):
