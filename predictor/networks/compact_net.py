@@ -174,7 +174,8 @@ class ContextNet(nn.Module):
         """
         fine = self.fine(F.relu(self.stem(F.pixel_unshuffle(context, 4))))
         coarse = self.coarse(F.relu(self.down(fine)))
-        here = self.here(self.decode(self.up(coarse) + fine))
+        detail = _around(_around(self.up(coarse) + fine, rows, 2), cols, 3)
+        here = self.here(self.decode(detail))
         mean = coarse.mean(dim=(2, 3), keepdim=True)
         features = _middle(_middle(here, rows, 2), cols, 3) + self.everywhere(mean)
         return features, torch.cat([mean.flatten(1), coarse.amax(dim=(2, 3))], dim=1)
@@ -375,6 +376,18 @@ def widened(values: Tensor, reach: int = ROOM_REACH) -> Tensor:
             out = torch.maximum(out.narrow(axis, 0, length), out.narrow(axis, step, length))
             width += step
     return out
+
+
+def _around(features: Tensor, count: int, axis: int) -> Tensor:
+    """Return the cells that decide the `count` middle cells of half the size after a `Block`.
+
+    These are the middle cells and 2 more on each side, as far as there are any.
+    """
+    size = features.shape[axis]
+    spare = size // 2 - ((count + 2) // 4 + 2)
+    start = (spare + abs(spare)) // 2  # max(spare, 0), in a form that is traced
+    index = torch.arange(size - 2 * start, device=features.device) + start
+    return features.index_select(axis, index)
 
 
 def _middle(features: Tensor, count: int, axis: int) -> Tensor:

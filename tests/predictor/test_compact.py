@@ -9,11 +9,12 @@ import torch
 import yaml
 
 from foresee.checking import check_predictor
+from foresee.mapping.context import CELLS
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
 from foresee.mapping.resampling import resampled
 from foresee.prediction import View
 from predictor.compact import LOGS, PAPER, SHIPPED, Compact
-from predictor.networks.compact_net import CompactConfig, CompactNet, room_masks
+from predictor.networks.compact_net import CompactConfig, CompactNet, ContextNet, room_masks
 from predictor.provenance import weights_fingerprint
 from predictor.registry import load_predictor
 from predictor.runtime import RUNTIMES, runner
@@ -107,6 +108,22 @@ def floats(tmp_path_factory):
     path = tmp_path_factory.mktemp("floats") / "floats.safetensors"
     save_weights(path, net.with_ranges(None), facts)
     return path
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (10, 14), (32, 30), (40, 34), (44, 38)])
+def test_the_part_of_the_context_that_is_left_out_does_not_matter(shape):
+    torch.manual_seed(0)
+    net = ContextNet(8, 6).eval()
+    torch.nn.init.normal_(net.here.weight)
+    context = torch.rand(1, 2, CELLS, CELLS)
+
+    # The largest shape for which all of the context is computed.
+    whole, summary = net(context, 40, 40)
+    part, same = net(context, *shape)
+
+    rows, cols = (np.clip(np.arange(n) + (40 - n) // 2, 0, 39) for n in shape)
+    torch.testing.assert_close(part, whole[:, :, rows][..., cols])
+    assert torch.equal(same, summary)
 
 
 @pytest.mark.parametrize("shape", [(200, 200), (273, 150)])
