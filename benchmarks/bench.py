@@ -90,7 +90,7 @@ def _run(settings: RaceSettings) -> None:
     from benchmarks.runs.drive_file import DriveFile
     from benchmarks.runs.warm_up import warm_up_if_cold
     from foresee.infra.environment import machine, own_version
-    from planner.revision import FIRST, REVISION
+    from planner.revision import FIRST, revision_of
     from sim.suite import Suite
 
     suite = Suite.read(settings.suite)
@@ -117,7 +117,7 @@ def _run(settings: RaceSettings) -> None:
         "risk": entry.risk,
         "level": entry.level,
         "uncertified": entry.uncertified,
-        "revision": REVISION,
+        "revision": revision_of(suite.route),
         "version": own_version(),
         "machine": machine(),
     }

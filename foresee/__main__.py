@@ -54,7 +54,7 @@ STUDIES = {
     "errors": ("robustness.errors", "drive with errors, beyond their bounds, and among people"),
     "interrupt": ("robustness.interrupt", "interrupt long commands, and compare the results"),
     "stuck": ("driver.stuck", "find out why drives got stuck"),
-    "weave": ("driver.weave", "count steering oscillations on straights"),
+    "weave": ("driver.weave", "measure speed and weaving on straights"),
     "sweeps": ("driver.sweeps", "compare scores that limit the reliance on a prediction"),
     "buildings": ("buildings", "compare generated buildings with maps by numbers"),
     "suites": ("suites", "draw the suites of the race again, and compare them"),

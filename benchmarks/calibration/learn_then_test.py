@@ -24,7 +24,7 @@ from foresee.infra.environment import machine
 from foresee.infra.markdown import DASH, records, span
 from foresee.infra.results_file import write_results
 from foresee.infra.resumable import ResumableFolder
-from planner.revision import FIRST, REVISION
+from planner.revision import FIRST, revision_of
 from planner.risk.betting import capital, decided_after, needed
 from planner.risk.calibration import KIND
 from sim.buildings import sources
@@ -92,7 +92,8 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
     conditions = conditions_for(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     # Nor may the driving: the drives must be alike.
-    identity = asdict(asked) | conditions | {"revision": REVISION}
+    revision = revision_of(settings.route)
+    identity = asdict(asked) | conditions | {"revision": revision}
     absent = absent_in(conditions) | {"revision": FIRST}
     with ResumableFolder(out, identity, grows=("drives",), absent=absent, exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)
@@ -118,7 +119,7 @@ def _calibrate(
         "conditions": conditions,
         "confidence": asked.confidence,
         "seed": asked.seed,
-        "revision": REVISION,
+        "revision": revision_of(settings.route),
         "risks": list(asked.risks),
         "sequence": sorted(asked.levels),
         "most_drives": asked.drives,

@@ -36,7 +36,7 @@ from foresee.prediction import Prediction, Predictor, View
 from planner.fault import Fault
 from planner.guide.search_process import SearchProcess
 from planner.navigator import Decision, Navigator, NavigatorConfig
-from planner.revision import REVISION
+from planner.revision import revision_of
 from planner.risk.predictor_process import PredictorProcess
 from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
@@ -384,7 +384,7 @@ def result_of(
         paths={str(k): int(v) for k, v in episode.paths.items()},
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
-        revision=REVISION,
+        revision=revision_of(settings.route),
         cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
         **more,
     )

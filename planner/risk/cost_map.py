@@ -6,6 +6,7 @@ influence on safety: the risk map decides which cells a plan may enter.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,9 +22,9 @@ UNKNOWN_COST = 1.4
 AVOIDED_COST = 20.0
 """Cost of a metre of unobserved space that the car should enter only if nothing else is left: near
 a place where it got stuck, and beside a prescribed route."""
-WAY_BACK, WALL, LANES = 30.0, 0.3, 6
-"""Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], how
-thick a thin wall is to a route [m], and how many lanes lie side by side in an opening."""
+WAY_BACK, LANES = 30.0, 6
+"""Expected cost of a predicted obstacle, see `blocked_cost`: the way to it and back again [m], and
+how many lanes lie side by side in an opening."""
 FAR_LANES = 24
 """The same number for far predictions, which are blurred: where a way leads on is seldom known, and
 there are more ways round."""
@@ -85,6 +86,7 @@ class CostMap:
                 around them cost `AVOIDED_COST`.
         """
         frame = coarsened(known.frame)
+        required = half_width + 0.12
         occupied, unseen = _pooled(known, frame)
         clearance = distance_field(occupied) * np.float32(frame.resolution)
         unknown = UNKNOWN_COST if prescribed is None else AVOIDED_COST
@@ -102,9 +104,11 @@ class CostMap:
                 doubt = 1.0 - np.clip(free / SURE, 0.0, 1.0)
                 unsure_cost = 1.0 + (np.float32(UNKNOWN_COST - 1.0) + prior) * doubt
                 density[predicted] = unsure_cost[predicted]
-                # The body's width makes predicted obstacles wider, as it does observed ones.
-                width = 1 + 2 * int(half_width / frame.resolution)
-                density += blocked_cost(maximum_filter(blocked, size=width))
+                # As close to a predicted obstacle as to an observed one, the body does not fit.
+                # At least one cell on each side, or the route search would see gaps in thin walls.
+                reach = max(1, math.ceil(required / frame.resolution) - 1)
+                near = maximum_filter(blocked, size=1 + 2 * reach)
+                density += blocked_cost(near, 2 * reach * frame.resolution)
         if prescribed is not None:
             density[_beside(prescribed, frame)] = 1.0
         for x, y in () if stuck is None else stuck:
@@ -113,9 +117,7 @@ class CostMap:
         # Routes keep away from walls, up to a clearance of 0.7 m for a body of 0.3 m.
         comfort = half_width + 0.55
         density += np.float32(2.0) * np.clip(1.0 - clearance / comfort, 0.0, None)
-        return cls(
-            frame, density.astype(np.float32), clearance, room, unseen, unsure, half_width + 0.12
-        )
+        return cls(frame, density.astype(np.float32), clearance, room, unseen, unsure, required)
 
     def along(self, points: NDArray[np.float64], slowness: NDArray[np.float64]) -> float:
         """Return the cost of a polyline; outside the map a metre costs `UNKNOWN_COST`.
@@ -166,18 +168,19 @@ def around(frame: GridFrame, x: float, y: float, reach: float) -> tuple[slice, s
     return np.s_[max(0, row - n) : row + n + 1, max(0, col - n) : col + n + 1]
 
 
-def blocked_cost(blocked: NDArray[np.float32]) -> NDArray[np.float32]:
+def blocked_cost(blocked: NDArray[np.float32], thickness: float) -> NDArray[np.float32]:
     """Return the additional cost of a metre in cells that are blocked with a probability.
 
     Where a route is blocked, the car has to come back, and try another one: `WAY_BACK` metres. But
     it is blocked only if all lanes of the opening are; of `LANES` independent ones that is the
     probability to the power of `LANES`. So a doubt costs little, however far it extends, and a sure
-    wall costs `WAY_BACK` on its `WALL` metres, even if it is thin.
+    wall costs `WAY_BACK`, even if it is thin.
 
     Args:
         blocked: probability that a cell is not free, (rows, columns).
+        thickness: how thick the thinnest wall is to the route search [m].
     """
-    return np.float32(WAY_BACK / WALL) * blocked**LANES
+    return np.float32(WAY_BACK / thickness) * blocked**LANES
 
 
 @dataclass(frozen=True, eq=False)

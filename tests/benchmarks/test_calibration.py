@@ -15,7 +15,7 @@ from benchmarks.calibration.settings import CalibrateSettings
 from benchmarks.runs.drive_file import read_drives
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
-from planner.revision import FIRST, REVISION
+from planner.revision import FIRST, REVISION, revision_of
 from planner.risk.calibration import Calibration, CalibrationError
 from sim import empty_straight, save_world
 
@@ -197,8 +197,8 @@ def test_a_calibration_records_the_revision_of_its_drives_and_continues_no_other
 ):
     monkeypatch.setattr(learn_then_test, "_driven", collides(1.0))
     learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
-    assert Calibration.load(tmp_path / "calibration.json").revision == REVISION
-    monkeypatch.setattr(learn_then_test, "REVISION", REVISION + 1)
+    assert Calibration.load(tmp_path / "calibration.json").revision == revision_of(SETTINGS.route)
+    monkeypatch.setattr(learn_then_test, "revision_of", lambda route: REVISION + 1)
     with pytest.raises(UsageError, match="revision"):
         learn_then_test.calibrate(SETTINGS, LEVELS, tmp_path, jobs=1)
 

@@ -13,7 +13,7 @@ from benchmarks.runs.settings import Settings
 from benchmarks.tables import file_tables
 from foresee.infra.results_file import read_results
 from foresee.mapping.car_limits import CarLimits
-from planner.revision import FIRST, REVISION
+from planner.revision import FIRST, revision_of
 
 SUMMARY = {
     "episodes",
@@ -212,7 +212,7 @@ def test_a_drive_knows_whether_its_calibration_is_of_an_earlier_planner(
 ):
     settings = Settings(world=(str(short_map),), predictor="none", risk=risk, calibrated=FIRST)
     result = drive(settings, 0, arm).result
-    assert result.revision == REVISION
+    assert result.revision == revision_of(settings.route)
     assert result.earlier_calibration == earlier
 
 

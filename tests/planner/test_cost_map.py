@@ -64,7 +64,7 @@ def test_the_unknown_around_a_place_where_the_car_was_stuck_costs_what_a_wall_do
     assert np.array_equal(barred.density[far | seen], plain.density[far | seen])
 
 
-SURE_WALL = blocked_cost(np.float32(1.0))
+SURE_WALL = blocked_cost(np.float32(1.0), 0.4)
 """Additional cost of a metre of what is certainly blocked."""
 
 
@@ -79,8 +79,8 @@ def test_a_belief_moves_the_price_of_what_was_not_seen_and_of_nothing_else():
     ]:
         belief = remember(None, FRAME, prediction(p_free, p_occupied))
         steered = cost_of(half, belief).density
-        # A body in the last column before a predicted obstacle would touch it.
-        assert np.array_equal(steered[:, :59], plain[:, :59])
+        # A body in the last two columns before a predicted obstacle would be too close to it.
+        assert np.array_equal(steered[:, :58], plain[:, :58])
         assert steered[:, 60:] == pytest.approx(density)
 
 
@@ -101,7 +101,8 @@ def crossing(p_free, thickness):
 
 
 def test_a_sure_wall_costs_the_way_back_even_if_it_is_one_cell_thick():
-    assert 0.8 * WAY_BACK < crossing(0.0, 1) < 1.4 * WAY_BACK
+    # More than the route search pays, whose cells take the least cost of four.
+    assert WAY_BACK < crossing(0.0, 1) < 1.6 * WAY_BACK
 
 
 def test_a_doubt_costs_little_however_far_it_extends():
@@ -121,9 +122,12 @@ def test_a_predicted_wall_is_as_wide_as_the_body_makes_it():
     values = np.ones(FRAME.shape, np.float32)
     values[:, 120] = 0.0
     belief = remember(None, FRAME, prediction(values, 1.0 - values))
-    for half_width, cells in [(0.05, 1), (0.15, 3), (0.25, 5)]:
-        density = CostMap.build(grid(unseen), belief, half_width).density[50]
-        assert (density > 0.5 * SURE_WALL).sum() == cells
+    for half_width, cells in [(0.05, 3), (0.15, 5), (0.25, 7)]:
+        cost = CostMap.build(grid(unseen), belief, half_width)
+        assert (cost.density[50] > 2.0).sum() == cells
+        # As many cells are too close to a wall that was observed.
+        observed = CostMap.build(grid(np.where(values, FREE, OCCUPIED)), None, half_width)
+        assert (observed.clearance[50] < observed.required).sum() == cells
 
 
 def test_a_belief_is_remembered_where_nothing_new_is_predicted():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from drawn_maps import BODY, FRAME, X, Y, clearance_of, cost_of, divided, prediction, price
 
-from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN
-from planner.guide.route import find_route
+from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, GridFrame, OccupancyGrid
+from planner.guide.route import cost_to_go, find_route
 from planner.motion.path import Path
-from planner.risk.cost_map import remember
+from planner.risk.cost_map import WAY_BACK, CostMap, remember
 
 
 def length(points) -> float:
@@ -78,3 +78,34 @@ def test_a_believed_dead_end_steers_the_route_away():
     steered = find_route(cost_of(cells, belief), (2.0, 3.0), (10.0, 3.0))
     assert plain[:, 1].max() < 4.0
     assert steered[:, 1].max() > 6.8
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.1])
+@pytest.mark.parametrize("slope", [0.0, 0.5, 0.75, 1.0, 1.5])
+def test_a_sure_wall_has_no_gap_however_thin_and_steep_it_is(resolution, slope):
+    count = round(24.0 / resolution)
+    frame = GridFrame(resolution, (0.0, 0.0), (count, count))
+    rows, cols = np.mgrid[:count, :count] - count // 2
+    costs = []
+    for wall in (abs(cols - slope * rows) <= 0.5 * max(1.0, slope), np.zeros((1, 1), np.bool_)):
+        p_free = np.where(wall, 0.0, 1.0)
+        belief = remember(None, frame, prediction(p_free, 1.0 - p_free, frame=frame))
+        cost = CostMap.build(OccupancyGrid(frame, 5.0), belief, BODY.half_width)
+        towards = cost_to_go(cost, (20.0, 12.0))
+        costs.append(towards.values[towards.values.shape[0] // 2, 20])
+    assert 0.7 * WAY_BACK < costs[0] - costs[1] < 1.3 * WAY_BACK
+
+
+@pytest.mark.parametrize(("end", "round_it"), [(16.0, True), (20.0, False)])
+def test_a_sure_wall_is_crossed_only_where_the_way_round_it_is_longer_than_the_way_back(
+    end, round_it
+):
+    # The way round is 2·(√(end² + 3.5²) - 3.5) longer: 25.8 m, or 33.6 m.
+    frame = GridFrame(0.05, (0.0, -25.0), (1000, 300))
+    x, y = frame.centres()
+    p_free = np.ones(frame.shape, np.float32)
+    p_free[np.ix_(y < end, abs(x - 7.53) < 0.02)] = 0.0
+    belief = remember(None, frame, prediction(p_free, 1.0 - p_free, frame=frame))
+    cost = CostMap.build(OccupancyGrid(frame, 5.0), belief, BODY.half_width)
+    route = find_route(cost, (4.0, 0.0), (11.0, 0.0))
+    assert (route[:, 1].max() > end - 0.5) == round_it

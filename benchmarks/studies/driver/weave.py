@@ -1,10 +1,10 @@
-"""Count how often the car weaves: changes of the sign of its curvature on straight stretches.
+"""Measure how the car drives on straights: its speed, and how often it weaves.
 
     python -m benchmarks.studies.driver.weave results/corridor --out weave.json
 
 The runs of benchmarks.corridor must be on a prescribed route. The route is straight where it turns
-by less than 10° from 3 m before to 3 m behind. Ticks with a curvature below the threshold are
-ignored.
+by less than 10° from 3 m before to 3 m behind. Weaving is counted as changes of the sign of the
+curvature; ticks with a curvature below the threshold are ignored.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ THRESHOLDS = (0.01, 0.05)
 
 
 def counts(run: Run) -> dict[str, Any]:
-    """Return the distance on straights [m] and the changes of sign at each threshold, for each arm.
+    """Return how each arm drives on straights.
+
+    These are the distance [m], the median speed [m/s], and the changes of sign at each threshold.
 
     Raises:
         RunError: if the run is damaged.
@@ -44,16 +46,18 @@ def counts(run: Run) -> dict[str, Any]:
         raise UsageError(f"{run.directory}: its arms chose their routes; run it with --route fixed")
     arms: dict[str, Any] = {}
     for arm in run.arms:
-        metres, changes = 0.0, [0] * len(THRESHOLDS)
+        metres, changes, speeds = 0.0, [0] * len(THRESHOLDS), list[float]()
         for index in run.indices:
             trace = run.trace(index, arm)
             xy, curvature = trace.states[:, :2], trace.controls[:, 1].astype(float)
             route = np.vstack([xy[:1], trace.waypoints])
             for first, end in stretches(_on_straights(xy[:-1], route)):
                 metres += float(np.hypot(*np.diff(xy[first : end + 1], axis=0).T).sum())
+                speeds += trace.states[first:end, 3].tolist()
                 for i, threshold in enumerate(THRESHOLDS):
                     changes[i] += sign_changes(curvature[first:end], threshold)
-        arms[arm] = {"metres": metres, "changes": changes}
+        speed = float(np.median(speeds)) if speeds else None
+        arms[arm] = {"metres": metres, "speed": speed, "changes": changes}
     commits = sorted({str(episode.commit) for episode in run.episodes})
     return {"commits": commits, "thresholds": THRESHOLDS, "arms": arms}
 
@@ -89,20 +93,27 @@ def _on_straights(points: NDArray[Any], route: NDArray[Any]) -> NDArray[np.bool_
 
 
 def table(results: dict[str, Any]) -> str:
-    """Return the changes of sign per 100 m of straight route as a Markdown table.
+    """Return the speed on straights, and the changes of sign per 100 m of them, as Markdown.
 
-    It has a line for each run and threshold, and a column for each arm.
+    The table has a line for the speed and each threshold of each run, and a column for each arm.
     """
     arms = list(dict.fromkeys(arm for run in results["runs"] for arm in run["arms"]))
     rows = []
     for run in results["runs"]:
-        for i, threshold in enumerate(run["thresholds"]):
-            rates = {
-                arm: f"{100 * of['changes'][i] / of['metres']:.2f}" if of["metres"] else DASH
-                for arm, of in run["arms"].items()
+        found = run["arms"]
+        lines = {
+            "median speed [m/s]": {
+                arm: f"{of['speed']:.2f}" if of.get("speed") else DASH for arm, of in found.items()
             }
-            head = {"run": run["label"], "curvature threshold [1/m]": f"{threshold:g}"}
-            rows.append(head | {f"`{arm}`": rates.get(arm, "") for arm in arms})
+        }
+        for i, threshold in enumerate(run["thresholds"]):
+            lines[f"changes of a curvature above {threshold:g}/m, per 100 m"] = {
+                arm: f"{100 * of['changes'][i] / of['metres']:.1f}" if of["metres"] else DASH
+                for arm, of in found.items()
+            }
+        for measure, values in lines.items():
+            head = {"run": run["label"], "on straights": measure}
+            rows.append(head | {f"`{arm}`": values.get(arm, "") for arm in arms})
     return records(rows)
 
 

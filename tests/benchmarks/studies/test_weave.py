@@ -1,4 +1,4 @@
-"""How much the car weaves on straights."""
+"""How fast the car drives on straights, and how much it weaves."""
 
 import json
 from dataclasses import asdict
@@ -45,13 +45,14 @@ def test_changes_of_sign_on_the_straight_are_counted_and_none_in_the_corner(tmp_
     found = results["runs"][0]["arms"]["known"]
     assert found["changes"] == [2, 0]
     assert 14.0 < found["metres"] < 16.0
+    assert found["speed"] == 2.0
     assert weave.table(results) in capsys.readouterr().out
 
 
 def test_an_arm_without_a_straight_has_a_dash():
-    arms = {"known": {"metres": 0.0, "changes": [0]}}
+    arms = {"known": {"metres": 0.0, "speed": None, "changes": [0]}}
     text = weave.table({"runs": [{"label": "run", "thresholds": [0.01], "arms": arms}]})
-    assert text.splitlines()[-1].count("–") == 1
+    assert [line.count("–") for line in text.splitlines()[-2:]] == [1, 1]
 
 
 @pytest.mark.parametrize(
