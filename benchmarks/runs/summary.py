@@ -135,15 +135,19 @@ def gap(episodes: list[DriveResult], arms: tuple[str, ...], route: str) -> dict[
     """Return the share of the gap between the best baseline and `oracle` that a network closes.
 
     Returns:
-        For each arm that takes the chosen risk: `sct`, the share in SCT, and `time`, the share in
-        time, on a prescribed route only. Each is None if `statistics.share_of_gap` gives none.
+        For each arm that may take a risk: `sct`, the share in SCT, and `time`, the share in time,
+        on a prescribed route only. Each is None if `statistics.share_of_gap` gives none, and if
+        the arm takes a risk: the baseline would have to take the same, and no arm without a
+        network does. `benchmarks.studies.worth` compares with rules that do.
     """
     by_arm = paired(episodes, arms)
+
+    def share(arm: str, key: str) -> dict[str, Any] | None:
+        at_a_risk = arm != CALIBRATED_ARM or any(result.level for result in by_arm[arm])
+        return None if at_a_risk else statistics.share_of_gap(by_arm, arm, key)
+
     return {
-        arm: {
-            "sct": statistics.share_of_gap(by_arm, arm, "sct"),
-            "time": statistics.share_of_gap(by_arm, arm, "time") if route == "fixed" else None,
-        }
+        arm: {"sct": share(arm, "sct"), "time": share(arm, "time") if route == "fixed" else None}
         for arm in arms
         if arm_kind(arm) == CALIBRATED_ARM
     }

@@ -5,7 +5,7 @@ import re
 import pytest
 from drive_results import a_result
 
-from benchmarks.runs.summary import in_words, main_table, summarise, table
+from benchmarks.runs.summary import gap, in_words, main_table, summarise, table
 
 
 def summary_of(worlds, jitter=0.0, **changes):
@@ -49,6 +49,27 @@ def test_the_main_rows_are_few_and_those_of_the_whole_table():
     assert len(few) == 8
     assert all(row in whole for row in few)
     assert {"hard stops", "collided (95 % over worlds)"} <= {row[1] for row in few}
+
+
+@pytest.mark.parametrize(
+    ("arm", "level", "closes"),
+    [("predicted", 0.0, True), ("predicted", 0.1, False), ("predicted 2 %", 0.1, False)],
+)
+def test_no_share_of_the_gap_is_given_at_a_risk_that_no_baseline_takes(arm, level, closes):
+    times = {"known": 10.0, "backup": 9.0, arm: 8.0, "oracle": 7.0}
+    episodes = [
+        a_result(
+            index=i,
+            world=f"w{i}",
+            arm=name,
+            time=time * (1.0 + 0.01 * i),
+            level=level if name == arm else None,
+        )
+        for name, time in times.items()
+        for i in range(30)
+    ]
+    share = gap(episodes, tuple(times), "fixed")[arm]["time"]
+    assert share is None if not closes else share["value"] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(("counts", "shown"), [((1, 2), "3"), ((1, None), "")])

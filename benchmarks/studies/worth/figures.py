@@ -30,22 +30,30 @@ def _worth(rows: list[dict[str, Any]]) -> Figure:
     axes.axvline(1.0, color=INK, linewidth=0.8, linestyle=":")
     drivers = list(dict.fromkeys(row["driver"] for row in rows))
     for place, driver in enumerate(drivers):
-        points = sorted(
-            (row for row in rows if row["driver"] == driver), key=lambda r: r["stop_over_sight"]
-        )
         # Side by side, so that intervals do not hide each other.
         shift = 1.0 + 0.02 * (place - 0.5 * (len(drivers) - 1))
-        xs = [shift * row["stop_over_sight"] for row in points]
-        values = [row["time_over_baseline"]["value"] for row in points]
-        colour = _colour(points[0])
-        axes.plot(xs, values, color=colour, linewidth=0.8, label=driver)
-        for x, row in zip(xs, points, strict=True):
-            ratio = row["time_over_baseline"]
-            axes.plot(x, ratio["value"], color=colour, marker=MARKERS[row["v_max"]], markersize=5)
-            if ratio["low"] is not None:
-                axes.plot([x, x], [ratio["low"], ratio["high"]], color=colour, linewidth=1.2)
+        of = [row for row in rows if row["driver"] == driver]
+        colour = _colour(of[0])
+        axes.plot([], [], color=colour, linewidth=0.8, label=driver)
+        for v_max, marker in MARKERS.items():
+            points = sorted(
+                (row for row in of if row["v_max"] == v_max), key=lambda r: r["stop_over_sight"]
+            )
+            xs = [shift * row["stop_over_sight"] for row in points]
+            values = [row["time_over_baseline"]["value"] for row in points]
+            axes.plot(xs, values, color=colour, linewidth=0.8)
+            for x, row in zip(xs, points, strict=True):
+                ratio, certified = row["time_over_baseline"], row["certified"] or not row["risk"]
+                if ratio["low"] is not None:
+                    axes.plot([x, x], [ratio["low"], ratio["high"]], color=colour, linewidth=1.2)
+                filling = colour if certified else "white"
+                axes.plot(
+                    x, ratio["value"], marker, color=colour, markersize=5, markerfacecolor=filling
+                )
     for v_max, marker in MARKERS.items():
-        axes.plot([], [], color=INK, marker=marker, linestyle="none", label=f"{v_max:g} m/s")
+        axes.plot([], [], marker, color=INK, label=f"{v_max:g} m/s")
+    if any(row["risk"] and not row["certified"] for row in rows):
+        axes.plot([], [], "o", color=INK, markerfacecolor="white", label="not certified")
     axes.set(
         xscale="log",
         xlabel="stopping distance from top speed / distance of sight",

@@ -35,13 +35,14 @@ def _row(series: Series, group: Sequence[Series], by_driver: ResultsByArm) -> di
     """Return the measures of a driver.
 
     Its time is compared with that of `known`, and with that of the best baseline: the driver
-    without a network, at a risk of at most its own, that needs the least time.
+    without a network, at a risk of at most its own, that needs the least time where all of
+    these reached the goal.
     """
     settings, results = series.settings, by_driver[series.driver]
     baselines = _baselines(series, group)
-    ratios = {name: statistics.time_ratio(by_driver, name, "known") for name in baselines}
-    known = {name: ratio["value"] for name, ratio in ratios.items() if ratio is not None}
-    best = min(known, key=known.__getitem__, default=None)
+    together = statistics.reached(by_driver, tuple(baselines))
+    times = {name: sum(result.time for result in of) for name, of in together.items() if of}
+    best = min(times, key=times.__getitem__, default=None)
     compared = best is not None and series.driver not in baselines
     car = CarLimits(v_max=settings.v_max, braking=settings.braking)
     closed = None

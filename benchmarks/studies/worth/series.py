@@ -146,15 +146,19 @@ def list_series(
 
 
 def _as_calibrated(asked: Settings, calibrations: Sequence[Path]) -> Settings:
-    """Return settings with the reliance of the first calibration of their predictor and route.
+    """Return settings with the reliance of a calibration of their predictor and route.
 
-    A rule without a network may drive best at a reliance other than the default.
+    A rule without a network may drive best at a reliance other than the default. A calibration in
+    the same buildings comes before others.
     """
     conditions = conditions_for(asked)
-    for found in map(load_calibration, calibrations):
-        if all(found.conditions[name] == conditions[name] for name in ("predictor", "route")):
-            return replace(asked, reliance=found.conditions["reliance"])
-    return asked
+    fitting = [
+        found.conditions
+        for found in map(load_calibration, calibrations)
+        if all(found.conditions[name] == conditions[name] for name in ("predictor", "route"))
+    ]
+    fitting.sort(key=lambda found: set(found["world"]) != set(conditions["world"]))
+    return replace(asked, reliance=fitting[0]["reliance"]) if fitting else asked
 
 
 def _arms(part: str, name: str, same: Settings, arms: Sequence[str]) -> Iterator[Series]:
