@@ -215,6 +215,8 @@ class Navigator:
         self._level = AdaptiveLevel(config.level, config.adapt)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
         self._tick = -1
+        self._is_anew = True
+        """Whether the path to the goal is still to be planned for the first time."""
         # Plans use predictions at a reliance above 0, and the guide uses them with `steer`: on a
         # prescribed route they shape the path and do not change the route.
         heard = config.reliance > 0 or config.steer
@@ -276,11 +278,12 @@ class Navigator:
         risk = self._risk_map(driven, prediction)
         clock.lap("risk")
         steering = prediction if self.config.steer else None
-        if self._tick == 0:
-            # The car stands, and has no path that it could follow while the first is planned.
+        first_path = 0.0
+        if self._is_anew:
+            # There is no path that the car could follow while the first is planned.
             faults += self._plan_next_path(driven, driven[None], risk, steering)
             clock.lap("path")
-        first_path = self.guide.search_ms if self._tick == 0 else 0.0
+            self._is_anew, first_path = False, self.guide.search_ms
         self.guide.update(self._tick, driven, risk)
         guide = self.guide
         now = Situation(driven, risk, guide.path, guide.segment, guide.on_leg, tube)
@@ -306,6 +309,27 @@ class Navigator:
         decision = self._last = self._decision(choice, turn, risk, prediction, handled, clock.times)
         self._unsent = decision.control
         return decision
+
+    def head_for(self, goal: tuple[float, float]) -> None:
+        """Take another goal, also while the car drives.
+
+        The car finds its own route there, on a path that is planned in the next `step`. All that
+        keeps the car safe stays: the map, the manoeuvre that was kept, the controls that were sent,
+        and the level. A new navigator would know nothing of these, so it is for a car that stands.
+
+        Args:
+            goal: x, y of the goal [m].
+
+        Raises:
+            ValueError: if it is not finite.
+        """
+        if not all(map(math.isfinite, goal)):
+            raise ValueError(f"goal is {goal}, it must be finite")
+        self.goal = goal
+        for chooser in self._choosers.values():
+            chooser.goal = goal
+        self.guide, self._is_anew = self.guide.towards(goal), True
+        self.known.cover(self.known.frame.square(*goal, self.config.window))
 
     def skip(self) -> Decision:
         """Go on without a decision: in a tick without a scan, or whose decision comes too late.
@@ -347,6 +371,7 @@ class Navigator:
             before = replace(before, times=late.times)
         self.chooser, self._last = self._before.chooser, before
         self.chooser.recall(self._before.memory)
+        self.chooser.goal = self.goal
         self._unsent = None
 
     def _assume_sent(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +96,24 @@ class Guide:
         self.on_leg = False
         self.turn_to: float | None = None
         self._stuck = np.empty((0, 2))
+
+    def towards(self, goal: tuple[float, float]) -> Guide:
+        """Return a guide to another goal, which finds its own route, for a car under way.
+
+        It keeps the gear, what was predicted so far, and where the car got stuck. It has no path
+        yet.
+
+        Args:
+            goal: x, y of the goal [m].
+        """
+        search = self.search
+        other = Guide(
+            *(goal, None, self.car, self.config, search.seed, search.frontiers, search.far),
+            self._executor,
+        )
+        other.gear, other.counts = self.gear, self.counts
+        other._memory, other._stuck = replace(self._memory, segment=0), self._stuck
+        return other
 
     def awaits_leg(self, state: NDArray[np.float64]) -> bool:
         """Return whether the car stands where the next leg of a recovery manoeuvre begins.

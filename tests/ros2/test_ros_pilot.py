@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from foresee_navigator.pilot import Mode, Pilot
 from foresee_navigator.report import Circumstances, Severity, report_on
-from foresee_navigator.stopping import stop_after
 
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE
-from planner.motion.plan import Plan
 from planner.navigator import NavigatorConfig
 from sim import DubinsCar, Lidar, LidarConfig, empty_straight
 
@@ -58,32 +56,78 @@ def test_without_a_goal_it_stands_and_maps():
     assert driver.known.whole().crop(driver.known.frame.square(5.0, 2.5, 0.5)).free.any()
 
 
-def test_it_stops_as_hard_as_the_car_can_when_data_are_missing_and_goes_on_after():
+def stopped(driver, state, begin):
+    """Let the car stop by a function of the pilot; return the states."""
+    states, car = [state], DubinsCar(CAR)
+    while states[-1][3] > 0.0:
+        states.append(car.step(states[-1], follow(states[-1], begin()), 0.1))
+        assert len(states) < 60
+    return states
+
+
+def test_without_data_it_stops_by_the_manoeuvre_that_was_kept_and_goes_on_after():
     driver = pilot()
     states, action = drive(driver, START, 25)
-    speeds = [action.speed]
-    while speeds[-1] > 0.0:
-        action = driver.stop()
-        assert action.mode is Mode.STOPPED
-        speeds.append(action.speed)
-    losses = -np.diff(speeds)
-    assert losses[:-1] == pytest.approx(CAR.braking * 0.1)
-    assert len(speeds) < 20
+    kept = action.decision.last_resort[1:]
+    coming = driver.coming(float(states[-1][3]))
+    actions = []
+
+    def missing():
+        actions.append(driver.stop())
+        return actions[-1]
+
+    stop = stopped(driver, states[-1], missing)
+    assert {a.mode for a in actions} == {Mode.STOPPED}
+    assert [a.speed for a in actions[: len(coming)]] == [c.speed for c in coming[: len(actions)]]
+    assert actions[0].speed - float(states[-1][3]) == pytest.approx(0.1 * kept[0, 0], abs=1e-6)
+    assert (driver.stop().speed, driver.stop().yaw_rate) == (0.0, 0.0)
+    assert driver.coming(0.0) == []
     known = driver.known
-    action = driver.act(states[-1], LIDAR.scan(WORLD, states[-1]))
+    there = stop[-1]
+    action = driver.act(there, LIDAR.scan(WORLD, there))
     assert action.mode is Mode.DRIVING
     assert driver.known is known
 
 
-def test_a_new_goal_keeps_the_map_and_the_same_goal_changes_nothing():
+def test_a_late_decision_is_withdrawn_and_what_was_kept_is_driven():
+    driver, on_time = pilot(), pilot()
+    states, _ = drive(driver, START, 20)
+    drive(on_time, START, 20)
+    coming = driver.coming(float(states[-1][3]))
+    driver.act(states[-1], LIDAR.scan(WORLD, states[-1]))
+    action = driver.late(2)
+    assert action.mode is Mode.LATE
+    assert (action.speed, action.yaw_rate) == (coming[1].speed, coming[1].yaw_rate)
+    assert [on_time.stop().speed for _ in range(2)] == [c.speed for c in coming[:2]]
+    # From there on, both are in the same situation.
+    later = DubinsCar(CAR).step(states[-1], Control(0.0, 0.0), 0.2)
+    ways = [p.act(later, LIDAR.scan(WORLD, later)).speed for p in (driver, on_time)]
+    assert ways[0] == pytest.approx(ways[1], abs=0.05)
+
+
+def test_a_new_goal_on_the_drive_keeps_the_map_and_what_was_sent_and_the_same_changes_nothing():
     driver = pilot()
     states, _ = drive(driver, START, 20)
     seen = int((driver.known.cells == FREE).sum())
     assert not driver.head_for(GOAL)
+    navigator = driver._navigator
     assert driver.head_for((12.0, 3.0))
     action = driver.act(states[-1], LIDAR.scan(WORLD, states[-1]))
     assert action.mode is Mode.DRIVING
+    assert driver._navigator is navigator
+    assert action.speed > float(states[-1][3]) - 0.1
     assert int((driver.known.cells == FREE).sum()) >= seen
+    states, action = drive(driver, states[-1], 150)
+    assert action.mode is Mode.REACHED
+    assert math.dist(states[-1][:2], (12.0, 3.0)) < 0.6
+
+
+def test_a_car_that_rolls_when_its_map_begins_stops_first():
+    driver = pilot()
+    rolling = np.array([3.0, 2.5, 0.0, 1.0])
+    action = driver.act(rolling, LIDAR.scan(WORLD, rolling))
+    assert (action.mode, action.speed) == (Mode.STOPPED, pytest.approx(0.85))
+    assert report_on(action, Circumstances()).message == "stops: it rolled when the map began"
 
 
 def test_after_a_leap_the_map_is_new_and_the_goal_stays():
@@ -100,23 +144,6 @@ def test_after_a_leap_the_map_is_new_and_the_goal_stays():
 def test_a_goal_that_is_not_finite_is_refused():
     with pytest.raises(ValueError, match="it must be finite"):
         pilot().head_for((math.nan, 0.0))
-
-
-def test_a_stop_without_a_last_resort_brakes_on_the_curve_of_the_plan():
-    speeds = np.array([2.0, 2.0, 2.0, 1.85])
-    plan = Plan(
-        np.column_stack([np.zeros((4, 3)), speeds]), np.array([[0, 0.1], [0, 0.2], [0, 0.3]])
-    )
-    controls = stop_after(plan, None, 1.5)
-    assert [c.curvature for c in controls[:3]] == [0.2, 0.2, 0.3]
-    assert {c.acceleration for c in controls} == {-1.5}
-    assert len(controls) == math.ceil(2.0 / 0.15)
-
-
-def test_a_stop_with_a_last_resort_is_the_last_resort():
-    plan = Plan(np.zeros((2, 4)), np.zeros((1, 2)))
-    controls = stop_after(plan, np.array([[-1.5, 0.4], [-1.0, -0.2]]), 1.5)
-    assert controls == [Control(-1.5, 0.4), Control(-1.0, -0.2)]
 
 
 def test_a_report_says_why_the_car_is_slow():

@@ -16,15 +16,18 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 
+from foresee.mapping.commands import TwistCommand
 from foresee.mapping.conventions import TICK
+from foresee.mapping.scan import Scan
 from foresee_navigator.forecast import Forecaster
 from foresee_navigator.frames import FrameError, Frames
 from foresee_navigator.messages import diagnostics_message, header_of
 from foresee_navigator.parameters import declared
-from foresee_navigator.pilot import Pilot
+from foresee_navigator.pilot import Action, Mode, Pilot
 from foresee_navigator.poses import Motion, Track, composed, motion_of, seconds, yaw_of
 from foresee_navigator.prompt_predictor import make_predictor
 from foresee_navigator.publishers import MapPublisher, ReinsPublisher
+from foresee_navigator.relay import Relay
 from foresee_navigator.report import Circumstances, Report, report_on, report_on_forecast
 from foresee_navigator.running import run
 from foresee_navigator.scans import scan_of, seen_from, without_ranges
@@ -168,14 +171,25 @@ class NavigatorNode(Node):
             prediction = forecast.prediction if forecast else None
             self._maps.publish(header, self._forecaster.known, prediction)
             return report_on_forecast(forecast, self._around)
-        action = self._pilot.act(seen[0].state, seen[1]) if seen else self._pilot.stop()
-        self._reins.command(header.stamp, action.speed, action.yaw_rate)
+        action = self._decided(*seen) if seen else self._pilot.stop()
+        if action.mode is not Mode.LATE:
+            self._command(action)
         self._timed(started)
         decision = action.decision
         if decision is not None and decision.path is not None:
             self._reins.path(header, decision.path.points)
         self._maps.publish(header, self._pilot.known, decision.prediction if decision else None)
         return report_on(action, self._around)
+
+    def _decided(self, motion: Motion, scan: Scan) -> Action:
+        """Return the pilot's action; what was kept is sent for as long as it is late."""
+        state = motion.state
+        with Relay(self._command, self._pilot.coming(float(state[3]))) as relay:
+            action = self._pilot.act(state, scan)
+        return self._pilot.late(relay.sent) if relay.sent else action
+
+    def _command(self, wanted: Action | TwistCommand) -> None:
+        self._reins.command(self.get_clock().now().to_msg(), wanted.speed, wanted.yaw_rate)
 
     def _timed(self, started: float) -> None:
         self._around = replace(self._around, duration=time.monotonic() - started)

@@ -10,17 +10,18 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee.mapping.commands import twist_of
+from foresee.mapping.commands import TwistCommand, twist_of
 from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee_navigator.mapping import new_map, observe
-from foresee_navigator.stopping import stop_after
 from planner.navigator import Decision, Navigator, NavigatorConfig
 from planner.risk.predictor_process import PredictorProcess
 
 SAME_GOAL = 0.01
 """Distance below which two goals are the same [m]."""
+STANDS = 0.05
+"""Speed below which a car counts as standing, whose speed is measured with noise [m/s]."""
 
 
 class Mode(StrEnum):
@@ -28,6 +29,7 @@ class Mode(StrEnum):
 
     WAITING = "waits for a goal"
     DRIVING = "drives"
+    LATE = "goes on with what it has kept, since the decision is late"
     REACHED = "has reached the goal"
     STOPPED = "stops"
 
@@ -52,10 +54,10 @@ class Action:
 
 
 class Pilot:
-    """Drives to one goal after the other, and keeps the map.
+    """Drives to one goal after the other, with one map.
 
-    Each goal has a `Navigator` of its own, which takes over the map. So does each start after a
-    stop, since what was planned before is out of date.
+    The navigator stays from goal to goal, and is told of each tick without a decision: what it
+    promises holds only if it knows all that was sent. It is replaced only while the car stands.
 
     Args:
         config: settings of the navigators.
@@ -82,9 +84,9 @@ class Pilot:
         self._config, self._predictor, self._executor = config, predictor, executor
         self._resolution, self._goal_radius = resolution, goal_radius
         self._navigator: Navigator | None = None
+        self._last: Decision | None = None
         self._has_reached = False
-        self._stop: list[Control] = []
-        self._speed = 0.0
+        self._sent = TwistCommand(0.0, 0.0)
 
     def head_for(self, goal: tuple[float, float]) -> bool:
         """Take a goal x, y [m], and return whether it is a new one.
@@ -96,16 +98,17 @@ class Pilot:
             raise ValueError(f"goal is {goal}, it must be finite")
         if self.goal is not None and math.dist(goal, self.goal) < SAME_GOAL:
             return False
-        self.goal, self._has_reached, self._navigator = goal, False, None
+        self.goal, self._has_reached = goal, False
+        if self._navigator is not None:
+            self._navigator.head_for(goal)
         return True
 
     def forget(self) -> None:
         """Begin a new map, since the old one does not fit the poses any more.
 
-        A goal that was not reached stays.
+        A goal that was not reached stays. The car brakes until it stands.
         """
-        self.known = self._navigator = None
-        self._stop, self._speed = [], 0.0
+        self.known = self._navigator = self._last = None
         if self._has_reached:
             self.goal, self._has_reached = None, False
 
@@ -123,37 +126,73 @@ class Pilot:
             self.known = new_map(self._config, self._resolution, state)
         if self.goal is not None and math.dist(state[:2], self.goal) <= self._goal_radius:
             self._has_reached = True
-        if self.goal is None or self._has_reached:
+        rolls = self._navigator is None and abs(float(state[3])) > STANDS
+        if rolls and self._sent.speed == 0.0:
+            self._sent = TwistCommand(float(state[3]), 0.0)
+        if self.goal is None or self._has_reached or rolls:
             bad = not observe(self.known, scan, state, self._config)
-            mode = Mode.WAITING if self.goal is None else Mode.REACHED
-            self._navigator = None
-            return Action(mode, *self._slowed(), bad_scan=bad)
-        if self._navigator is None:
+            mode = Mode.REACHED if self._has_reached else Mode.WAITING
+            twist = self._slowed()
+            return self._action(Mode.STOPPED if rolls else mode, twist, bad_scan=bad)
+        navigator = self._navigator
+        if navigator is None:
             # The map has the free space around its start already.
             config = replace(self._config, start_margin=0.0)
-            self._navigator = Navigator(
+            navigator = Navigator(
                 config, self._predictor, state, self.goal, self.known, executor=self._executor
             )
-        decision = self._navigator.step(state, scan)
-        car = self._config.car
-        resort = self._navigator.chooser.resort.controls
-        self._stop = stop_after(decision.plan, resort, car.braking)
-        twist = twist_of(decision.control, float(state[3]), car)
-        self._speed = twist.speed
-        return Action(Mode.DRIVING, twist.speed, twist.yaw_rate, decision)
+        self._last = navigator.step(state, scan)
+        self._navigator = navigator
+        twist = twist_of(self._last.control, float(state[3]), self._config.car)
+        return self._action(Mode.DRIVING, twist, self._last)
+
+    def coming(self, speed: float) -> list[TwistCommand]:
+        """Return the commands of the coming ticks if no decision follows; they stop the car.
+
+        There are none for a car that stands: for it a late decision is as good.
+
+        Args:
+            speed: speed of the car [m/s].
+        """
+        sent, commands = self._sent, list[TwistCommand]()
+        if self._last is None or (sent.speed == 0.0 and abs(speed) <= STANDS):
+            return commands
+        for acceleration, curvature in self._last.last_resort[1:].tolist():
+            control = Control(acceleration, curvature, self._last.control.gear)
+            sent = twist_of(control, sent.speed, self._config.car)
+            commands.append(sent)
+        return commands
+
+    def late(self, ticks: int) -> Action:
+        """Return what was done in ticks in which the decision of `act` was not there in time.
+
+        The decision is withdrawn: the commands of `coming` were sent in its place.
+
+        Args:
+            ticks: number of these commands.
+        """
+        if self._navigator is not None:
+            self._navigator.withdraw()
+            for _ in range(ticks):
+                self._sent = self._slowed()
+        return self._action(Mode.LATE, self._sent)
 
     def stop(self) -> Action:
         """Return what to do in a tick without a scan or a pose: stop, and then stand."""
-        self._navigator = None
-        return Action(Mode.STOPPED, *self._slowed())
+        return self._action(Mode.STOPPED, self._slowed())
 
-    def _slowed(self) -> tuple[float, float]:
-        """Return the speed [m/s] and the yaw rate [rad/s] of the next tick of the stop."""
-        if not self._stop:
-            self._speed = 0.0
-            return 0.0, 0.0
-        twist = twist_of(self._stop.pop(0), self._speed, self._config.car)
-        self._speed = twist.speed
-        if self._speed == 0.0:
-            self._stop = []
-        return twist.speed, twist.yaw_rate
+    def _action(
+        self, mode: Mode, twist: TwistCommand, decision: Decision | None = None, **more: bool
+    ) -> Action:
+        self._sent = twist
+        return Action(mode, twist.speed, twist.yaw_rate, decision, **more)
+
+    def _slowed(self) -> TwistCommand:
+        """Return the command of the next tick of the stop."""
+        car, sent = self._config.car, self._sent
+        if self._navigator is None:
+            # Nothing is known of the surroundings.
+            curvature = sent.yaw_rate / sent.speed if sent.speed else 0.0
+            return twist_of(Control(-car.braking, curvature), sent.speed, car)
+        self._last = self._navigator.skip()
+        return twist_of(self._last.control, sent.speed, car)

@@ -87,7 +87,8 @@ def report_on(action: Action, around: Circumstances) -> Report:
         }
     message = str(action.mode)
     if action.mode is Mode.STOPPED:
-        message = f"stops: {'; '.join(around.complaints)}"
+        why = "; ".join(around.complaints) or "it rolled when the map began"
+        message = f"stops: {why}"
     elif decision is not None:
         message = f"{action.mode}, limited by {decision.limit}"
     emergency = decision is not None and decision.emergency
