@@ -8,6 +8,7 @@ import pytest
 from short_drive import LIDAR, drive, navigator, straight
 
 from foresee.mapping.car_limits import CarLimits
+from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.motion.path import Path as Way
@@ -293,6 +294,62 @@ def test_a_sure_prediction_of_free_space_makes_the_car_faster():
     assert sure.max_speed > plain.max_speed + 0.3
     assert (sure.trace["kept"] >= 0).any()
     assert np.array_equal(distrusted.trace["states"], plain.trace["states"])
+
+
+def test_a_prediction_below_what_plans_rely_on_changes_nothing():
+    class Untrusted:
+        def predict(self, view):
+            frame = view.known.frame
+            free, sure = np.full(frame.shape, 0.6, np.float32), np.ones(frame.shape, np.float32)
+            return Prediction(frame, free, 0.5 * free, sure)
+
+    task, config = straight(), EpisodeConfig(timeout=0.9)
+    plain = drive(task, navigator(task, None), config)
+    untrusted = drive(task, navigator(task, Untrusted(), reliance=0.3), config)
+    assert np.array_equal(untrusted.trace["states"], plain.trace["states"])
+
+
+def driven(driver, task, state, ticks):
+    """Drive for some ticks, and return the last state and decision."""
+    for _ in range(ticks):
+        decision = driver.step(state, LIDAR.scan(task.world, state))
+        state = DubinsCar().step(state, decision.control, 0.1)
+    return state, decision
+
+
+def test_a_new_goal_on_the_drive_leaves_what_keeps_the_car_safe():
+    task = straight()
+    driver = navigator(task, bounds=ErrorBounds(delay=0.1))
+    state, _ = driven(driver, task, np.array([*task.start, 0.0]), 12)
+    sent, kept = driver._sent, driver.chooser.kept
+    assert state[3] > 1.0
+    driver.head_for((12.0, 3.0))
+    assert driver._sent is sent
+    assert np.array_equal(driver.chooser.kept, kept)
+    state, decision = driven(driver, task, state, 1)
+    assert decision.path is not None
+    assert np.hypot(*(decision.path.points - [12.0, 3.0]).T).min() < 0.3
+    assert not decision.emergency
+    assert state[3] > 1.0
+    state, _ = driven(driver, task, state, 60)
+    assert math.dist(state[:2], (12.0, 3.0)) < 0.6
+
+
+def test_a_decision_can_be_withdrawn_after_a_new_goal():
+    task = straight()
+    driver = navigator(task)
+    state, _ = driven(driver, task, np.array([*task.start, 0.0]), 10)
+    driver.head_for((11.0, 2.5))
+    driven(driver, task, state, 1)
+    driver.withdraw()
+    driver.skip()
+    assert {chooser.goal for chooser in driver._choosers.values()} == {(11.0, 2.5)}
+
+
+@pytest.mark.parametrize("goal", [(math.nan, 0.0), (0.0, math.inf)])
+def test_a_new_goal_that_is_not_finite_is_refused(goal):
+    with pytest.raises(ValueError, match="finite"):
+        navigator(straight()).head_for(goal)
 
 
 def test_the_same_drive_twice_is_the_same_drive():
