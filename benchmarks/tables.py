@@ -46,7 +46,9 @@ TABLES = {
 class TableSettings(Options):
     """Which tables are printed."""
 
-    files: tuple[Path, ...] = argument(f"results of {', '.join(COMMANDS.values())}", "FILE")
+    files: tuple[Path, ...] = argument(
+        f"results of {', '.join(dict.fromkeys(COMMANDS.values()))}", "FILE"
+    )
     overview: bool = option(False, "print only one table, with a line for each comparison")
 
 

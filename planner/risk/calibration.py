@@ -84,20 +84,6 @@ class Calibration:
         """Return whether the calibration used any of `count` buildings with seeds from `seed`."""
         return self.seed < seed + count and seed < self.seed + self.drives
 
-    def level_for(self, risk: float, conditions: Mapping[str, Any]) -> float:
-        """Return the largest level λ of the last resort that is certified for a risk.
-
-        Args:
-            risk: accepted probability δ of a collision in a drive, above 0.
-            conditions: settings of the drives to come; `world` may be in any order, but must name
-                the same buildings, since the certificate is for their mixture.
-
-        Raises:
-            CalibrationError: if the certificate is for other conditions, or only for larger risks.
-        """
-        self.refuse_other(conditions)
-        return self.level_at(risk)
-
     def level_at(self, risk: float) -> float:
         """Return the largest level λ that is certified for a risk, whatever the conditions.
 

@@ -22,7 +22,7 @@ from sim import empty_straight, save_world
 
 def test_a_risk_is_given_the_level_of_the_largest_certified_risk_below_it(tmp_path):
     found = Calibration.load(written(tmp_path / "c.json"))
-    levels = [found.level_for(risk, conditions_for(SETTINGS)) for risk in (0.02, 0.03, 0.05, 0.5)]
+    levels = [found.level_at(risk) for risk in (0.02, 0.03, 0.05, 0.5)]
     assert levels == [0.003, 0.003, 0.01, 0.01]
 
 
@@ -31,7 +31,7 @@ def test_a_smaller_risk_than_any_certified_one_is_refused(tmp_path):
     with pytest.raises(
         CalibrationError, match=r"no risk as small as 0.01; it certifies 0.02, 0.05"
     ):
-        found.level_for(0.01, conditions_for(SETTINGS))
+        found.level_at(0.01)
 
 
 @pytest.mark.parametrize(

@@ -344,7 +344,8 @@ def read_tasks(folder):
 
 def read_calibration(folder):
     found = load_calibration(folder / "calibration.json")
-    found.level_for(0.05, conditions_for(calibrations.SETTINGS))
+    found.refuse_other(conditions_for(calibrations.SETTINGS))
+    found.level_at(0.05)
 
 
 def write_set(folder):

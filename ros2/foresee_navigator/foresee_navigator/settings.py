@@ -146,9 +146,13 @@ class NavigatorSettings(CarSettings):
     )
     yaw_error: float = parameter(0.0, "largest error of the estimated yaw", "rad", low=0, high=0.2)
     delay: float = parameter(
-        0.0, "time from a command until it begins to act", "s", low=0.0, high=1.0
+        0.0,
+        "shortest time from a tick until the command decided in it acts, computing included",
+        "s",
+        low=0.0,
+        high=1.0,
     )
-    jitter: float = parameter(0.0, "how much longer it may take", "s", low=0.0, high=0.5)
+    jitter: float = parameter(0.0, "how much longer it may take, at most", "s", low=0.0, high=0.5)
     lag: float = parameter(
         0.0, "time constant with which the robot follows its commands", "s", low=0.0, high=0.5
     )
