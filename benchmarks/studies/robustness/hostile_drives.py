@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
 from foresee.prediction import Predictor
 from planner.fault import Fault
+from planner.navigator import Decision
 from planner.risk.predictor_process import PredictorProcess
 from predictor.registry import load_predictor
 from sim.episode import EpisodeConfig, run_episode
@@ -46,9 +48,12 @@ TITLES = {
     "pocket": "the car must back out at the start",
     "lattice": "start and beams in corners of cells",
     "process": "predictor in a process of its own",
+    "goals": "new goals on the drive",
     "mixed": "several of these",
 }
 """Situation → its description in the table."""
+NEW_GOAL = 0.1
+"""Probability of a new goal in a tick of a drive with new goals."""
 HONEST_SECONDS = 30.0
 """Longest duration of a drive with an honest predictor, in simulated time [s]."""
 Drives = list[dict[str, Any]]
@@ -116,6 +121,14 @@ def driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
             driver = navigator_for(
                 settings, ARMS[settings.arms[0]], task, predictor, deadline, car=scenario.car
             )
+            goals = _goals(task) if "goals" in scenario.odd else repeat(None)
+
+            def watch(_: Any, decision: Decision) -> None:
+                witness.compare(driver.known, *decision.plan.states[0, :2])
+                goal = next(goals)
+                if goal is not None:
+                    driver.head_for(goal)
+
             episode = run_episode(
                 task,
                 driver,
@@ -123,7 +136,7 @@ def driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
                 lidar,
                 EpisodeConfig(timeout=limit * settings.v_max / task.path_length),
                 rng,
-                lambda _, decision: witness.compare(driver.known, *decision.plan.states[0, :2]),
+                watch,
                 scenario.robot(task.world, rng),
             )
     except Exception as error:
@@ -151,6 +164,17 @@ def driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
         "faults": episode.faults,
         "longest_wait": _longest_wait(trace),
     }
+
+
+def _goals(task: Task) -> Iterator[tuple[float, float] | None]:
+    """Yield, in each tick, a new goal in a free cell of the building [m], or None."""
+    rng, grid = np.random.default_rng([task.seed, 5]), task.world.grid
+    xs, ys = grid.frame.centres()
+    rows, cols = np.nonzero(grid.free)
+    while True:
+        number = int(rng.integers(len(rows)))
+        goal = (float(xs[cols[number]]), float(ys[rows[number]]))
+        yield goal if rng.random() < NEW_GOAL else None
 
 
 @contextmanager

@@ -53,10 +53,10 @@ FINEST, COARSEST = 0.01, 0.5
 """Range of the sides of cells [m]."""
 CARS = ("dubins", "reeds-shepp")
 """Kinds of cars that are drawn."""
-ODDITIES = ("cells", "thin walls", "body", "pocket", "lattice", "process")
+ODDITIES = ("cells", "thin walls", "body", "pocket", "lattice", "process", "goals")
 """What may be unusual: the size of the cells; walls of one cell; the car's body and turning radius;
 a start that the car must leave in reverse; a start and beams in the corners of cells; a predictor
-in a process of its own."""
+in a process of its own; new goals on the drive."""
 SITUATIONS = ("usual", *ODDITIES, "mixed")
 """Kinds of drives: with nothing unusual, with one oddity, or with several at random."""
 ROUND = LidarConfig(fov=2.0 * math.pi, beams=1440)
