@@ -16,6 +16,8 @@ from foresee_navigator.settings import (
     described,
 )
 
+from foresee.mapping.car_limits import CarLimits
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros2/foresee_navigator"
 PAGE = ROOT / "docs/how-to/run_on_ros_2.md"
@@ -50,6 +52,16 @@ def test_every_number_has_limits_that_its_default_keeps():
         NavigatorSettings(command="boat")
     with pytest.raises(ValueError, match="without clock"):
         SimulatorSettings(speed_of_time=2.0)
+
+
+def test_a_robot_may_be_given_by_its_preset_or_its_file(tmp_path):
+    assert NavigatorSettings(robot="jackal").navigator.car == CarLimits.read("jackal")
+    path = tmp_path / "mine.yaml"
+    path.write_text((ROOT / "foresee/mapping/cars/delivery.yaml").read_text())
+    assert SimulatorSettings(robot=str(path)).car == CarLimits.read("delivery")
+    assert NavigatorSettings(v_max=1.5).car.v_max == 1.5
+    with pytest.raises(ValueError, match="'tank' is no car"):
+        _ = NavigatorSettings(robot="tank").car
 
 
 def test_the_views_show_topics_of_the_page():

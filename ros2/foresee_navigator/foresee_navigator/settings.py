@@ -70,6 +70,10 @@ class Settings:
 class CarSettings(Settings):
     """The car and the mount of its LIDAR, which both nodes need to know."""
 
+    robot: str = parameter(
+        "",
+        "a car by its preset or YAML file, in place of the limits and the body below; empty: these",
+    )
     v_max: float = parameter(2.0, "top speed", "m/s", low=0.05)
     acceleration: float = parameter(1.0, "maximum acceleration", "m/s²", low=0.05)
     braking: float = parameter(1.5, "maximum deceleration, on any floor", "m/s²", low=0.05)
@@ -88,7 +92,13 @@ class CarSettings(Settings):
 
     @property
     def car(self) -> CarLimits:
-        """The car's limits and its body."""
+        """The car's limits and its body.
+
+        Raises:
+            CarError: if there is no such car.
+        """
+        if self.robot:
+            return CarLimits.read(self.robot)
         return CarLimits(
             v_max=self.v_max,
             acceleration=self.acceleration,
