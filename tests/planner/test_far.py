@@ -10,7 +10,6 @@ from foresee.prediction import Prediction
 from planner.navigator import Navigator, NavigatorConfig
 from planner.risk.cost_map import (
     FAR_LANES,
-    WALL,
     WAY_BACK,
     Belief,
     blocked_cost,
@@ -70,8 +69,8 @@ def test_a_far_prediction_is_remembered_where_its_cells_lie():
         cell = belief.frame.cell(x, y)
         wanted = free[frame.cell(x, y)]
         assert belief.free[cell] == pytest.approx(wanted)
-        assert blocked_cost(belief.blocked)[cell] == pytest.approx(
-            WAY_BACK / WALL * (1 - wanted) ** FAR_LANES, rel=1e-4
+        assert blocked_cost(belief.blocked, 0.4)[cell] == pytest.approx(
+            WAY_BACK / 0.4 * (1 - wanted) ** FAR_LANES, rel=1e-4
         )
     x, y = belief.frame.centres()
     inside = (x > 2.1)[None] & (x < 6.1)[None] & (y < 3.0)[:, None]
