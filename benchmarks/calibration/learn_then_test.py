@@ -92,8 +92,7 @@ def calibrate(settings: Settings, asked: CalibrateSettings, out: Path, jobs: int
     conditions = conditions_for(settings)
     # Levels and buildings must not be changed later: the certificate needs them chosen in advance.
     # Nor may the driving: the drives must be alike.
-    revision = revision_of(settings.route)
-    identity = asdict(asked) | conditions | {"revision": revision}
+    identity = asdict(asked) | conditions | {"revision": revision_of(settings.route)}
     absent = absent_in(conditions) | {"revision": FIRST}
     with ResumableFolder(out, identity, grows=("drives",), absent=absent, exclusive=True):
         return _calibrate(settings, asked, out, jobs, conditions)

@@ -108,8 +108,14 @@ class Guide:
         """
         search = self.search
         other = Guide(
-            *(goal, None, self.car, self.config, search.seed, search.frontiers, search.far),
-            self._executor,
+            goal,
+            waypoints=None,
+            car=self.car,
+            config=self.config,
+            seed=search.seed,
+            frontiers=search.frontiers,
+            far=search.far,
+            executor=self._executor,
         )
         other.gear, other.counts = self.gear, self.counts
         other._memory, other._stuck = replace(self._memory, segment=0), self._stuck

@@ -105,6 +105,21 @@ def test_a_late_decision_is_withdrawn_and_what_was_kept_is_driven():
     assert ways[0] == pytest.approx(ways[1], abs=0.05)
 
 
+def test_a_late_tick_without_a_decision_is_driven_as_one_in_time():
+    drivers = pilot(), pilot()
+    for driver in drivers:
+        states, _ = drive(driver, START, 20)
+        driver._has_reached = True
+    coming = drivers[0].coming(float(states[-1][3]))
+    for driver in drivers:
+        assert driver.act(states[-1], LIDAR.scan(WORLD, states[-1])).mode is Mode.REACHED
+    drivers[1].stop()
+    action = drivers[0].late(2)
+    assert (action.speed, action.yaw_rate) == (coming[1].speed, coming[1].yaw_rate)
+    kept = [driver._navigator.chooser.kept for driver in drivers]
+    assert np.array_equal(*kept)
+
+
 def test_a_new_goal_on_the_drive_keeps_the_map_and_what_was_sent_and_the_same_changes_nothing():
     driver = pilot()
     states, _ = drive(driver, START, 20)

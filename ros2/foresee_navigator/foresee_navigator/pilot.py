@@ -85,7 +85,7 @@ class Pilot:
         self._resolution, self._goal_radius = resolution, goal_radius
         self._navigator: Navigator | None = None
         self._last: Decision | None = None
-        self._has_reached = False
+        self._has_reached = self._decides = False
         self._sent = TwistCommand(0.0, 0.0)
 
     def head_for(self, goal: tuple[float, float]) -> bool:
@@ -126,6 +126,7 @@ class Pilot:
             self.known = new_map(self._config, self._resolution, state)
         if self.goal is not None and math.dist(state[:2], self.goal) <= self._goal_radius:
             self._has_reached = True
+        self._decides = False
         rolls = self._navigator is None and abs(float(state[3])) > STANDS
         if rolls and self._sent.speed == 0.0:
             self._sent = TwistCommand(float(state[3]), 0.0)
@@ -142,7 +143,7 @@ class Pilot:
                 config, self._predictor, state, self.goal, self.known, executor=self._executor
             )
         self._last = navigator.step(state, scan)
-        self._navigator = navigator
+        self._navigator, self._decides = navigator, True
         twist = twist_of(self._last.control, float(state[3]), self._config.car)
         return self._action(Mode.DRIVING, twist, self._last)
 
@@ -164,15 +165,19 @@ class Pilot:
         return commands
 
     def late(self, ticks: int) -> Action:
-        """Return what was done in ticks in which the decision of `act` was not there in time.
+        """Return what was done in ticks in which `act` was not ready in time.
 
-        The decision is withdrawn: the commands of `coming` were sent in its place.
+        The commands of `coming` were sent in its place. If it made a decision, that is withdrawn.
 
         Args:
             ticks: number of these commands.
         """
         if self._navigator is not None:
-            self._navigator.withdraw()
+            if self._decides:
+                self._navigator.withdraw()
+            else:
+                # `act` has skipped the first of these ticks already.
+                ticks -= 1
             for _ in range(ticks):
                 self._sent = self._slowed()
         return self._action(Mode.LATE, self._sent)
