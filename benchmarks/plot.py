@@ -6,10 +6,11 @@ For each DIR: speed_profile.png (speed over distance, and what limited it), traj
 trajectories on the true map, coloured by speed) and moment.png (maps, prediction and plan at one
 tick). With --report also report.html (a page with the table, pictures, and replays of the drives)
 and episodes.csv (a row for each drive). With --race also race-EPISODE.gif: known, backup and
-predicted side by side, with clocks. With --animate also drive-EPISODE-ARM.gif: one drive, with its
-speed. With --mcap also the drive as a file for Foxglove: its scans and predictions, which are not
-saved in full, are made again from the saved states, and compared with what was saved. For several
-DIRs also speed_profiles.png: all runs in one speed profile.
+predicted side by side, with clocks. With --parting also parting.png: what known and another arm
+have seen and expect when their ways part. With --animate also drive-EPISODE-ARM.gif: one drive,
+with its speed. With --mcap also the drive as a file for Foxglove: its scans and predictions, which
+are not saved in full, are made again from the saved states, and compared with what was saved. For
+several DIRs also speed_profiles.png: all runs in one speed profile.
 
 With --episode or --arm, the names of the figures tell it, as in moment-3.png: they replace no
 others.
@@ -23,6 +24,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from foresee.infra.command_line import Command, UsageError
@@ -46,6 +48,9 @@ class PlotSettings(Options):
         False, "also write report.html, with replays of the drives, and episodes.csv"
     )
     race: bool = option(False, "also write the drives of an episode, side by side, as a video")
+    parting: bool = option(
+        False, "also draw known and another arm in the moment in which their ways part"
+    )
     format: str = option(
         "auto",
         "format of the videos; auto: MP4 if there is ffmpeg, else GIF",
@@ -69,6 +74,7 @@ def _run(settings: PlotSettings) -> None:
     from benchmarks.figures.animation import Animation
     from benchmarks.figures.drive_mcap import write_drive
     from benchmarks.figures.file_name import file_name
+    from benchmarks.figures.parting import parting
     from benchmarks.figures.race import Race
     from benchmarks.figures.run_figures import draw_run
     from benchmarks.figures.speed_profile import speed_profile
@@ -92,6 +98,9 @@ def _run(settings: PlotSettings) -> None:
             race = Race(run, episode)
             paths.append(folder / file_name("race", kind, race.index))
             write_video(race.frame, len(race), race.rate, paths[-1])
+        if settings.parting:
+            name = file_name("parting", "png", episode, arm)
+            paths += save_figures([(name, partial(parting, run, episode, arm))], folder)
         if settings.report:
             paths += write_report(run, folder)
         if settings.mcap:

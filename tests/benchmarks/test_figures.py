@@ -16,6 +16,7 @@ from benchmarks.figures.animation import Animation, roll_out
 from benchmarks.figures.file_name import file_name
 from benchmarks.figures.moment import moment
 from benchmarks.figures.palette import ARM_COLOURS, LIMIT_COLOURS, shrink
+from benchmarks.figures.parting import leaves, parting
 from benchmarks.figures.run_figures import draw_all
 from benchmarks.figures.speed_profile import speed_profile
 from benchmarks.figures.trajectories import trajectories
@@ -321,6 +322,37 @@ def test_the_moment_that_is_shown_relies_on_cells_that_are_free(tmp_path, row):
         arrays = right | {f"e{spoilt}/predicted/relied_cells": wrong}
         title = moment(replace(run, arrays=arrays)).get_suptitle()
         assert title.startswith(f"predicted · episode {shown}")
+
+
+def test_a_way_is_left_where_it_leads_away_from_the_other_for_good():
+    along = np.arange(0.0, 6.0, 0.4)
+    straight = np.column_stack([along, np.zeros_like(along)])
+    # It weaves by less than a metre, and turns away after 3 m.
+    aside = np.where(along > 3.0, along - 3.0, 0.2 * np.sin(9 * along))
+    turning = np.column_stack([along, aside])
+    assert along[leaves(turning, straight)] == pytest.approx(3.2)
+    assert leaves(straight[::2], straight) is None
+    # A way that stops early is not left by a shorter one, but by one that goes on.
+    assert leaves(straight[:5], straight) is None
+    assert leaves(straight, straight[:5]) == 4
+
+
+def test_two_drivers_are_drawn_where_their_ways_part(tmp_path):
+    run = write_run(tmp_path / "run")
+    with pytest.raises(RunError, match="known and predicted part in no such episode"):
+        parting(Run.load(run))
+    arrays = dict(np.load(run / "traces.npz"))
+    # The second drive of `predicted` turns off after 0.3 m, between 0.5 and 0.6 s.
+    states = arrays["e1/predicted/states"]
+    far = states[:, 0] - 1.3
+    states[:, :2] += np.where(far > 0, far, 0.0)[:, None] * [-1.0, 1.0]
+    np.savez_compressed(run / "traces.npz", **arrays)
+    for ax in parting(Run.load(run)).axes:
+        (clock,) = (text.get_text() for text in ax.texts if text.get_text().endswith(" s"))
+        assert 0.2 < float(clock.removesuffix(" s")) < 0.8
+        assert "--" in {line.get_linestyle() for line in ax.lines}
+    assert plot.main([str(run), "--parting", "--episode", "1", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "parting-1.png").exists()
 
 
 def test_runs_of_the_same_name_are_not_written_over_each_other(tmp_path, capsys):

@@ -327,7 +327,7 @@ def test_in_a_race_a_clock_stops_when_its_car_arrives(run):
 
 def clocks(race):
     """What stands at the right of each panel's head."""
-    return [(panel._clock.get_text(), panel._speed.get_text()) for panel in race._panels]
+    return [(panel._clock.get_text(), panel._speed.get_text()) for panel in race._views]
 
 
 def test_of_several_risks_the_highest_races(run):

@@ -76,6 +76,8 @@ def _row(series: Series, group: Sequence[Series], by_driver: ResultsByArm) -> di
         ),
         "gap_closed": closed,
         "commits": sorted({str(r.commit) for r in results}),
+        # Number of the building → time to the goal [s], else how the drive ended.
+        "drives": {r.index: r.time if r.outcome == "reached" else r.outcome for r in results},
     }
 
 

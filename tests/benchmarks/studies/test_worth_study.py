@@ -90,6 +90,8 @@ def test_a_driver_is_compared_with_the_best_one_without_a_network_at_no_more_ris
 
 def test_collisions_count_though_their_times_do_not():
     found = by_driver(*driven(outcomes={"compact 2 %": "collided"}))
+    assert found["compact 2 %"]["drives"][8] == "collided"
+    assert found["compact"]["drives"][8] == TIMES["compact"] + 8
     assert found["compact 2 %"]["collided"] == 9
     assert found["compact 2 %"]["time_ratio"] is None
     assert found["compact"]["time_ratio"] is not None
