@@ -18,7 +18,7 @@ from typing import Any
 _HOMES = {
     "Grid": "foresee.mapping.grid",
     "Navigator": "planner.navigator",
-    "NavigatorConfig": "planner.navigator",
+    "NavigatorConfig": "planner.navigator_config",
     "Prediction": "foresee.prediction",
     "Predictor": "foresee.prediction",
     "PredictorProcess": "planner.risk.predictor_process",

@@ -8,7 +8,7 @@ from foresee.prediction import Predictor as Predictor
 from foresee.prediction import View as View
 from planner.guide.search_process import SearchProcess as SearchProcess
 from planner.navigator import Navigator as Navigator
-from planner.navigator import NavigatorConfig as NavigatorConfig
+from planner.navigator_config import NavigatorConfig as NavigatorConfig
 from planner.risk.predictor_process import PredictorProcess as PredictorProcess
 from predictor.registry import load_predictor as load_predictor
 from sim.families import generate as generate

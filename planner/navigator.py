@@ -6,7 +6,7 @@ import math
 import time
 from collections import Counter
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,21 +14,17 @@ from numpy.typing import NDArray
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.float_errors import usual_float_errors
-from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
-from foresee.mapping.conventions import START_MARGIN
-from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
-from foresee.mapping.finite import check_finite
+from foresee.mapping.error_bounds import NO_ERRORS
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
+from planner.decision import Decision
 from planner.fault import Fault
 from planner.guide.guide import REST, Guide
-from planner.guide.guide_config import GuideConfig
-from planner.motion.path import Path
-from planner.motion.plan import Plan, mirrored
+from planner.motion.plan import mirrored
 from planner.mpc.initial_guess import shifted
-from planner.mpc.mpc import MPCConfig
+from planner.navigator_config import RISK_MAP_AHEAD, NavigatorConfig
 from planner.risk.adaptive_level import AdaptiveLevel
 from planner.risk.ask_predictor import FIRST_DEADLINE, Asker, LateError
 from planner.risk.predictor_process import PredictorProcess
@@ -41,8 +37,6 @@ from planner.safety.tube import planned
 
 WAYPOINT_SIDE = 5.0
 """Side of the square around each waypoint that the map covers from the start [m]."""
-RISK_MAP_AHEAD = 2.5
-"""Distance from the car to the centre of the risk map, ahead of the car [m]."""
 REST_TICKS = 4
 """Number of ticks at rest after which a car searches for a recovery manoeuvre, and again each time
 as many have passed."""
@@ -50,106 +44,6 @@ LINGER_TICKS = 15
 """The same number for ticks within 0.1 m, since a stuck car may start and brake repeatedly."""
 FRESH_GUESS_TICKS = 5
 """Number of ticks after which the MPC also starts from a pure-pursuit guess, in normal driving."""
-
-
-@dataclass(frozen=True)
-class NavigatorConfig:
-    """Settings of the navigator and of the modules that it calls.
-
-    Attributes:
-        window: side of the square around the car in which a scan changes the map [m].
-        expansion: ratio of the predicted square's side to `window`.
-        reliance: in [0, 1]: a plan may enter unobserved cells that are predicted free with a
-            probability of at least 1 - `reliance`. If the prediction is wrong, the car brakes hard.
-        level: in [0, `reliance`]: the last resort may enter unobserved cells that are predicted
-            free with a probability of at least 1 - `level` / doubt, see
-            `foresee.prediction.Prediction`. If the prediction is wrong, the car may collide. 0: it
-            enters observed cells alone.
-        adapt: whether the level is lowered while predictions prove wrong, see
-            `planner.risk.adaptive_level`.
-        steer: whether predictions also change the cost map, and with it the route.
-        start_margin: margin around the body at the start in which cells count as observed free [m].
-        deadline: longest wait for a prediction [s]; a later one is used from the tick on in which
-            it is there. It is far above the usual time, so that
-            simulated drives do not depend on the machine's load.
-        bounds: bounds of the errors of pose, ranges and motion, for which the car is safe.
-        car: the car's limits and body.
-        mpc: settings of the MPC.
-        guide: settings of path planning.
-    """
-
-    window: float = 5.0
-    expansion: float = 2.0
-    reliance: float = 0.0
-    level: float = 0.0
-    adapt: bool = True
-    steer: bool = False
-    start_margin: float = START_MARGIN
-    deadline: float = 2.0
-    bounds: ErrorBounds = NO_ERRORS
-    car: CarLimits = field(default_factory=CarLimits)
-    mpc: MPCConfig = field(default_factory=MPCConfig)
-    guide: GuideConfig = field(default_factory=GuideConfig)
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.reliance <= 1.0:
-            raise ValueError(f"reliance is {self.reliance}, it must lie in [0, 1]")
-        if not 0.0 <= self.level < 1.0:
-            raise ValueError(f"level is {self.level}, it must lie in [0, 1)")
-        if self.level > 0.0 and not self.level <= self.reliance < 1.0:
-            raise ValueError(
-                f"level is {self.level}: it must be at most the reliance, which is "
-                f"{self.reliance} and must be below 1"
-            )
-        if not self.expansion >= 1.0:
-            raise ValueError(f"expansion is {self.expansion}, it must be at least 1")
-        check_finite(self, "window", "deadline")
-        check_finite(self, "start_margin", zero=True)
-
-    @property
-    def predicted_side(self) -> float:
-        """Side of the square that is predicted if the predictor states none [m]: at most what a
-        stop from top speed can make use of."""
-        return min(self.window * self.expansion, max(10.0, 2 * (self.car.stopping_distance + 1.5)))
-
-    @property
-    def risk_side(self) -> float:
-        """Side of the risk map [m]: a stop from top speed fits into it ahead of the car."""
-        return max(10.0, 2 * (self.car.stopping_distance + 1.0 - RISK_MAP_AHEAD))
-
-
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """The decision of a tick, and the reasons for it.
-
-    Attributes:
-        control: control for one tick.
-        plan: plan of which the control is the first step.
-        last_resort: controls a, κ of the manoeuvre that stops the car if a prediction is wrong or
-            no decision follows, (N, 2); its first step is that of the plan.
-        limit: what keeps the car from going faster.
-        faults: faults that were handled in this tick, each once.
-        relied: centres of the unobserved cells that the body sweeps on the plan, (k, 2) [m].
-        emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
-            can.
-        times: duration of each stage [ms], by name; "cycle" is the time from scan to control, and
-            "path" that of path planning, which mostly follows the control.
-        risk_map: risk map on which the plan was tested.
-        prediction: the predictor's newest answer, or None.
-        path: path that the plan follows, or None.
-    """
-
-    control: Control
-    plan: Plan
-    last_resort: NDArray[np.float64]
-    limit: Limit
-    faults: tuple[Fault, ...]
-    relied: NDArray[np.float64]
-    emergency: bool
-    times: dict[str, float]
-    risk_map: RiskMap
-    prediction: Prediction | None
-    path: Path | None
 
 
 class Navigator:

@@ -1,7 +1,7 @@
 # ruff: noqa: D102  The attributes are described where they are implemented, in the planner.
 """Protocols of the driver: what the closed loop calls, and what it reads of each decision.
 
-`planner.navigator.Navigator` and `planner.navigator.Decision` satisfy these protocols. The
+`planner.navigator.Navigator` and `planner.decision.Decision` satisfy these protocols. The
 simulator does not import the planner, so that it can judge the planner's drives independently.
 """
 
@@ -49,7 +49,7 @@ class Driver(Protocol[D_co]):
 
 
 class Decision(Protocol):
-    """A control, and the reasons for it; `planner.navigator.Decision` describes the fields."""
+    """A control, and the reasons for it; `planner.decision.Decision` describes the fields."""
 
     @property
     def control(self) -> Control: ...

@@ -26,7 +26,7 @@ from foresee.infra.environment import commit
 from foresee.infra.progress import progress
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Caller, Prediction, View
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from predictor.data.foxglove_layout import ENDING, foxglove_layout
 from predictor.data.mcap_file import ROBOT, McapFile, writing_mcap
 from sim import Lidar, LidarConfig

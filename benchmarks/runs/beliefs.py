@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.grid import GridFrame
 from foresee.prediction import Prediction
-from planner.navigator import Decision
+from planner.decision import Decision
 
 BLOCK = 4
 """Side of a coarse cell [cells of the building's map]."""

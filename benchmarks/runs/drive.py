@@ -33,9 +33,11 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import GOAL_RADIUS, TICK
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Prediction, Predictor, View
+from planner.decision import Decision
 from planner.fault import Fault
 from planner.guide.search_process import SearchProcess
-from planner.navigator import Decision, Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from planner.revision import revision_of
 from planner.risk.predictor_process import PredictorProcess
 from predictor.free import Free

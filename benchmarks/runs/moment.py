@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee.mapping.grid import GridFrame
-from planner.navigator import Decision
+from planner.decision import Decision
 from sim.recorder import SHAPES as SHAPES_OF_TICKS
 
 SHAPES = SHAPES_OF_TICKS | {

@@ -13,7 +13,7 @@ from foresee.infra.progress import progress
 from foresee.mapping.conventions import TICK
 from foresee.mapping.grid import OccupancyGrid
 from foresee.prediction import Caller, View
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from predictor.data.laser_log import LaserLog
 from predictor.data.mcap_file import LASER, writing_mcap
 from predictor.data.survey import REACH, clipped, frame_around

@@ -11,7 +11,8 @@ from scipy.ndimage import binary_opening
 
 from foresee.mapping.grid import world_hash
 from foresee.prediction import Caller, View
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from predictor.data.squares import TERNARY, truth_codes
 from predictor.evaluation.settings import EvaluateConfig
 from predictor.networks.compact_net import ROOM_REACH

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from foresee.infra.markdown import DASH, markdown
 from foresee.mapping.conventions import TICK
 from foresee.prediction import BadPredictionError, Caller, Prediction, Predictor, View
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from predictor.extend import Extend
 from predictor.recording.sample_set import DRIVES
 from predictor.recording.settings import LEARNED

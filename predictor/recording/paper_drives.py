@@ -23,7 +23,8 @@ from foresee.mapping.conventions import NOISE_CUT, TICK
 from foresee.mapping.error_bounds import ErrorBounds
 from foresee.mapping.grid import world_hash
 from planner.guide.guide_config import GuideConfig
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from predictor.data.frame_set import WINDOW, Recording, write_trajectory
 from predictor.data.squares import truth_codes
 from predictor.recording.settings import SimulatedConfig

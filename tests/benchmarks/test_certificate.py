@@ -24,7 +24,7 @@ from foresee.infra.command_line import UsageError
 from foresee.infra.options import option
 from foresee.mapping.grid import Grid
 from planner.mpc.mpc import MPCConfig
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from planner.risk.calibration import CalibrationError
 from predictor.provenance import has_learned
 from sim import empty_straight, save_world

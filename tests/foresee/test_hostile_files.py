@@ -32,7 +32,8 @@ from foresee.infra.command_line import UsageError
 from foresee.infra.plain_yaml import YamlError, read_yaml
 from foresee.infra.resumable import ResumableFolder
 from foresee.mapping.context import FINER
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from planner.risk.calibration import CalibrationError
 from predictor.compact import of_logs
 from predictor.data.bags import read_bag

@@ -7,7 +7,8 @@ from short_drive import drive, straight
 from foresee.mapping.context import FAR_CELL, FINER, SIDE, coarse_map
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame, OccupancyGrid
 from foresee.prediction import Prediction
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from planner.risk.cost_map import (
     FAR_LANES,
     WAY_BACK,

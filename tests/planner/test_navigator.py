@@ -13,7 +13,7 @@ from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame
 from foresee.prediction import Prediction
 from planner.motion.path import Path as Way
 from planner.mpc.mpc import Solution, Status
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from planner.risk.adaptive_level import DOUBT_KEPT
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import swept_cells

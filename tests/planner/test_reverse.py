@@ -17,7 +17,8 @@ from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE, OCCUPIED, OccupancyGrid
 from planner.motion.dynamics import rollout
 from planner.motion.plan import Plan, mirrored
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from sim import DubinsCar, Task
 from sim.episode import EpisodeConfig, Outcome, run_episode
 

@@ -10,7 +10,8 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.error_bounds import ErrorBounds
 from planner.motion.path import Path
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from planner.safety.sent_controls import SentControls
 
 CAR = CarLimits()

@@ -13,7 +13,8 @@ from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from planner.guide.turn import TURNED, angle_to, can_turn, rate_towards
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from sim import DubinsCar, Task
 from sim.episode import EpisodeConfig, Outcome, run_episode
 

@@ -12,7 +12,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.error_bounds import NO_ERRORS, ErrorBounds
 from foresee.mapping.grid import HIGHEST, LOWEST, GridFrame
 from foresee.prediction import Prediction
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from sim import Lidar, empty_straight
 
 CAR = CarLimits(v_max=4.0)

@@ -10,7 +10,7 @@ from foresee_navigator.report import Circumstances, Severity, report_on
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.grid import FREE
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from sim import DubinsCar, Lidar, LidarConfig, empty_straight
 
 CAR = CarLimits(v_max=2.0)

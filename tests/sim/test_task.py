@@ -7,7 +7,8 @@ from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CONTACT_MARGIN, CarLimits
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import FREE, OCCUPIED, Grid, GridFrame, OccupancyGrid, mark_beams
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from sim.arc_search import HEADINGS, search_arcs
 from sim.car import along_arc, collides
 from sim.families import empty_straight, generate

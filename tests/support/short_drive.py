@@ -3,7 +3,8 @@
 import numpy as np
 
 from foresee.mapping.grid import OccupancyGrid
-from planner.navigator import Navigator, NavigatorConfig
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from sim import DubinsCar, Lidar, LidarConfig, Task, empty_straight
 from sim.episode import EpisodeConfig, run_episode
 

@@ -18,7 +18,7 @@ from foresee.mapping.grid import Grid
 from foresee.prediction import Caller, View
 from foresee.statistics import estimate
 from planner.motion.dynamics import pose_along
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from predictor.registry import load_predictor
 
 EVERY = 8

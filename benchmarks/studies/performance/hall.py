@@ -15,7 +15,7 @@ from planner.motion.path import POINT_SPACING, Path
 from planner.motion.plan import Plan
 from planner.mpc.initial_guess import shifted
 from planner.mpc.mpc import MPC
-from planner.navigator import RISK_MAP_AHEAD
+from planner.navigator_config import RISK_MAP_AHEAD
 from planner.risk.risk_map import RiskMap
 from planner.safety.collision import CollisionChecker
 

@@ -16,7 +16,7 @@ from benchmarks.studies.performance.stage_times import Measure, measure, timed
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.kernels import njit
 from foresee.prediction import Prediction, View
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from planner.risk.ask_predictor import FIRST_DEADLINE, Asker
 from planner.risk.distance_transform import distance_field
 from planner.risk.predictor_process import PredictorProcess

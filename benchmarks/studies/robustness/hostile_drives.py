@@ -33,8 +33,8 @@ from benchmarks.studies.robustness.worst_errors import (
 from foresee.infra.environment import commit
 from foresee.infra.markdown import DASH, records
 from foresee.prediction import Predictor
+from planner.decision import Decision
 from planner.fault import Fault
-from planner.navigator import Decision
 from planner.risk.predictor_process import PredictorProcess
 from predictor.registry import load_predictor
 from sim.episode import EpisodeConfig, run_episode

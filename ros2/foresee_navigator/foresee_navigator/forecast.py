@@ -16,7 +16,7 @@ from foresee.prediction import BadPredictionError, Prediction, RaisedError, View
 from foresee_navigator.mapping import new_map, observe
 from foresee_navigator.poses import Motion
 from planner.fault import Fault
-from planner.navigator import RISK_MAP_AHEAD, NavigatorConfig
+from planner.navigator_config import RISK_MAP_AHEAD, NavigatorConfig
 from planner.risk.ask_predictor import LateError
 from planner.risk.predictor_process import PredictorProcess
 from planner.risk.risk_map import RiskMap

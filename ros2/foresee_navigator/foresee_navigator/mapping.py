@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.grid import GridFrame, OccupancyGrid
 from foresee.mapping.scan import Scan
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 
 FIRST_SIDE = 20.0
 """Side of a new map [m]; it grows as the robot moves."""

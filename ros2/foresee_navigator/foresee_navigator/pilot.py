@@ -15,7 +15,9 @@ from foresee.mapping.control import Control
 from foresee.mapping.grid import OccupancyGrid
 from foresee.mapping.scan import Scan
 from foresee_navigator.mapping import new_map, observe
-from planner.navigator import Decision, Navigator, NavigatorConfig
+from planner.decision import Decision
+from planner.navigator import Navigator
+from planner.navigator_config import NavigatorConfig
 from planner.risk.predictor_process import PredictorProcess
 
 SAME_GOAL = 0.01

@@ -9,7 +9,7 @@ from typing import Any
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.error_bounds import ErrorBounds
-from planner.navigator import NavigatorConfig
+from planner.navigator_config import NavigatorConfig
 from sim.lidar import LidarConfig
 
 
