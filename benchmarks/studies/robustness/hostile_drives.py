@@ -157,6 +157,7 @@ def driven(scenario: Scenario, task: Task, seconds: float) -> dict[str, Any]:
         "time": round(episode.time, 1),
         "path_length": round(episode.path_length, 2),
         "reversed": round(_reversed(trace["states"]), 2),
+        "turned": round(_turned(trace["states"]), 2),
         "max_speed": round(episode.max_speed, 2),
         "min_clearance": round(episode.min_clearance, 3),
         "impact_speed": episode.impact_speed,
@@ -196,6 +197,13 @@ def _reversed(states: Any) -> float:
     """Return the distance driven in reverse [m]."""
     steps = np.hypot(*np.diff(states[:, :2], axis=0).T)
     return float(steps[states[1:, 3] + states[:-1, 3] < 0.0].sum())
+
+
+def _turned(states: Any) -> float:
+    """Return the angle turned on the spot [rad]."""
+    steps = np.hypot(*np.diff(states[:, :2], axis=0).T)
+    angles = np.abs(np.remainder(np.diff(states[:, 2]) + np.pi, 2.0 * np.pi) - np.pi)
+    return float(angles[steps == 0.0].sum())
 
 
 def _longest_wait(trace: dict[str, Any]) -> int:

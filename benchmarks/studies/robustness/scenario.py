@@ -51,7 +51,7 @@ NEAR = 5
 """Number of the waypoint that is the goal of these drives, about 10 m from the start."""
 FINEST, COARSEST = 0.01, 0.5
 """Range of the sides of cells [m]."""
-CARS = ("dubins", "reeds-shepp")
+CARS = ("dubins", "reeds-shepp", "differential")
 """Kinds of cars that are drawn."""
 ODDITIES = ("cells", "thin walls", "body", "pocket", "lattice", "process", "goals")
 """What may be unusual: the size of the cells; walls of one cell; the car's body and turning radius;
@@ -124,7 +124,7 @@ class Scenario:
             predictor="none",
             reliance=float(rng.choice(RELIANCES)),
             v_max=float(rng.choice(SPEEDS)),
-            vehicle="reeds-shepp" if "pocket" in odd else vehicle,
+            vehicle="reeds-shepp" if "pocket" in odd and vehicle == "dubins" else vehicle,
         )
         car, resolution = limits_for(settings), RESOLUTION
         if "body" in odd:
