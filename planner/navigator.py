@@ -239,14 +239,22 @@ class Navigator:
         self._tick += 1
         self._assume_sent()
         self.faults.update((Fault.MISSED_TICK,))
-        acceleration, curvature = self.chooser.skip().tolist()
-        gear = self._last.control.gear
-        control = Control(acceleration, gear * curvature, gear)
+        last = self._last
+        acceleration, curvature = first = self.chooser.skip()
+        gear = last.control.gear
+        control = Control(float(acceleration), gear * float(curvature), gear)
         self._unsent = control
+        # The manoeuvre that was kept, from where the plan before it has led.
+        start = last.plan.states[1]
+        if gear < 0:
+            # Turned by half a turn to the other side, since the plan is turned back below.
+            start = mirrored(start) - np.array([0.0, 0.0, 2.0 * math.pi, 0.0])
+        plan = self.chooser.mpc.roll(start, np.vstack([first, self.chooser.kept[:-1]]))
         self._last = replace(
-            self._last,
+            last,
             control=control,
-            last_resort=shifted(self._last.last_resort, self.config.car.braking),
+            plan=plan if gear > 0 else plan.mirrored(),
+            last_resort=shifted(last.last_resort, self.config.car.braking),
             faults=(Fault.MISSED_TICK,),
             relied=np.empty((0, 2)),
             prediction=None,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from foresee.frontiers import FrontierPredictor
 from foresee.infra.errors import LineError, one_line
@@ -18,12 +19,15 @@ from predictor.image_predictor import ImagePredictor
 from predictor.learned_frontiers import LearnedFrontiers
 from predictor.networks.compact_net import CompactNet
 from predictor.networks.grey_net import GreyNet
+from predictor.provenance import weights_fingerprint
+from predictor.source import Source
 from predictor.weights import SUFFIX, WeightsError, read_facts
 
 GROUP = "foresee.predictors"
 """Entry point group in which a package offers predictors."""
 FUSED = "fused:"
 """Prefix of FOLDER/ARCH: the networks of an architecture in a study's folder, fused into one."""
+Learned = TypeVar("Learned", LearnedFrontiers, Far)
 
 
 class PredictorError(LineError):
@@ -76,6 +80,27 @@ def is_plug_in(spec: str) -> bool:
     return ":" in spec and not spec.startswith(FUSED) and not spec.endswith(SUFFIX)
 
 
+def fingerprint_of(spec: str) -> str | None:
+    """Return the fingerprint of a predictor: of the code of a plug-in, and of the weights.
+
+    Code that cannot be read, such as that of a compiled module, does not count.
+
+    Args:
+        spec: name of the predictor, as for `load_predictor`.
+
+    Returns:
+        The fingerprint; None if there is neither.
+
+    Raises:
+        PredictorError: if the predictor cannot be loaded.
+    """
+    weights, code = weights_fingerprint(load_predictor(spec)), None
+    if is_plug_in(spec):
+        with suppress(PlugInError):
+            code = Source.of(spec).digest
+    return " and ".join(filter(None, (code, weights))) or None
+
+
 def load_frontiers(spec: str) -> FrontierPredictor:
     """Make a predictor of frontiers from its name on a command line.
 
@@ -86,15 +111,7 @@ def load_frontiers(spec: str) -> FrontierPredictor:
     Raises:
         PredictorError: if there is no such predictor, or it cannot be made.
     """
-    if spec != "learned" and not spec.endswith(SUFFIX):
-        raise PredictorError(
-            f"no predictor of frontiers is named {spec!r}: give learned, or a file of weights, "
-            f"FILE{SUFFIX}"
-        )
-    try:
-        return LearnedFrontiers() if spec == "learned" else LearnedFrontiers(Path(spec))
-    except WeightsError as error:
-        raise PredictorError(f"predictor of frontiers {spec!r}: {error}") from error
+    return _learned(LearnedFrontiers, spec, "predictor of frontiers")
 
 
 def load_far(spec: str) -> Predictor:
@@ -107,14 +124,25 @@ def load_far(spec: str) -> Predictor:
     Raises:
         PredictorError: if there is no such predictor, or it cannot be made.
     """
+    return _learned(Far, spec, "far predictor")
+
+
+def _learned(kind: type[Learned], spec: str, what: str) -> Learned:
+    """Return a predictor with its shipped weights, or those of a file.
+
+    Args:
+        kind: class of the predictor.
+        spec: "learned", or the path of a file of weights.
+        what: what the predictor is, for error messages.
+    """
     if spec != "learned" and not spec.endswith(SUFFIX):
         raise PredictorError(
-            f"no far predictor is named {spec!r}: give learned, or a file of weights, FILE{SUFFIX}"
+            f"no {what} is named {spec!r}: give learned, or a file of weights, FILE{SUFFIX}"
         )
     try:
-        return Far() if spec == "learned" else Far(Path(spec))
+        return kind() if spec == "learned" else kind(Path(spec))
     except WeightsError as error:
-        raise PredictorError(f"far predictor {spec!r}: {error}") from error
+        raise PredictorError(f"{what} {spec!r}: {error}") from error
 
 
 def _named(name: str) -> Any:

@@ -83,7 +83,9 @@ class Episode:
         path_length: distance driven [m].
         mean_speed: path_length / time [m/s].
         max_speed: highest speed in either gear [m/s].
-        min_clearance: least distance between the body and a solid cell [m].
+        min_clearance: least distance between the body's outline and a solid cell at the end of a
+            tick, from the centre of one cell to that of the other: it exceeds the gap between them
+            by at most 1.4 cells [m].
         stops: number of times that the car came to rest after it had set off, in either gear.
         hard_stops: number of these to which it braked hard, and after which it did not change gear.
         impact_speed: speed at the start of the tick with the collision [m/s]; None without one.
@@ -224,7 +226,7 @@ def _hard_stops(speeds: NDArray[np.float64], loss: float) -> int:
 
 
 def _clearance(world: World, drive: NDArray[np.float64], body: Body) -> float:
-    """Return the least distance from the body's outline to a solid cell [m], 0 if they overlap."""
+    """Return `Episode.min_clearance` of a drive [m]; 0 if the body overlaps a solid cell."""
     along = np.linspace(-body.half_length, body.half_length, 11)
     across = np.linspace(-body.half_width, body.half_width, 7)
     outline = np.array(

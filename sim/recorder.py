@@ -54,7 +54,7 @@ class Recorder:
     def __init__(self, world: World) -> None:
         self.world = world
         self.faults: Counter[str] = Counter()
-        self._first_seen = np.zeros(world.grid.frame.shape, dtype=np.int16)
+        self._first_seen = np.zeros(world.grid.frame.shape, dtype=np.int32)
         self._ticks: list[dict[str, Any]] = []
         self._time_names: list[str] = []
 
@@ -77,7 +77,8 @@ class Recorder:
         self.faults.update(decision.faults)
         cells, kept = self._relied_upon(decision)
         times = {"scan": scan_ms, **decision.times}
-        self._time_names = list(times)
+        # The stages of the first tick may come in another order, or be others.
+        self._time_names += [name for name in times if name not in self._time_names]
         self._ticks.append(
             {
                 "control": (decision.control.acceleration, decision.control.curvature),
@@ -88,7 +89,7 @@ class Recorder:
                 "emergency": decision.emergency,
                 "relied_cells": cells,
                 "kept": kept,
-                "times": list(times.values()),
+                "times": times,
             }
         )
         see(self._first_seen, self.world.grid.frame, tick, state, known)
@@ -112,7 +113,13 @@ class Recorder:
             "relied_count": np.array(list(map(len, cells)), dtype=np.int32),
             "relied_cells": np.concatenate(cells),
             "kept": column("kept", np.int8),
-            "times": column("times", np.float32),
+            "times": np.array(
+                [
+                    [tick["times"].get(name, 0.0) for name in self._time_names]
+                    for tick in self._ticks
+                ],
+                dtype=np.float32,
+            ),
             "time_names": np.array(self._time_names),
             "first_seen": self._first_seen,
         }
@@ -139,7 +146,7 @@ def _stacked(motions: list[NDArray[np.float16]]) -> NDArray[np.float16]:
 
 
 def see(
-    first_seen: NDArray[np.int16],
+    first_seen: NDArray[np.int32],
     frame: GridFrame,
     tick: int,
     state: NDArray[np.float64],

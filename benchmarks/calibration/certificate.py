@@ -19,8 +19,7 @@ from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.family_names import FAMILIES
 from foresee.mapping.grid import world_hash
 from planner.risk.calibration import Calibration
-from predictor.provenance import weights_fingerprint
-from predictor.registry import load_predictor
+from predictor.registry import fingerprint_of
 from sim.buildings import sources
 from sim.map_server import load_world
 
@@ -51,7 +50,7 @@ REMOVED = {"oracle": False, "margin": 0.0}
 def conditions_for(settings: Settings) -> dict[str, Any]:
     """Return the conditions, by name, that a calibration for drives of some settings must have."""
     config = navigator_config(replace(settings, level=0.0), ARMS[CALIBRATED_ARM])
-    weights = weights_fingerprint(load_predictor(settings.predictor))
+    weights = fingerprint_of(settings.predictor)
     return {
         **_map_conditions(settings),
         # Without the runtime, which only changes the rounding: single cells by up to 0.1.

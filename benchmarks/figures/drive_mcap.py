@@ -122,7 +122,7 @@ class _Drive:
         # As in the drive.
         rng = np.random.default_rng([self.task.seed, 2])
         caller = self._caller()
-        known, first_seen = self._blank(), np.zeros_like(trace.first_seen, dtype=np.int16)
+        known, first_seen = self._blank(), np.zeros_like(trace.first_seen, dtype=np.int32)
         file.mount(dt, lidar.config.mount)
         for tick, state in enumerate(progress(trace.states[:-1], desc=name, unit="tick")):
             time = dt * (tick + 1)
@@ -181,7 +181,7 @@ class _Drive:
         )
 
 
-def _first_difference(made: NDArray[np.int16], saved: NDArray[np.int16]) -> int:
+def _first_difference(made: NDArray[np.integer], saved: NDArray[np.integer]) -> int:
     """Return the first tick, from 0, in which two unequal arrays `first_seen` differ."""
     ticks = np.concatenate([made[made != saved], saved[made != saved]])
     return int(ticks[ticks > 0].min()) - 1

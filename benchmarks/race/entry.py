@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from benchmarks.race.source import Source
 from benchmarks.runs.arms import ARMS, CALIBRATED_ARM
 from benchmarks.runs.drive import run_fingerprint
 from benchmarks.runs.settings import Settings
@@ -14,6 +13,7 @@ from foresee.infra.plug_in import PlugInError, load_plug_in
 from planner.revision import FIRST
 from predictor.provenance import weights_fingerprint
 from predictor.registry import is_plug_in
+from predictor.source import Source
 
 
 @dataclass(frozen=True)
@@ -51,23 +51,17 @@ class Entry:
             PlugInError: if the driver cannot be loaded.
         """
         if kind == "driver":
-            weights = weights_fingerprint(load_driver(of))
-            return cls(kind, of, weights)._with_source()
+            weights, source = weights_fingerprint(load_driver(of)), Source.of(of)
+            both = " and ".join(filter(None, (weights, source.digest)))
+            return cls(kind, of, both, source.files)
         entry = cls(kind, of, None)
         arm = ARMS.get(entry.arm)
         if arm is None:
             raise UsageError(f"--arm: no arm is called {of!r}; there are {', '.join(ARMS)}")
-        learns = arm.predictor == "chosen" or arm.far or arm.frontiers
         settings = Settings(arms=(entry.arm,), predictor=entry.predictor)
-        fingerprint = run_fingerprint(settings) if learns else None
-        entry = replace(entry, fingerprint=fingerprint)
-        return entry._with_source() if kind == "predictor" and is_plug_in(of) else entry
-
-    def _with_source(self) -> Self:
-        """Return the entry with the source of its plug-in in the fingerprint."""
-        source = Source.of(self.of)
-        fingerprint = " and ".join(filter(None, (self.fingerprint, source.digest)))
-        return replace(self, fingerprint=fingerprint, sources=source.files)
+        fingerprint = run_fingerprint(settings) if arm.has_predictor else None
+        sources = Source.of(of).files if kind == "predictor" and is_plug_in(of) else ()
+        return replace(entry, fingerprint=fingerprint, sources=sources)
 
     @property
     def facts(self) -> dict[str, str | None]:

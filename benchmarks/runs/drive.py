@@ -42,7 +42,7 @@ from planner.revision import revision_of
 from planner.risk.predictor_process import PredictorProcess
 from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
-from predictor.registry import load_far, load_frontiers, load_predictor
+from predictor.registry import fingerprint_of, load_far, load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
 from sim.episode import Episode, EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
@@ -110,15 +110,15 @@ def score(
 
 
 def run_fingerprint(settings: Settings) -> str | None:
-    """Return the fingerprints of the weights of a run's predictors; None if there are none.
+    """Return the fingerprints of a run's predictors, see `fingerprint_of`; None if there are none.
 
-    The weights of the chosen predictor always count, those of the frontiers and of the far
+    That of the chosen predictor always counts, those of the frontiers and of the far
     predictor only if an arm uses them.
 
     Raises:
         PredictorError: if a predictor cannot be loaded.
     """
-    fingerprints = [weights_fingerprint(load_predictor(settings.predictor))]
+    fingerprints = [fingerprint_of(settings.predictor)]
     if any(ARMS[arm_kind(arm)].frontiers for arm in settings.arms):
         fingerprints.append(weights_fingerprint(load_frontiers(settings.frontiers)))
     if any(ARMS[arm_kind(arm)].far for arm in settings.arms):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import MISSING
 from itertools import takewhile
 from pathlib import Path
@@ -18,6 +18,7 @@ from foresee.infra.progress import progress
 from foresee.infra.results_file import COMMANDS, read_results
 from foresee.infra.resumable import refuse_other_settings
 from foresee.infra.workers import LostError, finished
+from planner.revision import revision_of
 
 ENTRY = {"index": int}
 """Facts that each drive of any kind must have, and their types."""
@@ -53,6 +54,26 @@ def read_drives(path: Path, kind: str, entry: Mapping[str, Any] = ENTRY) -> dict
                 f"{path} is no file of {COMMANDS[kind]}: a drive lacks a proper {wrong[0]}"
             )
     return content
+
+
+def refuse_other_revision(where: str, revisions: Iterable[int], route: str) -> None:
+    """Refuse to use drives that another revision of the planner has made.
+
+    Args:
+        where: where the drives are, with the option that names it.
+        revisions: revision that made each of the drives.
+        route: kind of their routes, "free" or "fixed".
+
+    Raises:
+        UsageError: if one of them differs from the present revision.
+    """
+    present = revision_of(route)
+    other = sorted({revision for revision in revisions if revision != present})
+    if other:
+        raise UsageError(
+            f"{where} holds drives of revision {other[0]} of the planner, and this is revision "
+            f"{present}"
+        )
 
 
 class DriveFile:

@@ -47,7 +47,8 @@ class DriveResult:
         detour: path_length / shortest_length.
         mean_speed: mean speed [m/s].
         max_speed: highest speed [m/s].
-        min_clearance: smallest distance of the body from an obstacle [m].
+        min_clearance: smallest distance of the body from an obstacle, see `sim.episode.Episode`
+            [m].
         stops: number of stops before the end.
         hard_stops: number of these that were hard, see `sim.episode.Episode`.
         impact_speed: speed at the collision [m/s]; None if there was none.

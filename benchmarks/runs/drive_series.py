@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmarks.runs.drive import run_fingerprint
-from benchmarks.runs.drive_file import DriveFile
+from benchmarks.runs.drive_file import NO_TASK, DriveFile, refuse_other_revision
 from benchmarks.runs.settings import OLDER, Settings
+from sim.buildings import map_hashes
 
 
 class DriveSeries(Protocol):
@@ -35,7 +36,7 @@ def drive_all(
     all_series: Sequence[DriveSeries],
     out: Path,
     kind: str,
-    driven: Callable[[Settings, str | None, int], dict[str, Any]],
+    driven: Callable[[Settings, str | None, dict[str, str], int], dict[str, Any]],
     hours: float,
     jobs: int,
 ) -> tuple[dict[str, list[dict[str, Any]]], int]:
@@ -45,8 +46,8 @@ def drive_all(
         all_series: series, the most important first.
         out: folder of the files of drives; drives that they contain are not repeated.
         kind: kind, in the sense of `results_file`, of these files.
-        driven: function that drives: from the settings of a series, the fingerprint of its weights
-            and the number of the drive to the drive's entry in the file.
+        driven: function that drives: from the settings of a series, the fingerprint of its weights,
+            the hashes of its maps and the number of the drive to the drive's entry in the file.
         hours: time after which no further drives are started [h].
         jobs: number of worker processes.
 
@@ -55,12 +56,14 @@ def drive_all(
         number of drives that are still missing. Series with the same settings share their drives.
 
     Raises:
-        UsageError: if the folder holds drives with other settings, or cannot be written.
+        UsageError: if the folder holds drives with other settings, maps, weights or another
+            revision of the planner, or cannot be written.
     """
     leads: dict[Settings, DriveSeries] = {}
     for series in all_series:
         leads.setdefault(series.settings, series)
-    shared = {settings: _file(series, out, kind) for settings, series in leads.items()}
+    maps = {world: map_hashes(world) for world in {settings.world for settings in leads}}
+    shared = {s: _file(series, out, kind, maps[s.world]) for s, series in leads.items()}
     files = {series.name: shared[series.settings] for series in all_series}
     end = time.monotonic() + 3600.0 * hours
     for turn in range(1, max(series.turns for series in all_series) + 1):
@@ -69,7 +72,8 @@ def drive_all(
             if time.monotonic() > end or len(files[series.name].first(due)) == due:
                 continue
             print(f"{series.name}, {due} of {series.settings.episodes}")
-            work = partial(driven, series.settings, run_fingerprint(series.settings))
+            settings = series.settings
+            work = partial(driven, settings, run_fingerprint(settings), maps[settings.world])
             files[series.name].fill(
                 work,
                 range(due),
@@ -86,6 +90,10 @@ def drive_all(
     return drives, missing
 
 
-def _file(series: DriveSeries, out: Path, kind: str) -> DriveFile:
-    conditions = asdict(series.settings) | {"weights": run_fingerprint(series.settings)}
-    return DriveFile(out / f"{series.name}.json", kind, conditions, "episodes", OLDER)
+def _file(series: DriveSeries, out: Path, kind: str, maps: dict[str, str]) -> DriveFile:
+    settings, path = series.settings, out / f"{series.name}.json"
+    conditions = asdict(settings) | {"weights": run_fingerprint(settings), "maps": maps}
+    file = DriveFile(path, kind, conditions, "episodes", OLDER | {"maps": maps})
+    driven = [drive["revision"] for drive in file.drives.values() if drive["outcome"] != NO_TASK]
+    refuse_other_revision(f"--out: {path}", driven, settings.route)
+    return file

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runs.arms import ARMS, arm_kind
+from benchmarks.runs.drive_file import refuse_other_revision
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.saved_run import RESULTS, TRACES, Archive, Run
 from benchmarks.runs.settings import OLDER, Settings
@@ -53,9 +54,9 @@ class Store(ResumableFolder):
         lost: episodes and arms whose worker processes died.
 
     Raises:
-        UsageError: if the folder holds a run with other settings, weights or levels, cannot be
-            written, or is in use by another run; if the folder of the baselines holds no run, or no
-            drive that would be the same.
+        UsageError: if the folder holds a run with other settings, weights or levels, or of another
+            revision of the planner, cannot be written, or is in use by another run; if the folder
+            of the baselines holds no run, or no drive that would be the same.
         RunError: if the folder holds damaged results, and no settings to compare.
     """
 
@@ -87,6 +88,8 @@ class Store(ResumableFolder):
         self.commit = commit()
         listed, packed = self._packed()
         self.episodes = packed + self._loose({(e.index, e.arm) for e in packed})
+        revisions = [e.revision for e in self.episodes]
+        refuse_other_revision(f"--out: {out}", revisions, settings.route)
         for e in self.episodes:
             if e.level is not None and e.level != (levels or {}).get(e.arm, e.level):
                 raise UsageError(
@@ -174,6 +177,8 @@ class Store(ResumableFolder):
         if not alike:
             what = ", ".join(difference(k, present, earlier) for k in present if k in other)
             raise UsageError(f"--baselines {baselines} holds a run with {what}")
+        revisions = [drive.revision for drive in run.episodes if drive.arm in alike]
+        refuse_other_revision(f"--baselines {baselines}", revisions, present["route"])
         return run, alike
 
     def _adopt(self, run: Run, alike: list[str]) -> None:

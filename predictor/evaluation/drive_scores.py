@@ -25,9 +25,8 @@ from predictor.evaluation import scored_drive
 from predictor.evaluation.figures import draw_evaluation
 from predictor.evaluation.scored_drive import AS_ROOM, BLANK, VERSION, score_rows
 from predictor.evaluation.settings import EvaluateConfig
-from predictor.provenance import weights_fingerprint
 from predictor.recording.settings import LEARNED
-from predictor.registry import load_predictor
+from predictor.registry import fingerprint_of
 from predictor.scoring.scores import BINS, EDGES, RINGS, Scores, calibration_interval
 from sim.buildings import map_hashes, sources
 
@@ -87,9 +86,7 @@ class DriveScores:
             raise UsageError("--predictors: a name is given more than once")
         self.items = [(place, config.seed + n) for place in places for n in range(config.drives)]
         # The weights are compared, too, since a file of the same name may have changed.
-        fingerprints = {
-            name: weights_fingerprint(load_predictor(name)) for name in config.predictors
-        }
+        fingerprints = {name: fingerprint_of(name) for name in config.predictors}
         kept = asdict(config) | {"weights": fingerprints, "measures": VERSION}
         kept |= {"maps": maps} if maps else {}
         self.settings = json.loads(json.dumps(kept))

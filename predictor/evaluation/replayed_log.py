@@ -18,8 +18,7 @@ from predictor.data.laser_log import LaserLog
 from predictor.data.mcap_file import LASER, writing_mcap
 from predictor.data.survey import REACH, clipped, frame_around
 from predictor.evaluation.settings import ReplayConfig
-from predictor.provenance import weights_fingerprint
-from predictor.registry import load_predictor
+from predictor.registry import fingerprint_of, load_predictor
 
 PACE = 1.0
 """Speed at which a robot is taken to have driven if its log has no usable clock [m/s]."""
@@ -99,7 +98,7 @@ def replay(log: LaserLog, config: ReplayConfig, path: Path) -> Replay:
     about = asdict(config) | {
         "log": log.name,
         "clock": log.times is not None,
-        "weights": weights_fingerprint(predictor),
+        "weights": fingerprint_of(config.predictor),
         "commit": commit(),
     }
     nan_cells = 0

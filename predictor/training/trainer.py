@@ -190,11 +190,14 @@ class Trainer(ABC):
 
     def _batches(self, ahead: ThreadPoolExecutor) -> Iterator[tuple[Tensor, ...]]:
         """Yield the batch of each further step; it is made in `ahead` during the step before."""
+        if self.step == self.steps:
+            return
         coming = ahead.submit(self._batch, self.step)
-        for step in range(self.step, self.steps):
+        for step in range(self.step + 1, self.steps):
             batch = coming.result()
-            coming = ahead.submit(self._batch, step + 1)
+            coming = ahead.submit(self._batch, step)
             yield batch
+        yield coming.result()
 
     def _note(self) -> None:
         """Validate the network, append an entry to the log, and write the log."""

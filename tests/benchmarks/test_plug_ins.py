@@ -74,8 +74,8 @@ class Student(NoPrediction):
 
 @pytest.mark.slow(9)
 def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_path):
-    def go(fingerprint):
-        text = STUDENT.format(path=str(short_map), fingerprint=fingerprint)
+    def go(fingerprint, text=None):
+        text = text or STUDENT.format(path=str(short_map), fingerprint=fingerprint)
         (tmp_path / "school.py").write_text(text)
         return python(
             "-m",
@@ -102,4 +102,8 @@ def test_buildings_learned_from_and_other_weights_are_noticed(short_map, tmp_pat
     assert learned == {"known": False, "predicted": True}
     second = go("two")
     assert second.returncode == 2
-    assert "weights one" in second.stderr
+    assert "and one; choose another place" in second.stderr
+    first = STUDENT.format(path=str(short_map), fingerprint="one")
+    third = go("one", "# another version of its code\n" + first)
+    assert third.returncode == 2
+    assert "and one; choose another place" in third.stderr

@@ -4,7 +4,7 @@ import io
 import subprocess
 import sys
 import zipfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from benchmarks.runs.trace import Drive, Trace
 from foresee.infra import resumable
 from foresee.infra.command_line import UsageError
 from foresee.infra.environment import several_states
+from planner.revision import FIRST
 
 TWO = Settings(episodes=2, arms=("known",))
 
@@ -72,6 +73,19 @@ def test_drives_that_are_not_asked_for_any_more_are_kept(tmp_path):
     with Store(tmp_path, Settings(episodes=3, arms=("oracle", "known")), None) as again:
         assert len(again.done()) == 6
         assert keys(again.pack()["episodes"])[:2] == [(0, "oracle"), (0, "known")]
+
+
+def test_drives_of_another_revision_of_the_planner_are_not_mixed_with_those_of_today(tmp_path):
+    new = driven(0, "known")
+    old = new._replace(result=replace(new.result, revision=FIRST))
+    with Store(tmp_path / "old", TWO, None) as run:
+        run.add(old)
+        run.pack()
+    message = f"holds drives of revision {FIRST} of the planner, and this is revision"
+    with pytest.raises(UsageError, match=message):
+        Store(tmp_path / "old", TWO, None)
+    with pytest.raises(UsageError, match=f"--baselines .*{message}"):
+        Store(tmp_path / "new", TWO, None, baselines=tmp_path / "old")
 
 
 def interrupted(*_):

@@ -194,7 +194,13 @@ def test_without_a_scan_the_car_goes_on_in_reverse_along_its_last_resort():
         if decision.control.gear < 0 and abs(decision.last_resort[1, 1]) > 0.1:
             break
         state = car.step(state, decision.control, DT)
-    assert driver.skip().control == Control(*decision.last_resort[1].tolist(), -1)
+    skipped = driver.skip()
+    assert skipped.control == Control(*decision.last_resort[1].tolist(), -1)
+    # Its plan is that manoeuvre, from where the plan before has led.
+    assert skipped.plan.gear == -1
+    assert skipped.plan.states[0] == pytest.approx(decision.plan.states[1])
+    assert skipped.plan.controls[0] == pytest.approx(decision.last_resort[1])
+    assert skipped.plan.states[-1, 3] == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("place", PLACES)

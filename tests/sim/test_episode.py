@@ -22,10 +22,11 @@ BRAKING, BRAKING_BACKWARDS = Control(-2.0, 0.2), Control(-2.0, 0.2, -1)
 class Shunter:
     """Drives forwards to a stop, then backwards, and so on."""
 
-    def __init__(self, task, controls):
+    def __init__(self, task, controls, times=()):
         self.known = OccupancyGrid(task.world.grid.frame, 5.0)
         self.path_counts = {}
         self.controls = controls
+        self.times = times
         self.tick = 0
 
     def step(self, state, scan):
@@ -43,15 +44,16 @@ class Shunter:
             faults=(),
             emergency=False,
             relied=np.empty((0, 2)),
-            times={"cycle": 1.0},
+            times=self.times[self.tick - 1] if self.times else {"cycle": 1.0},
         )
 
 
-def drive(controls, seconds=10.0):
+def drive(controls, seconds=10.0, times=()):
     task = straight()
     car = DubinsCar(CarLimits(reverse=0.5))
     config = EpisodeConfig(timeout=seconds * car.limits.v_max / task.path_length)
-    return run_episode(task, Shunter(task, controls), car, LIDAR, config, np.random.default_rng(0))
+    driver = Shunter(task, controls, times)
+    return run_episode(task, driver, car, LIDAR, config, np.random.default_rng(0))
 
 
 def shunting():
@@ -67,6 +69,14 @@ def test_the_gear_of_every_tick_is_recorded_beside_its_control():
     forwards = TICKS[0] + TICKS[1]
     assert trace["gears"].tolist() == [1] * forwards + [-1] * (sum(TICKS) - forwards)
     assert trace["states"][:, 3].min() == pytest.approx(-0.5)
+
+
+def test_the_time_of_each_stage_is_recorded_under_its_name():
+    times = [{"path": 30.0, "mpc": 5.0}, {"mpc": 6.0, "path": 20.0}, {"mpc": 7.0, "late": 1.0}]
+    trace = drive([FORWARDS] * 3, 0.3, times).trace
+    names = trace["time_names"].tolist()
+    assert names[1:] == ["path", "mpc", "late"]
+    assert trace["times"][:, 1:].tolist() == [[30, 5, 0], [20, 6, 0], [0, 7, 1]]
 
 
 def test_speeds_and_stops_count_in_either_gear():

@@ -1,10 +1,11 @@
 """Results of drives that nobody drove."""
 
 from benchmarks.runs.drive_result import DriveResult
+from planner.revision import revision_of
 
 
-def a_result(**changes) -> DriveResult:
-    """The result of a drive that reached its goal, but for what is changed."""
+def a_result(route="free", **changes) -> DriveResult:
+    """The result of a drive of today that reached its goal, but for what is changed."""
     plain = {
         "arm": "known",
         "index": 0,
@@ -29,5 +30,6 @@ def a_result(**changes) -> DriveResult:
         "paths": {},
         "commit": None,
         "cycle_ms": [1.0, 2.0],
+        "revision": revision_of(route),
     }
     return DriveResult(**plain | changes)

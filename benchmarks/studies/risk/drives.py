@@ -27,10 +27,12 @@ KIND = "risk drives"
 """Kind, in the sense of `results_file`, of the files with the drives of a series."""
 
 
-def driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:
+def driven(
+    settings: Settings, weights: str | None, maps: Mapping[str, str], index: int
+) -> dict[str, Any]:
     """Drive once; return the result, and whether the car touched something, `touched`."""
     (arm,) = settings.arms
-    driven = attempt(settings, weights, (index, arm))
+    driven = attempt(settings, weights, (index, arm), maps)
     if isinstance(driven, str):
         return {"index": index, "outcome": NO_TASK, "note": driven}
     return _tested(driven, limits_for(settings).body)

@@ -56,6 +56,8 @@ class Place(Options):
 
 def _run(settings: AttackSettings, place: Place) -> int:
     # Imported here, so that --help does not wait for slow imports.
+    from benchmarks.runs.drive import run_fingerprint
+    from benchmarks.runs.settings import Settings
     from benchmarks.studies.robustness.hostile_drives import attacked, failures, table
     from benchmarks.studies.robustness.scenario import SITUATIONS
     from sim.buildings import check_maps, sources
@@ -66,6 +68,9 @@ def _run(settings: AttackSettings, place: Place) -> int:
 
     # Drives of other kinds, or of an earlier planner, are not continued.
     identity = asdict(settings) | {"situations": list(SITUATIONS), "revision": REVISION}
+    if settings.errors:
+        # Of the honest predictor.
+        identity["weights"] = run_fingerprint(Settings())
     absent = {"errors": False, "maps": []}
     store = DriveFile(place.out, "attack", identity, grows="drives", absent=absent)
     maps = tuple(sources(settings.maps))

@@ -45,10 +45,12 @@ def _run(settings: ErrorSettings, place: Place) -> int:
     # Imported here, so that --help does not wait for slow imports.
     from functools import partial
 
+    from benchmarks.runs.drive import run_fingerprint
+    from benchmarks.runs.settings import Settings
     from benchmarks.studies.robustness.error_drives import cases_of, driven_case
     from benchmarks.studies.robustness.error_tables import table
 
-    identity = asdict(settings) | {"revision": REVISION}
+    identity = asdict(settings) | {"revision": REVISION, "weights": run_fingerprint(Settings())}
     store = DriveFile(place.out, "errors", identity, grows="buildings")
     count = settings.buildings * len(cases_of(settings.part))
     work = partial(driven_case, settings.part, settings.seed)

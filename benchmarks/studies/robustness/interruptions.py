@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import itertools
@@ -271,7 +272,9 @@ def _left_behind(session: int) -> int:
     while (left := _members(session)) and time.monotonic() < end:
         time.sleep(0.2)
     for pid in left:
-        os.kill(pid, signal.SIGKILL)
+        # It may have ended by itself in the meantime.
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
     return len(left)
 
 

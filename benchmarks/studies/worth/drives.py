@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -13,10 +14,12 @@ KIND = "worth drives"
 """Kind, in the sense of `results_file`, of the files with the drives of a series."""
 
 
-def driven(settings: Settings, weights: str | None, index: int) -> dict[str, Any]:
+def driven(
+    settings: Settings, weights: str | None, maps: Mapping[str, str], index: int
+) -> dict[str, Any]:
     """Drive once, and return the entry."""
     (arm,) = settings.arms
-    result = attempt(settings, weights, (index, arm))
+    result = attempt(settings, weights, (index, arm), maps)
     if isinstance(result, str):
         return {"index": index, "outcome": NO_TASK, "note": result}
     return asdict(result.result)

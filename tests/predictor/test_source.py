@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from benchmarks.race.entry import Entry
-from benchmarks.race.source import Source
 from foresee.infra.plug_in import PlugInError
+from predictor.source import Source
 from predictor.weights import WeightsError
 
 FILES = {
