@@ -21,7 +21,8 @@ from foresee.mapping.scan import Scan
 from foresee.prediction import BadPredictionError, Prediction, Predictor, RaisedError, View
 from planner.decision import Decision
 from planner.fault import Fault
-from planner.guide.guide import REST, Guide
+from planner.guide.guide import Guide
+from planner.motion.dynamics import REST
 from planner.motion.plan import mirrored
 from planner.mpc.initial_guess import shifted
 from planner.navigator_config import RISK_MAP_AHEAD, NavigatorConfig

@@ -40,9 +40,6 @@ HASHED = {
 }
 """Part of the planner's settings → names of the settings that are always hashed: those of the first
 calibrations. Never change them, or the published calibrations are refused."""
-RENAMED: dict[str, str] = {}
-"""Name in `HASHED`, such as "guide.line.hold" → the setting's present name in `NavigatorConfig`,
-where the two differ."""
 REMOVED = {"oracle": False, "margin": 0.0}
 """Setting of the first calibrations that the planner no longer has → the value that it then had."""
 
@@ -101,7 +98,7 @@ def planner_hash(config: Any) -> str:
     for part, names in HASHED.items():
         for name in names.split():
             full = f"{part}.{name}".lstrip(".")
-            hashed[full], _ = present.pop(RENAMED.get(full, full))
+            hashed[full], _ = present.pop(full)
     hashed |= {name: value for name, (value, default) in present.items() if value != default}
     nested: dict[str, Any] = {}
     for full, value in hashed.items():

@@ -8,6 +8,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
 from scipy.stats import binomtest
 
 from benchmarks.runs import statistics
@@ -185,7 +186,7 @@ def _row(place: int, entrant: Entrant, arms: ResultsByArm) -> list[str]:
 
     collided = [drive.outcome == "collided" for drive in drives]
     ends = statistics.rate_interval(collided, [drive.world for drive in drives])
-    cycle = (sorted(d.cycle_ms[i] for d in drives)[len(drives) // 2] for i in (0, 1))
+    cycle = np.median([drive.cycle_ms for drive in drives], axis=0)
     return [
         str(place),
         name + _remark(entrant, sum(drive.learned for drive in drives)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,9 @@ from typing import Any, Protocol
 
 from benchmarks.runs.drive import run_fingerprint
 from benchmarks.runs.drive_file import NO_TASK, DriveFile, refuse_other_revision
+from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import OLDER, Settings
+from benchmarks.runs.statistics import ResultsByArm
 from sim.buildings import map_hashes
 
 
@@ -30,6 +32,31 @@ class DriveSeries(Protocol):
     @property
     def turns(self) -> int:
         """Number of turns in which it is driven; with fewer turns it is complete sooner."""
+
+
+def file_name(words: str) -> str:
+    """Return the words that describe a series as the name of its file, without its ending."""
+    return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
+
+
+def predictor_label(predictor: str) -> str:
+    """Return the name of a predictor in the results: a file of weights without its folder."""
+    return Path(predictor).name.removesuffix(".safetensors")
+
+
+def paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
+    """Return the results of arms, or other drivers, on the episodes that all of them have driven.
+
+    Args:
+        drives: name of each → entries of its drives; those in buildings without a task are left
+            out.
+    """
+    results = {
+        name: {d["index"]: DriveResult.from_json(d) for d in of if d["outcome"] != NO_TASK}
+        for name, of in drives.items()
+    }
+    common = sorted(set.intersection(*map(set, results.values())))
+    return {name: [of[index] for index in common] for name, of in results.items()}
 
 
 def drive_all(

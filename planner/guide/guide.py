@@ -20,12 +20,11 @@ from planner.guide.guide_config import GuideConfig
 from planner.guide.in_order import InOrder
 from planner.guide.path_search import Found, Memory, PathSearch, Request, front
 from planner.guide.turn import rate_towards
+from planner.motion.dynamics import REST
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.motion.plan import mirrored
 from planner.risk.risk_map import RiskMap
 
-REST = 1e-6
-"""Speed below which a car stands, and may change its gear [m/s]."""
 BACK_LENGTH = 4.0
 """Length of the way by whose direction a path leads back or not [m]."""
 

@@ -22,7 +22,8 @@ from planner.guide.ompl_search import plan_path
 from planner.guide.route import find_route
 from planner.guide.smoothing import Smoother
 from planner.guide.subgoals import with_frontiers
-from planner.guide.turn import REST, angle_to, can_turn
+from planner.guide.turn import angle_to, can_turn
+from planner.motion.dynamics import REST
 from planner.motion.goal import PATH_GOAL_RADIUS
 from planner.motion.path import POINT_SPACING, Path, project
 from planner.risk.cost_map import Belief, CostMap, remember, remember_far

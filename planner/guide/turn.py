@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from foresee.mapping.body import Scene, first_contact
 from foresee.mapping.car_limits import CONTACT_MARGIN, JUDGE_MARGIN, CarLimits
 from foresee.mapping.conventions import TICK
+from planner.motion.dynamics import REST
 from planner.risk.risk_map import RiskMap
 
 LOOK = 1.0
 """Distance along a route of the point that the car turns towards [m]."""
-TURNED, REST = 0.02, 1e-6
-"""Angle within which a turn has ended [rad], and speed below which a car stands [m/s]."""
+TURNED = 0.02
+"""Angle within which a turn has ended [rad]."""
 
 
 def angle_to(route: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
@@ -44,7 +45,7 @@ def can_turn(pose: NDArray[np.float64], angle: float, risk: RiskMap, car: CarLim
         car: body of the car.
     """
     body = car.body.inflated(CONTACT_MARGIN)
-    scene = Scene(~risk.observed, *risk.frame.lattice, *body.halves)
+    scene = Scene(~risk.known.free, *risk.frame.lattice, *body.halves)
     step = 2.0 * (CONTACT_MARGIN - JUDGE_MARGIN) / car.body.radius
     count = max(1, math.ceil(abs(angle) / step))
     poses = np.tile(np.asarray(pose, dtype=np.float64)[:3], (count + 1, 1))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along
 from planner.motion.path import POINT_SPACING, project
+from planner.motion.pure_pursuit import steer
 
 LOOK = 0.7
 """Distance of the point on a path that pure pursuit aims at, at low speed [m]."""
@@ -42,14 +43,7 @@ def pursue(points, segment, state, stages, dt, limits, look, free):  # type: ign
     for k in range(stages):
         segment, _, _ = project(points, x, y, segment - 3, segment + 12)
         target = min(segment + int(max(look, 0.4 * v) / POINT_SPACING) + 1, points.shape[0] - 1)
-        dx, dy = points[target, 0] - x, points[target, 1] - y
-        along = dx * math.cos(yaw) + dy * math.sin(yaw)
-        across = dy * math.cos(yaw) - dx * math.sin(yaw)
-        square = max(dx * dx + dy * dy, 1e-6)
-        kappa = 2.0 * across / square
-        if along < 0.0:
-            kappa = math.copysign(limits.curvature, across)
-        kappa = min(max(kappa, -limits.curvature), limits.curvature)
+        kappa = steer(x, y, yaw, points[target], limits.curvature)
         left = max(free - travelled, 0.0)
         # The highest speed w after this step from which the car can stop within `left`:
         # (v + w)·dt/2 + w²/(2·braking) <= left.

@@ -96,11 +96,6 @@ class RiskMap:
         clearance = _clearance(safe, known.frame.resolution)
         return cls(known.frame, known, trust, safe, certain, plan_suffices, barred, clearance)
 
-    @property
-    def observed(self) -> NDArray[np.bool_]:
-        """Cells of `certain` that were observed free, (rows, columns)."""
-        return self.certain & self.known.free
-
     @cached_property
     def cautious(self) -> RiskMap:
         """The risk map of plans that may enter certain cells alone."""

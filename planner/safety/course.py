@@ -12,6 +12,7 @@ from foresee.mapping.body import Scene, meets
 from foresee.mapping.kernels import njit
 from planner.motion.dynamics import pose_along
 from planner.motion.path import POINT_SPACING, project
+from planner.motion.pure_pursuit import steer
 
 
 class Course(NamedTuple):
@@ -62,13 +63,7 @@ def rejoins(pose, course):  # type: ignore[no-untyped-def]
         if segment >= points.shape[0] - 3:
             return True
         target = min(segment + int(course.look / POINT_SPACING) + 1, points.shape[0] - 1)
-        dx, dy = points[target, 0] - x, points[target, 1] - y
-        along = dx * math.cos(yaw) + dy * math.sin(yaw)
-        across = dy * math.cos(yaw) - dx * math.sin(yaw)
-        kappa = 2.0 * across / max(dx * dx + dy * dy, 1e-6)
-        if along < 0.0:
-            kappa = math.copysign(course.curvature, across)
-        kappa = min(max(kappa, -course.curvature), course.curvature)
+        kappa = steer(x, y, yaw, points[target], course.curvature)
         x, y, yaw = pose_along(x, y, yaw, kappa, course.spacing)
         right, up = x - scene.origin[0], y - scene.origin[1]
         if min(right, up, width - right, height - up) < body:

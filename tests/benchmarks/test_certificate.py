@@ -10,13 +10,11 @@ from calibrations import written
 from benchmarks.calibration import certificate
 from benchmarks.calibration.certificate import (
     HASHED,
-    RENAMED,
     SHIPPED,
     arms_at,
     at_risk,
     conditions_for,
     load_calibration,
-    planner_hash,
 )
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.settings import CONDITIONS, OLDER, Settings
@@ -161,24 +159,11 @@ def test_a_new_setting_of_the_planner_counts_only_if_it_is_not_at_its_default(mo
             at_risk(AT_RISK, OFFICE)
 
 
-def test_a_setting_that_is_renamed_keeps_the_hash(monkeypatch):
-    @dataclass(frozen=True)
-    class Renamed:
-        side: float = 5.0
-
-    monkeypatch.setattr(certificate, "HASHED", {"": "window"})
-    before = planner_hash(make_dataclass("Old", [("window", float, 1.0)])(5.0))
-    monkeypatch.setattr(certificate, "RENAMED", {"window": "side"})
-    assert planner_hash(Renamed()) == before
-    assert planner_hash(Renamed(6.0)) != before
-
-
 def test_each_setting_of_the_planner_is_hashed_or_listed_here_with_its_default():
     # A calibration without a newer setting stands for the default that it had when it was new.
     bounds = ("delay", "jitter", "lag", "position", "yaw", "range")
     newer = {"car.turn_rate": 0.0} | {f"bounds.{name}": 0.0 for name in bounds}
     hashed = {f"{part}.{name}".lstrip(".") for part, s in HASHED.items() for name in s.split()}
-    hashed = {RENAMED.get(name, name) for name in hashed}
     present = {".".join(path): value for path, value in all_settings(NavigatorConfig())}
     assert {name: value for name, value in present.items() if name not in hashed} == newer
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,10 @@ from scipy.stats import chi2
 from benchmarks.runs import statistics
 from benchmarks.runs.drive_file import NO_TASK
 from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.drive_series import paired, predictor_label
 from benchmarks.runs.statistics import ResultsByArm
 from benchmarks.studies.risk.drives import Drives
-from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series, predictor_label
+from benchmarks.studies.risk.series import MIXTURE, OWN, PROMISE, Series
 from foresee.statistics import MIN_GROUPS
 from planner.revision import FIRST
 
@@ -96,7 +97,7 @@ def speed_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, A
             continue
         # The statistics call the arm that is compared `predicted`.
         baselines = {arm: of for arm, of in same_tasks.items() if arm != series.arm}
-        arms = _paired({"predicted": drives[series.name], **baselines})
+        arms = paired({"predicted": drives[series.name], **baselines})
         if not arms["predicted"]:
             continue
         known, full = (
@@ -135,7 +136,7 @@ def pooled_rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, 
             levels[series.tasks] = series.settings.level
             drives_at += _with_task(drives[series.name])
             baselines = _baselines(series, all_series, drives)
-            for arm, results in _paired({"predicted": drives[series.name], **baselines}).items():
+            for arm, results in paired({"predicted": drives[series.name], **baselines}).items():
                 arms[arm] += results
         if drives_at:
             collided, worlds = _collided(drives_at), [d["world"] for d in drives_at]
@@ -172,16 +173,6 @@ def _about(series: Series) -> dict[str, Any]:
         "adapted": not series.settings.fixed_level,
         **{name: getattr(series.settings, name) for name in same},
     }
-
-
-def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
-    """Return the results of arms on the episodes that all have driven."""
-    results = {
-        arm: {d["index"]: DriveResult.from_json(d) for d in _with_task(of)}
-        for arm, of in drives.items()
-    }
-    both = sorted(set.intersection(*(set(of) for of in results.values())))
-    return {arm: [of[index] for index in both] for arm, of in results.items()}
 
 
 def _by_family(series: Series, drives: Sequence[dict[str, Any]]) -> dict[str, list[int]]:

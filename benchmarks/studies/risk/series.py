@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmarks.calibration.certificate import conditions_for
 from benchmarks.runs.arms import ARMS
+from benchmarks.runs.drive_series import file_name, predictor_label
 from benchmarks.runs.settings import CONDITIONS, Settings
 from foresee.infra.command_line import UsageError
 from foresee.infra.errors import one_line
@@ -76,8 +77,7 @@ class Series:
     @property
     def name(self) -> str:
         """Name of its file."""
-        words = f"{self.group}-{self.label}-{self.arm}"
-        return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
+        return file_name(f"{self.group}-{self.label}-{self.arm}")
 
 
 def list_series(
@@ -184,11 +184,6 @@ def _promises(
             # The larger risks need fewer drives.
             at_level = replace(there, level=level, episodes=40 if risk <= 0.05 else 20)
             yield Series(PROMISE, Path(place).stem, f"{risk:g}", at_level, risk)
-
-
-def predictor_label(predictor: str) -> str:
-    """Return the name of a predictor in the results: a file of weights without its folder."""
-    return Path(predictor).name.removesuffix(".safetensors")
 
 
 def _in_its_buildings(calibration: Calibration, predictor: str) -> Iterator[Series]:

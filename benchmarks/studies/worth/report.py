@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmarks.runs import statistics
-from benchmarks.runs.drive_file import NO_TASK
-from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.drive_series import paired
 from benchmarks.runs.statistics import BASELINES, ResultsByArm
 from benchmarks.studies.worth.series import RULES, Series
 from foresee.mapping.car_limits import CarLimits
@@ -25,7 +24,7 @@ def rows(all_series: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
 
 
 def _group_rows(group: Sequence[Series], drives: Drives) -> list[dict[str, Any]]:
-    by_driver = _paired({series.driver: drives[series.name] for series in group})
+    by_driver = paired({series.driver: drives[series.name] for series in group})
     if not next(iter(by_driver.values())):
         return []
     return [_row(series, group, by_driver) for series in group]
@@ -108,13 +107,3 @@ def _baselines(series: Series, group: Sequence[Series]) -> list[str]:
     ]
     driven = {other.driver for other in group}
     return [name for name in (*BASELINES, *rules) if name in driven]
-
-
-def _paired(drives: Mapping[str, Sequence[dict[str, Any]]]) -> ResultsByArm:
-    """Return the results of drivers on the episodes that all of them have driven."""
-    results = {
-        driver: {d["index"]: DriveResult.from_json(d) for d in of if d["outcome"] != NO_TASK}
-        for driver, of in drives.items()
-    }
-    common = sorted(set.intersection(*map(set, results.values())))
-    return {driver: [of[index] for index in common] for driver, of in results.items()}

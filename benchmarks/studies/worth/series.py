@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmarks.calibration.certificate import SHIPPED, at_risk, conditions_for, load_calibration
 from benchmarks.runs.arms import ARMS, CALIBRATED_ARM
+from benchmarks.runs.drive_series import file_name, predictor_label
 from benchmarks.runs.settings import Settings
 from foresee.infra.command_line import UsageError
 
@@ -62,8 +63,8 @@ class Series:
     @property
     def name(self) -> str:
         """Name of its file."""
-        words = "-".join([*self.group[:2], *(f"{side:g}" for side in self.group[2:]), self.driver])
-        return "".join(c if c.isalnum() or c in ".-+" else "_" for c in words)
+        sides = (f"{side:g}" for side in self.group[2:])
+        return file_name("-".join([*self.group[:2], *sides, self.driver]))
 
 
 def list_series(
@@ -94,7 +95,7 @@ def list_series(
 
     def add(part: str, name: str, same: Settings, risks: Sequence[float]) -> None:
         for predictor in predictors:
-            label = Path(predictor).name.removesuffix(".safetensors")
+            label = predictor_label(predictor)
             drivers: dict[tuple[float, bool], str] = {}
             for risk in risks:
                 asked = replace(same, predictor=predictor, arms=(CALIBRATED_ARM,), risk=risk)

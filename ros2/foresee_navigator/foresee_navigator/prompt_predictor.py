@@ -10,9 +10,8 @@ from predictor.registry import load_predictor
 class PromptPredictor(PredictorProcess):
     """Runs a predictor in a process of its own, and never waits longer than the deadline.
 
-    A new `Navigator` waits minutes for its first prediction, since a predictor may have to load.
-    Here, each goal makes a new one while the car may be moving. Until `is_warm` is set, the first
-    wait is as long as usual.
+    A new `Navigator` waits minutes for its first prediction, since a predictor may have to load. A
+    node must not, in its first tick: once `is_warm` is set, the first wait is as short as others.
 
     Args:
         name: name of the predictor.
