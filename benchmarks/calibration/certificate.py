@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.calibration.settings import OF_DRIVES
 from benchmarks.runs.arms import ARMS, CALIBRATED_ARM, arm_at, arm_kind
-from benchmarks.runs.drive import navigator_config
+from benchmarks.runs.driver import navigator_config
 from benchmarks.runs.settings import CONDITIONS, NO_CONDITIONS, OLDER, Settings
 from foresee.infra.command_line import UsageError
 from foresee.mapping.conventions import RESOLUTION

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.figures.animation import roll_out
 from benchmarks.figures.file_name import file_name
 from benchmarks.runs.arms import ARMS, Arm, arm_kind
-from benchmarks.runs.drive import navigator_config, predictor_for
+from benchmarks.runs.driver import navigator_config, predictor_for
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import limit_speed

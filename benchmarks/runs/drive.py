@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from concurrent.futures import Executor
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from benchmarks.optimal.shortest_path import time_bound
-from benchmarks.runs.arms import ARMS, Arm, arm_kind
+from benchmarks.runs.arms import ARMS, arm_kind
 from benchmarks.runs.beliefs import Beliefs
 from benchmarks.runs.car import limits_for
 from benchmarks.runs.drive_result import DriveResult
+from benchmarks.runs.driver import navigator_for, predictor_for
 from benchmarks.runs.moment import Moment
 from benchmarks.runs.settings import REAL_DEADLINE, Settings
 from benchmarks.runs.tasks import (
@@ -26,21 +26,15 @@ from benchmarks.runs.tasks import (
     task_facts,
 )
 from benchmarks.runs.trace import Drive, Trace
-from foresee.frontiers import FrontierPredictor
 from foresee.infra.environment import commit
 from foresee.infra.workers import WorkersError
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import GOAL_RADIUS, TICK
-from foresee.mapping.grid import OccupancyGrid
-from foresee.prediction import Prediction, Predictor, View
 from planner.decision import Decision
 from planner.fault import Fault
 from planner.guide.search_process import SearchProcess
-from planner.navigator import Navigator
-from planner.navigator_config import NavigatorConfig
 from planner.revision import revision_of
 from planner.risk.predictor_process import PredictorProcess
-from predictor.free import Free
 from predictor.provenance import has_learned, weights_fingerprint
 from predictor.registry import fingerprint_of, load_far, load_frontiers, load_predictor
 from sim import DubinsCar, Lidar, LidarConfig
@@ -48,31 +42,9 @@ from sim.episode import Episode, EpisodeConfig, Outcome, run_episode
 from sim.errors import Errors, Robot
 from sim.task import NoTaskError, Task
 from sim.wall_clock import OnWallClock
-from sim.world import World
 
 MEASURES = ("time", "path_length", "mean_speed", "max_speed", "min_clearance")
 """Measures that are copied from `sim.episode.Episode` into the result."""
-
-
-class Oracle:
-    """A predictor that returns the true map of the square that it is asked about.
-
-    Args:
-        world: true map of the building.
-        side: side of the square [m]; 0: the one that any predictor is asked about.
-    """
-
-    context_side = 0.0
-
-    def __init__(self, world: World, side: float = 0.0) -> None:
-        self.world, self.side = world, side
-
-    def predict(self, view: View) -> Prediction:
-        """Return the true map with a confidence of 1."""
-        frame = view.known.frame
-        free, surface = self.world.truth(frame)
-        confidence = np.ones(frame.shape, dtype=np.float32)
-        return Prediction(frame, free.astype(np.float32), surface.astype(np.float32), confidence)
 
 
 def score(
@@ -170,92 +142,6 @@ def attempt_arm(
         maps: as in `attempt`.
     """
     return attempt(arms[item[1]], weights, item, maps)
-
-
-def navigator_config(settings: Settings, arm: Arm) -> NavigatorConfig:
-    """Return the settings of an arm's navigator.
-
-    Args:
-        settings: settings of the run.
-        arm: arm that drives.
-    """
-    reliance = settings.reliance if arm.reliance is None else arm.reliance
-    if arm.level is None:
-        level = settings.level
-        # At least the level, since a plan may enter all cells that its last resort may enter.
-        reliance = max(reliance, level)
-    else:
-        # At a reliance of 1 there is no last resort.
-        level = min(arm.level, reliance) if reliance < 1.0 else 0.0
-    return NavigatorConfig(
-        window=settings.window,
-        expansion=settings.expansion,
-        reliance=reliance,
-        level=level,
-        adapt=arm.takes_risk and not settings.fixed_level,
-        steer=arm.steer,
-        bounds=settings.told_bounds,
-        car=limits_for(settings),
-    )
-
-
-def predictor_for(settings: Settings, arm: Arm, task: Task) -> Predictor | None:
-    """Return the predictor of an arm in a task; None: it has none.
-
-    Raises:
-        PredictorError: if the chosen predictor cannot be loaded.
-    """
-    if arm.predictor == "chosen":
-        return load_predictor(settings.predictor)
-    others: dict[str, Predictor] = {"free": Free(), "oracle": Oracle(task.world, arm.side)}
-    return others.get(arm.predictor)
-
-
-def navigator_for(
-    settings: Settings,
-    arm: Arm,
-    task: Task,
-    predictor: Predictor | None,
-    deadline: float,
-    frontiers: FrontierPredictor | None = None,
-    far: Predictor | None = None,
-    car: CarLimits | None = None,
-    executor: Executor | None = None,
-) -> Navigator:
-    """Return the navigator of an arm at the start of a task.
-
-    Args:
-        settings: settings of the run.
-        arm: arm that drives.
-        task: building, start, goal and route.
-        predictor: predictor of the arm; None: it has none.
-        deadline: time that a prediction may take [s].
-        frontiers: predictor of frontiers of the arm; None: it has none.
-        far: far predictor of the arm; None: it has none.
-        car: limits of the car; None: those of the settings.
-        executor: runs the path searches beside the control; None: they run in its order.
-    """
-    truth, window = task.world.grid, settings.window
-    config = navigator_config(settings, arm)
-    config = replace(config, car=car or config.car)
-    # The driver is told no more free space around the start than there is.
-    start_margin = min(config.start_margin, task.start_margin(config.car.body))
-    config = replace(config, deadline=deadline, start_margin=start_margin)
-    known = OccupancyGrid.from_grid(truth, window) if arm.whole_map else task.blank(window)
-    waypoints = task.waypoints if settings.route == "fixed" else None
-    start = np.array(task.start)
-    return Navigator(
-        config,
-        predictor,
-        start,
-        task.goal,
-        known,
-        waypoints,
-        task.seed,
-        frontiers,
-        far,
-        executor,
-    )
 
 
 @cache

@@ -7,7 +7,7 @@ import pytest
 from short_drive import LIDAR, straight
 
 from benchmarks.runs.arms import ARMS
-from benchmarks.runs.drive import navigator_config, navigator_for, predictor_for
+from benchmarks.runs.driver import navigator_config, navigator_for, predictor_for
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from sim import NoTaskError

@@ -11,7 +11,7 @@ from benchmarks.calibration.certificate import SHIPPED, at_risk, conditions_for
 from benchmarks.compare import drive
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.car import limits_for
-from benchmarks.runs.drive import navigator_config
+from benchmarks.runs.driver import navigator_config
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.tasks import make_task

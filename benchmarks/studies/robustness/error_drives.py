@@ -12,8 +12,9 @@ import numpy as np
 
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.car import limits_for
-from benchmarks.runs.drive import drive, navigator_for, predictor_for
+from benchmarks.runs.drive import drive
 from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.driver import navigator_for, predictor_for
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness.among_people import CrowdedLidar, first_touch

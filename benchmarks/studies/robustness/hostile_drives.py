@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.runs.arms import ARMS
-from benchmarks.runs.drive import navigator_for
 from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.driver import navigator_for
 from benchmarks.studies.contact_test import touches
 from benchmarks.studies.robustness.hostile_predictors import (
     CLASSES,

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.runs.arms import ARMS
 from benchmarks.runs.car import limits_for
-from benchmarks.runs.drive import navigator_for
 from benchmarks.runs.drive_file import NO_TASK
+from benchmarks.runs.driver import navigator_for
 from benchmarks.runs.settings import Settings
 from benchmarks.runs.tasks import make_task
 from benchmarks.studies.robustness import attack
