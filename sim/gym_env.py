@@ -23,7 +23,7 @@ from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.control import Control
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import Grid, OccupancyGrid
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 from foresee.mapping.scan import Scan
 from sim.buildings import task_in_world
 from sim.car import REST, DubinsCar
@@ -108,9 +108,9 @@ class Along:
 
     def __init__(self, start: tuple[float, ...], points: NDArray[np.float64]) -> None:
         way = np.vstack([start[:2], points])
-        length = arc_length(way)
-        self.along = np.arange(0.0, length[-1] + STEP, STEP).clip(max=length[-1])
-        self.points = np.stack([np.interp(self.along, length, way[:, i]) for i in (0, 1)], axis=1)
+        length = arc_length(way)[-1]
+        self.along = np.arange(0.0, length + STEP, STEP).clip(max=length)
+        self.points = points_at(way, self.along)
         self.index = 0
 
     def move(self, state: NDArray[np.float64]) -> float:

@@ -14,7 +14,7 @@ from foresee.mapping.body import Body, Scene, first_contact
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import GOAL_RADIUS
 from foresee.mapping.grid import FREE, OCCUPIED, GridFrame, OccupancyGrid
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 from sim.arc_search import HEADINGS, search_arcs
 from sim.car import wrap
 from sim.lidar import cast_rays
@@ -100,9 +100,8 @@ class Task:
         count: there, a car that starts in the wrong direction turns round.
         """
         corners = np.vstack([self.start[:2], self.waypoints])
-        along = arc_length(corners)
-        at = np.arange(APART, along[-1], 0.1)
-        points = np.stack([np.interp(at, along, corners[:, axis]) for axis in (0, 1)], axis=1)
+        at = np.arange(APART, arc_length(corners)[-1], 0.1)
+        points = points_at(corners, at)
         pairs = cKDTree(points).query_pairs(AGAIN, output_type="ndarray")
         return bool((np.abs(at[pairs[:, 1]] - at[pairs[:, 0]]) > APART).any())
 
@@ -342,10 +341,9 @@ def waypoints_along(way: NDArray[np.float64]) -> NDArray[np.float64]:
     Args:
         way: x and y of its points in the first two columns, (m, 2 or more) [m].
     """
-    along = arc_length(way)
-    count = max(1, round(along[-1] / SPACING))
-    at = along[-1] * np.arange(1, count + 1) / count
-    points = np.stack([np.interp(at, along, way[:, axis]) for axis in (0, 1)], axis=1)
+    length = arc_length(way)[-1]
+    count = max(1, round(length / SPACING))
+    points = points_at(way, length * np.arange(1, count + 1) / count)
     # The last waypoint is the goal exactly, without the rounding error of the interpolation.
     points[-1] = way[-1, :2]
     return points

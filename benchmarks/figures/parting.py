@@ -11,7 +11,7 @@ from benchmarks.figures.drive_view import side_by_side
 from benchmarks.figures.palette import DASHED, arm_colour
 from benchmarks.runs.saved_run import Run
 from benchmarks.runs.trace import RunError
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 
 BASELINE = "known"
 """The arm that another one is compared with."""
@@ -60,9 +60,8 @@ def leaves(way: NDArray[np.float64], other: NDArray[np.float64]) -> int | None:
     Returns:
         Number of the tick; None if the driver never leaves the way of the other.
     """
-    length = arc_length(other)
-    along = np.append(np.arange(0.0, length[-1], SPACING), length[-1])
-    points = np.column_stack([np.interp(along, length, other[:, k]) for k in (0, 1)])
+    length = arc_length(other)[-1]
+    points = points_at(other, np.append(np.arange(0.0, length, SPACING), length))
     distance = np.asarray(cKDTree(points).query(way)[0])
     if distance.max() <= APART:
         return None

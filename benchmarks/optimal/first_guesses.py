@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from benchmarks.optimal.minimum_time import Guess
 from benchmarks.optimal.shortest_path import NoPathError, shortest_path
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 from sim.arc_search import search_arcs
 from sim.car import along_arc, wrap
 from sim.task import Task
@@ -156,10 +156,8 @@ def _arcs(
 
 def _evenly(path: NDArray[np.float64], left: float) -> NDArray[np.float64]:
     """Return points `STEP` apart along a path, up to the distance `left` before its end [m]."""
-    along = arc_length(path)
-    end = max(along[-1] - left, 4 * STEP)
-    at = np.linspace(0.0, end, max(4, round(end / STEP)) + 1)
-    return np.stack([np.interp(at, along, path[:, axis]) for axis in (0, 1)], axis=1)
+    end = max(arc_length(path)[-1] - left, 4 * STEP)
+    return points_at(path, np.linspace(0.0, end, max(4, round(end / STEP)) + 1))
 
 
 def _smooth(path: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:

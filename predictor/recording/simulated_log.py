@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from foresee.mapping.body import Body
 from foresee.mapping.car_limits import CarLimits
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 from predictor.data.laser_log import LaserLog
 from sim.lidar import Lidar, LidarConfig
 from sim.people import People
@@ -98,12 +98,8 @@ def poses_along(points: NDArray[np.float64], apart: float) -> NDArray[np.float64
         points: points of the route, (m, 2) [m].
         apart: distance from one pose to the next [m].
     """
-    along = arc_length(points)
-    at = np.arange(0.0, along[-1], apart)
+    at = np.arange(0.0, arc_length(points)[-1], apart)
+    here = points_at(points, at)
     # The robot faces where it will be a metre later, so that it turns before a bend.
-    here, there = (
-        np.stack([np.interp(where, along, points[:, axis]) for axis in (0, 1)], axis=1)
-        for where in (at, np.minimum(at + 1.0, along[-1]))
-    )
-    ahead = there - here
+    ahead = points_at(points, at + 1.0) - here
     return np.column_stack([here, np.arctan2(ahead[:, 1], ahead[:, 0])])

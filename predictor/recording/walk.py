@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from foresee.mapping.car_limits import CarLimits
 from foresee.mapping.conventions import GOAL_RADIUS, START_MARGIN
 from foresee.mapping.grid import OccupancyGrid
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 from planner.guide.route import find_route
 from planner.risk.cost_map import CostMap
 from sim import Lidar
@@ -80,7 +80,7 @@ def _advanced(route: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     """Return the pose after a step along a route (n, 2), and the rest of the route."""
     along = arc_length(route)
     here = min(STEP, float(along[-1]))
-    place = np.array([np.interp(here, along, route[:, axis]) for axis in (0, 1)])
+    (place,) = points_at(route, [here])
     rest = np.vstack([place, route[along > here]])
     ahead = (rest[1] if len(rest) > 1 else place) - route[0]
     return np.array([*place, math.atan2(ahead[1], ahead[0])]), rest

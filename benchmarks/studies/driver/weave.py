@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from benchmarks.studies.driver.analysis import command
 from foresee.infra.command_line import UsageError
 from foresee.infra.markdown import DASH, records
-from foresee.mapping.polyline import arc_length
+from foresee.mapping.polyline import arc_length, points_at
 
 if TYPE_CHECKING:
     from benchmarks.runs.saved_run import Run
@@ -81,9 +81,8 @@ def _on_straights(points: NDArray[Any], route: NDArray[Any]) -> NDArray[np.bool_
         points: points to test [m].
         route: points of the route, (n, 2) [m].
     """
-    along = arc_length(route)
-    at = np.arange(0.0, along[-1], STEP)
-    path = np.column_stack([np.interp(at, along, route[:, i]) for i in (0, 1)])
+    at = np.arange(0.0, arc_length(route)[-1], STEP)
+    path = points_at(route, at)
     heading = np.unwrap(np.arctan2(*np.gradient(path, axis=0).T[::-1]))
     straight = np.array(
         [np.ptp(heading[max(0, i - AROUND) : i + AROUND + 1]) < TURN for i in range(len(at))]
