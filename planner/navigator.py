@@ -274,7 +274,6 @@ class Navigator:
             before = replace(before, times=late.times)
         self.chooser, self._last = self._before.chooser, before
         self.chooser.recall(self._before.memory)
-        self.chooser.goal = self.goal
         self._unsent = None
 
     def _assume_sent(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,10 +99,21 @@ class _Solutions(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What a `PlanChooser` remembers: its attributes, and those of its last resort."""
+    """What a `PlanChooser` remembers of the last tick.
 
-    chooser: dict[str, Any]
-    resort: dict[str, Any]
+    Attributes:
+        intended: plan that the car would have driven if all predictions had been certain, or None.
+        cautious: plan in the cells that the last resort may enter; None: there was none.
+        curvature: curvature of the control [1/m].
+        kept: controls of the manoeuvre that stops the car if no decision follows, (N, 2).
+        resort: controls of the last resort, (N, 2); None: the plan itself is the last resort.
+    """
+
+    intended: Plan | None
+    cautious: Plan | None
+    curvature: float
+    kept: NDArray[np.float64]
+    resort: NDArray[np.float64] | None
 
 
 class PlanChooser:
@@ -151,14 +162,16 @@ class PlanChooser:
         self._kept = stop_controls(self.mpc.stages, self.mpc.limits.braking, 0.0)
 
     def memory(self) -> Memory:
-        """Return what is remembered of the ticks before, for `recall`."""
-        # None of the attributes is changed in place.
-        return Memory(vars(self).copy(), vars(self.resort).copy())
+        """Return what is remembered of the last tick, for `recall`."""
+        # None of them is changed in place.
+        return Memory(
+            self._intended, self._last_cautious, self._curvature, self._kept, self.resort.controls
+        )
 
     def recall(self, memory: Memory) -> None:
         """Go back to what was remembered when `memory` was called."""
-        vars(self).update(memory.chooser)
-        vars(self.resort).update(memory.resort)
+        self._intended, self._last_cautious, self._curvature, self._kept, resort = memory
+        self.resort.controls = resort
 
     def stand(self, state: NDArray[np.float64]) -> Choice:
         """Return the choice to stand, as on a turn on the spot, and forget the last plan.
