@@ -9,7 +9,6 @@ regressions, so that confidence * p_free is a probability that was fitted to dri
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,60 +17,45 @@ from foresee.mapping.kernels import njit
 from foresee.mapping.straight_lines import NONE, OPEN, look_back, main_direction, nearness
 from foresee.prediction import Prediction, View
 
-
-@dataclass(frozen=True)
-class ExtendConfig:
-    """Constants of `Extend`, fitted to drives through generated worlds.
-
-    Attributes:
-        memory: length of open space or wall along a line that counts as full evidence [m].
-        reach: distance over which the weight of a line falls by 1/e [m].
-        near: the same for evidence that is only valid at close range [m].
-        confidence_reach: distance over which the confidence falls by 1/e [m].
-        free: log-odds of free: bias, then a weight for each of the openest line, the same to the
-            third power, the second openest line, a wall along a line, the nearest and the second
-            wall across, a wall along a line close by, known free space close by, a known wall
-            close by.
-        occupied: the same, for occupied.
-    """
-
-    memory: float = 0.5
-    reach: float = 3.0
-    near: float = 0.3
-    confidence_reach: float = 10.0
-    free: tuple[float, ...] = (-1.02, 5.53, -5.09, 2.35, -5.65, -1.09, 1.68, 1.18, 8.08, -8.01)
-    occupied: tuple[float, ...] = (-4.78, 1.64, -1.03, -0.74, 5.83, -1.01, 0.70, -1.41, 0.72, 1.40)
+MEMORY = 0.5
+"""Length of open space or wall along a line that counts as full evidence [m]."""
+REACH = 3.0
+"""Distance over which the weight of a line falls by 1/e [m]."""
+NEAR = 0.3
+"""The same for evidence that is only valid at close range [m]."""
+CONFIDENCE_REACH = 10.0
+"""Distance over which the confidence falls by 1/e [m]."""
+FREE_WEIGHTS = np.array([-1.02, 5.53, -5.09, 2.35, -5.65, -1.09, 1.68, 1.18, 8.08, -8.01])
+"""Log-odds of free, fitted to drives through generated buildings: bias, then a weight for each of
+the openest line, the same to the third power, the second openest line, a wall along a line, the
+nearest and the second wall across, a wall along a line close by, known free space close by, a known
+wall close by."""
+OCCUPIED_WEIGHTS = np.array([-4.78, 1.64, -1.03, -0.74, 5.83, -1.01, 0.70, -1.41, 0.72, 1.40])
+"""The same, of occupied."""
 
 
 class Extend:
-    """A predictor that continues walls and free space, with less confidence at greater distance.
-
-    Args:
-        config: constants of the predictor.
-    """
+    """A predictor that continues walls and free space, with less confidence at greater distance."""
 
     context_side = 0.0
 
-    def __init__(self, config: ExtendConfig | None = None) -> None:
-        self.config = config or ExtendConfig()
-
     def predict(self, view: View) -> Prediction:
         """Extend a known map along the main direction of its walls."""
-        config, known = self.config, view.known
+        known = view.known
         resolution, cells = known.frame.resolution, known.cells
         # Without a wall, the robot's heading is the best guess of the building's direction.
         angle = main_direction(cells, default=float(view.pose[2]))
-        lines = look_back(cells, angle, config.memory / resolution)
+        lines = look_back(cells, angle, MEMORY / resolution)
         p_free, p_occupied, confidence = _believe(
             cells,
             *lines,
-            nearness(cells, FREE, config.near / resolution),
-            nearness(cells, OCCUPIED, config.near / resolution),
-            config.reach / resolution,
-            config.near / resolution,
-            config.confidence_reach / resolution,
-            np.array(config.free),
-            np.array(config.occupied),
+            nearness(cells, FREE, NEAR / resolution),
+            nearness(cells, OCCUPIED, NEAR / resolution),
+            REACH / resolution,
+            NEAR / resolution,
+            CONFIDENCE_REACH / resolution,
+            FREE_WEIGHTS,
+            OCCUPIED_WEIGHTS,
         )
         return Prediction(known.frame, p_free, p_occupied, confidence)
 

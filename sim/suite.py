@@ -23,8 +23,6 @@ from sim.task import NoTaskError, Task
 
 FOLDER = Path(__file__).with_name("suites")
 """Folder of the suites' files, NAME.json."""
-SIZES = ("small", "full")
-"""Sizes of a suite: its first `SMALL` buildings, or all."""
 SMALL = 12
 """Number of buildings of the small size."""
 TOLERANCE = 1e-3
@@ -125,7 +123,7 @@ class Suite:
         return CarLimits(v_max=self.v_max, reverse=self.reverse)
 
     def count(self, size: str) -> int:
-        """Return the number of buildings of a size, one of `SIZES`."""
+        """Return the number of buildings of a size: "small", its first `SMALL`, or "full"."""
         return SMALL if size == "small" else len(self.places)
 
     def task(self, index: int) -> Task:
