@@ -44,7 +44,8 @@ corridor: .venv/.installed
 	    $(addprefix --optimum ,$(wildcard docs/results/optimum-corridor.json)) --out results/first
 
 # Episode 6 races: its time ratios are near the means of the table, and its building is small.
-PICTURES = first_comparison=speed_profile.png moment=moment.png race=race-6.gif race=race-6.mp4
+PICTURES = first_comparison=speed_profile.png first_trajectories=trajectories.png moment=moment.png \
+    race=race-6.gif race=race-6.mp4
 
 pictures: corridor .venv/.tools
 	for format in gif mp4; do \
