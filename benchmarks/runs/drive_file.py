@@ -72,7 +72,7 @@ def refuse_other_revision(where: str, revisions: Iterable[int], route: str) -> N
     if other:
         raise UsageError(
             f"{where} holds drives of revision {other[0]} of the planner, and this is revision "
-            f"{present}"
+            f"{present}; drives of both are not mixed: choose another place"
         )
 
 

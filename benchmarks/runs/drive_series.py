@@ -15,6 +15,7 @@ from benchmarks.runs.drive_file import NO_TASK, DriveFile, refuse_other_revision
 from benchmarks.runs.drive_result import DriveResult
 from benchmarks.runs.settings import OLDER, Settings
 from benchmarks.runs.statistics import ResultsByArm
+from planner.revision import FIRST
 from sim.buildings import map_hashes
 
 
@@ -121,6 +122,7 @@ def _file(series: DriveSeries, out: Path, kind: str, maps: dict[str, str]) -> Dr
     settings, path = series.settings, out / f"{series.name}.json"
     conditions = asdict(settings) | {"weights": run_fingerprint(settings), "maps": maps}
     file = DriveFile(path, kind, conditions, "episodes", OLDER | {"maps": maps})
-    driven = [drive["revision"] for drive in file.drives.values() if drive["outcome"] != NO_TASK]
-    refuse_other_revision(f"--out: {path}", driven, settings.route)
+    driven = [drive for drive in file.drives.values() if drive["outcome"] != NO_TASK]
+    revisions = [drive.get("revision", FIRST) for drive in driven]
+    refuse_other_revision(f"--out: {path}", revisions, settings.route)
     return file

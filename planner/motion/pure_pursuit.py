@@ -12,8 +12,8 @@ def steer(x, y, yaw, target, most):  # type: ignore[no-untyped-def]
     """Return the curvature of the arc to a point [1/m]; the tightest one to a point behind.
 
     Args:
-        x: position of the car [m].
-        y: the same.
+        x: x of the car [m].
+        y: y of the car [m].
         yaw: heading of the car [rad].
         target: x, y of the point, (2,) [m].
         most: maximum curvature [1/m].
