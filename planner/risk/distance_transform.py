@@ -30,7 +30,6 @@ def distance_field(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 @njit(cache=True, nogil=True)
 def _transform(mask):  # type: ignore[no-untyped-def]
     rows, cols = mask.shape
-    far = np.float32(rows * rows + cols * cols)
     out = np.empty((rows, cols), dtype=np.float32)
     # Along columns: a scan down and one up give the distance to the nearest True in the column.
     for col in range(cols):
@@ -41,38 +40,56 @@ def _transform(mask):  # type: ignore[no-untyped-def]
     for row in range(rows - 2, -1, -1):
         for col in range(cols):
             out[row, col] = min(out[row, col], out[row + 1, col] + np.float32(1.0))
-    # Along rows: the lower envelope of the parabolas rooted at the squared column distances.
-    roots = np.empty(cols, dtype=np.int32)
-    starts = np.empty(cols + 1, dtype=np.float32)
+    # Along rows: the lower envelope of the parabolas rooted at the squared column distances. A
+    # column without any True has none.
+    rooted = np.flatnonzero(out[0] < rows)
+    if rooted.size == 0:
+        out[:] = np.sqrt(np.float32(rows * rows + cols * cols))
+        return out
+    roots = np.empty(rooted.size, dtype=np.int32)
+    starts = np.empty(rooted.size + 1, dtype=np.float32)
     squares = np.empty(cols, dtype=np.float32)
     lifted = np.empty(cols, dtype=np.float32)
     # Multiplying is faster than dividing, and exact enough: crossings lie at fractions of a column,
     # and the lower parabola is looked up at whole columns only.
-    halves = np.float32(0.5) / np.arange(cols).astype(np.float32)
+    columns = np.arange(cols).astype(np.float32)
+    halves = np.float32(0.5) / columns
     for row in range(rows):
-        for col in range(cols):
-            squares[col] = min(out[row, col] * out[row, col], far)
-            lifted[col] = squares[col] + np.float32(col) * np.float32(col)
-        top = 0
-        roots[0] = 0
-        starts[0] = -np.inf
-        for q in range(1, cols):
-            crossing = (lifted[q] - lifted[roots[top]]) * halves[q - roots[top]]
-            while crossing <= starts[top]:
-                top -= 1
+        # Only columns between the first and the last that are not True need a distance, and no
+        # root beyond their neighbours is nearer than these.
+        first, last = 0, cols - 1
+        while first < cols and mask[row, first]:
+            first += 1
+        if first == cols:
+            continue
+        while mask[row, last]:
+            last -= 1
+        for col in range(max(first - 1, 0), min(last + 2, cols)):
+            squares[col] = out[row, col] * out[row, col]
+            lifted[col] = squares[col] + columns[col] * columns[col]
+        top = -1
+        for q in rooted:
+            if q < first - 1:
+                continue
+            if q > last + 1:
+                break
+            crossing = np.float32(-np.inf)
+            while top >= 0:
                 crossing = (lifted[q] - lifted[roots[top]]) * halves[q - roots[top]]
+                if crossing > starts[top]:
+                    break
+                top -= 1
             top += 1
             roots[top] = q
-            starts[top] = crossing
+            starts[top] = crossing if top else -np.inf
         starts[top + 1] = np.inf
-        k = 0
-        for q in range(cols):
-            while starts[k + 1] < q:
-                k += 1
-            step = np.float32(q - roots[k])
-            out[row, q] = step * step + squares[roots[k]]
-    # In a loop of its own, so that the compiler vectorises the square roots.
-    for row in range(rows):
-        for col in range(cols):
-            out[row, col] = np.sqrt(out[row, col])
+        q = first
+        for k in range(top + 1):
+            root, square = columns[roots[k]], squares[roots[k]]
+            # A loop for each root, so that the compiler vectorises it.
+            end = last if starts[k + 1] >= last else int(np.floor(starts[k + 1]))
+            for col in range(q, end + 1):
+                step = columns[col] - root
+                out[row, col] = np.sqrt(step * step + square)
+            q = max(q, end + 1)
     return out
