@@ -47,8 +47,14 @@ LIE = "free, confidence 1.0"
 COSTS = (
     *({"delay": delay} for delay in (0.0, 0.1, 0.2, 0.3)),
     *({"pose_error": error} for error in (0.02, 0.05)),
+    {"yaw_error": 0.02},
+    {"jitter": 0.05},
+    {"lag": 0.2},
+    {"noise": 0.03 / NOISE_CUT},
+    {"dropout": 0.2},
+    {"missed": 0.2},
 )
-"""Errors whose cost is measured; the first is none."""
+"""Errors whose cost is measured, with the largest bounds of the attack; the first is none."""
 PLACES = ("corridor", "office")
 """Families in which it is measured."""
 DENSITY, WALK = 0.05, 1.4

@@ -22,6 +22,8 @@ TITLES = {
     "pose_error": "position {:g} m",
     "yaw_error": "yaw {:g} rad",
     "noise": "ranges {:g} m",
+    "dropout": "{:.0%} of the beams missing",
+    "missed": "{:.0%} of the ticks missed",
 }
 """Setting of an error → its name in tables, with its value."""
 
@@ -47,6 +49,11 @@ def _of(drives: Drives, case: Mapping[str, Any]) -> Drives:
     return [d for d in drives if all(d[name] == value for name, value in case.items())]
 
 
+def _named(setting: str, value: float) -> str:
+    """Return an error with its value; of ranges, which have a standard deviation, the bound."""
+    return TITLES[setting].format(value * (NOISE_CUT if setting == "noise" else 1.0))
+
+
 def _beyond(drives: Drives) -> Iterator[dict[str, Any]]:
     """Yield a row for each error that is told, with the contacts at each multiple of it."""
     for setting, told in TOLD.items():
@@ -55,8 +62,7 @@ def _beyond(drives: Drives) -> Iterator[dict[str, Any]]:
             them = _of(drives, {"setting": setting, "factor": factor})
             met = [d for d in them if d.get("touched") or d["outcome"] in ("collided", "crashed")]
             cells[f"× {factor:g}"] = f"{len(met)} of {len(them)}"
-        value = told * (NOISE_CUT if setting == "noise" else 1.0)
-        yield {"told": TITLES[setting].format(value), **cells}
+        yield {"told": _named(setting, told), **cells}
 
 
 def _cost(drives: Drives) -> Iterator[dict[str, Any]]:
@@ -79,7 +85,7 @@ def _cost(drives: Drives) -> Iterator[dict[str, Any]]:
         yield {
             "family": case["family"],
             "arm": f"`{case['arm']}`",
-            "error": TITLES[error].format(value) if value else "none",
+            "error": _named(error, value) if value else "none",
             "drives": len(them),
             "reached": sum(d["outcome"] == "reached" for d in them),
             "collided": sum(d["outcome"] == "collided" for d in them),
