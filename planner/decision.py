@@ -31,7 +31,8 @@ class Decision:
         emergency: whether no plan is safe on the newest map, so that the car brakes as hard as it
             can.
         times: duration of each stage [ms], by name; "cycle" is the time from scan to control, and
-            "path" that of path planning, which mostly follows the control.
+            "path" that of path planning, which mostly follows the control. In a tick without a
+            decision they are those of the decision that came too late, or there are none.
         risk_map: risk map on which the plan was tested.
         prediction: the predictor's newest answer, or None.
         path: path that the plan follows, or None.

@@ -106,6 +106,8 @@ class Navigator:
         self._unsent: Control | None = None
         """Control that was decided last, unless it was withdrawn."""
         self._before = _Before.of(self.chooser, None)
+        self._late_times: dict[str, float] = {}
+        """Times of the stages of a decision that was withdrawn [ms], for the tick that skips it."""
         self.faults: Counter[Fault] = Counter()
         self._level = AdaptiveLevel(config.level, config.adapt)
         self._place, self._lingered, self._rested = (math.inf, math.inf), 0, 0
@@ -258,8 +260,10 @@ class Navigator:
             last_resort=shifted(last.last_resort, self.config.car.braking),
             faults=(Fault.MISSED_TICK,),
             relied=np.empty((0, 2)),
+            times=self._late_times,
             prediction=None,
         )
+        self._late_times = {}
         return self._last
 
     def withdraw(self) -> None:
@@ -268,11 +272,9 @@ class Navigator:
         What was kept before it is kept again, so that `skip` goes on with that. The scan stays in
         the map.
         """
-        before, late = self._before.decision, self._last
-        if before is not None and late is not None:
-            # How long it took remains to be seen.
-            before = replace(before, times=late.times)
-        self.chooser, self._last = self._before.chooser, before
+        if self._last is not None:
+            self._late_times = self._last.times
+        self.chooser, self._last = self._before.chooser, self._before.decision
         self.chooser.recall(self._before.memory)
         self._unsent = None
 

@@ -34,7 +34,7 @@ SHAPES: dict[str, tuple[int | str, ...] | str] = {
     "relied_cells": ("any", 2),
     # 1 if none of them was solid, 0 if one was, -1 if there were none.
     "kept": ("T",),
-    # Duration of each stage in `time_names` [ms].
+    # Duration of each stage in `time_names` [ms]; 0 if it did not run.
     "times": ("T", "any"),
     "time_names": ("any",),
     # Tick, from 1, in which a cell of the world was first observed; 0: never.

@@ -273,7 +273,7 @@ def result_of(
         # The commit on this machine, which may be another than that of the command.
         commit=commit(),
         revision=revision_of(settings.route),
-        cycle_ms=[float(np.percentile(trace.stage_times["cycle"], q)) for q in (50, 99)],
+        cycle_ms=np.percentile(trace.stage_times()["cycle"], [50, 99]).tolist(),
         **more,
     )
 

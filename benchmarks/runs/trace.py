@@ -124,13 +124,17 @@ class Trace:
             self._refuse("relied_count", f"does not add up to the {len(cells)} cells relied on")
         return np.split(cells, np.cumsum(counts))[:-1]
 
-    @cached_property
-    def stage_times(self) -> dict[str, NDArray[np.float32]]:
-        """Stage of the control cycle → its duration in each tick, (T,) [ms]."""
+    def stage_times(self, first: int = 0) -> dict[str, NDArray[np.float32]]:
+        """Return the durations of each stage of the control cycle, (k,) [ms].
+
+        Args:
+            first: first tick that is counted. Ticks in which the stage did not run are not.
+        """
         names, times = self.read("time_names").tolist(), self.read("times")
         if times.shape[1] != len(names):
             self._refuse("times", f"has {times.shape[1]} stages, not {len(names)}")
-        return dict(zip(names, times.T, strict=True))
+        counted = zip(names, times[first:].T, strict=True)
+        return {name: taken[taken > 0.0] for name, taken in counted}
 
     @cached_property
     def truth(self) -> Grid:

@@ -83,13 +83,13 @@ def _transform(mask):  # type: ignore[no-untyped-def]
             roots[top] = q
             starts[top] = crossing if top else -np.inf
         starts[top + 1] = np.inf
-        q = first
+        start = first
         for k in range(top + 1):
             root, square = columns[roots[k]], squares[roots[k]]
             # A loop for each root, so that the compiler vectorises it.
             end = last if starts[k + 1] >= last else int(np.floor(starts[k + 1]))
-            for col in range(q, end + 1):
+            for col in range(start, end + 1):
                 step = columns[col] - root
                 out[row, col] = np.sqrt(step * step + square)
-            q = max(q, end + 1)
+            start = max(start, end + 1)
     return out

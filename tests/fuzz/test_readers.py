@@ -297,8 +297,9 @@ def read_run(folder):
         run.setting(name)
     for index, arm in run.drives:
         trace = run.trace(index, arm)
-        for name in ("states", "distance", "gears", "cusps", "limits", "relied", "stage_times"):
+        for name in ("states", "distance", "gears", "cusps", "limits", "relied"):
             getattr(trace, name)
+        trace.stage_times()
         for name in ("controls", "plans", "kept", "truth", "waypoints", "moment"):
             getattr(trace, name)
         trace.observed(2)

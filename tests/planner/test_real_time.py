@@ -188,10 +188,13 @@ def test_a_withdrawn_decision_leaves_what_was_kept_before():
         decisions = [driver.step(state, LIDAR.scan(task.world, state)) for driver in drivers]
         state = DubinsCar().step(state, decisions[0].control, 0.1)
     late, plain = drivers
-    late.step(state, LIDAR.scan(task.world, state))
+    taken = late.step(state, LIDAR.scan(task.world, state)).times
     late.withdraw()
-    for _ in range(20):
-        assert late.skip().control == plain.skip().control
+    for tick in range(20):
+        skipped = late.skip()
+        assert skipped.control == plain.skip().control
+        # Only the first of these ticks has taken time: that of the late decision.
+        assert skipped.times == ({} if tick else taken)
 
 
 class Slow:

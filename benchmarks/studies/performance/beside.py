@@ -70,8 +70,9 @@ def _drive_all(drives: int, seed: int) -> tuple[dict[str, list[float]], int]:
     late = 0
     for index in range(drives):
         driven = drive(settings, index, ARM)
+        counted = driven.trace.stage_times(WARM_UP)
         for stage, taken in times.items():
-            taken.extend(driven.trace.stage_times[stage][WARM_UP:].tolist())
+            taken.extend(counted[stage].tolist())
         late += driven.result.late_ticks or 0
     return times, late
 

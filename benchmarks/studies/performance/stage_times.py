@@ -90,8 +90,6 @@ def closed_loop(arm: str, drives: int, seed: int) -> dict[str, list[float]]:
     times: dict[str, list[float]] = {}
     drive(settings, 0, arm)
     for index in range(drives):
-        for name, taken in drive(settings, index, arm).trace.stage_times.items():
-            # 0 means that the stage did not run: a path is not planned in every tick.
-            counted = taken[WARM_UP:][taken[WARM_UP:] > 0.0]
-            times.setdefault(name, []).extend(counted.tolist())
+        for name, taken in drive(settings, index, arm).trace.stage_times(WARM_UP).items():
+            times.setdefault(name, []).extend(taken.tolist())
     return times

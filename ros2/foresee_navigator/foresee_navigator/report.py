@@ -82,9 +82,9 @@ def report_on(action: Action, around: Circumstances) -> Report:
             "limit": str(decision.limit),
             "faults": ", ".join(decision.faults),
             "emergency": _yes(decision.emergency),
-            "cycle_ms": f"{decision.times['cycle']:.0f}",
-            "path_ms": f"{decision.times['path']:.0f}",
         }
+        taken = {name: decision.times.get(name) for name in ("cycle", "path")}
+        values |= {f"{name}_ms": f"{ms:.0f}" for name, ms in taken.items() if ms is not None}
     message = str(action.mode)
     if action.mode is Mode.STOPPED:
         why = "; ".join(around.complaints) or "it rolled when the map began"
