@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from sim.canvas import Canvas, Point
+from sim.canvas import Canvas, Point, largest_piece
 from sim.office import Room
 from sim.robot_map import Mapping, disturb, survey
 from sim.scanned_furniture import furnish_as_scanned
@@ -128,7 +128,7 @@ def draw_as_built(rng: np.random.Generator) -> Canvas:
     stops = [_draw(view, one.wing, style, rng) for view, one in zip(views, placed, strict=True)]
     for link in links:
         stops.append(_join(canvas, placed, views, link, style))
-    _keep_largest_piece(canvas)
+    canvas.free = largest_piece(canvas.free)
     if style.mapping is not None:
         places = np.concatenate(stops)
         places += rng.uniform(-0.4, 0.4, places.shape)
@@ -139,7 +139,7 @@ def draw_as_built(rng: np.random.Generator) -> Canvas:
         survey(canvas, places, style.mapping, rng)
         disturb(canvas, style.mapping, rng)
     _thicken(canvas.free)
-    _keep_largest_piece(canvas)
+    canvas.free = largest_piece(canvas.free)
     return canvas
 
 
@@ -381,10 +381,3 @@ def _thicken(free: NDArray[np.bool_]) -> None:
         sizes = np.bincount(runs.ravel())
         sizes[0] = 0
         plane[:, 2:] &= ~(sizes > 5)[runs]
-
-
-def _keep_largest_piece(canvas: Canvas) -> None:
-    pieces, _ = label(canvas.free)
-    sizes = np.bincount(pieces.ravel())
-    sizes[0] = 0
-    canvas.free &= pieces == sizes.argmax()

@@ -10,6 +10,7 @@ from scipy.ndimage import label
 from scipy.spatial import ConvexHull
 
 from foresee.mapping.grid import FREE, OCCUPIED
+from sim.canvas import largest_piece
 from sim.lidar import cast_rays
 from sim.world import World
 
@@ -55,7 +56,7 @@ def building_statistics(world: World, rng: np.random.Generator) -> dict[str, flo
         ValueError: if the building has no free space.
     """
     side = world.grid.frame.resolution
-    free = _largest_piece(world.grid.free)
+    free = largest_piece(world.grid.free)
     cells = np.argwhere(free)
     area = len(cells) * side**2
     distance = world.clearance[free] - 0.5 * side
@@ -78,15 +79,6 @@ def building_statistics(world: World, rng: np.random.Generator) -> dict[str, flo
         "walls": edges * side * math.pi / 4 / area,
         "small": 100 * _small(free, side) / area,
     }
-
-
-def _largest_piece(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    pieces, count = label(free)
-    if not count:
-        raise ValueError("the building has no free space; a map must have free cells")
-    sizes = np.bincount(pieces.ravel())
-    sizes[0] = 0
-    return np.asarray(pieces == sizes.argmax())
 
 
 def _outline(free: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, label
 
 from foresee.mapping.conventions import RESOLUTION
 from foresee.mapping.grid import FREE, OCCUPIED, UNKNOWN, Grid, GridFrame
@@ -103,3 +103,17 @@ class Canvas:
             slice(max(col, WALL_CELLS), max(min(col_end + 1, cols - WALL_CELLS), WALL_CELLS)),
         )
         return part, (self.x[part[1]] - centre[0])[None, :], (self.y[part[0]] - centre[1])[:, None]
+
+
+def largest_piece(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the largest connected piece of the free cells, (rows, columns).
+
+    Raises:
+        ValueError: if no cell is free.
+    """
+    pieces, count = label(free)
+    if not count:
+        raise ValueError("the building has no free space; a map must have free cells")
+    sizes = np.bincount(pieces.ravel())
+    sizes[0] = 0
+    return np.asarray(pieces == sizes.argmax())

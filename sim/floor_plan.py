@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label, map_coordinates
+from scipy.ndimage import binary_dilation, map_coordinates
 
 from foresee.mapping.conventions import RESOLUTION
-from sim.canvas import Canvas, Point
+from sim.canvas import Canvas, Point, largest_piece
 from sim.office import Room, furnish
 from sim.spaces import Door, Space, draw_doors, draw_leaf, largest_group
 from sim.subdivision import Layout, divided
@@ -94,8 +94,7 @@ def draw_floor_plan(rng: np.random.Generator) -> Canvas:
         elif number in entrances:
             _furnish(canvas, spaces[number], entrances[number], style, rng)
     _roughen(canvas, style, rng)
-    pieces, _ = label(canvas.free)
-    canvas.free &= pieces == np.bincount(pieces[canvas.free]).argmax()
+    canvas.free = largest_piece(canvas.free)
     return _bent(canvas, rng) if rng.random() < 0.15 else canvas
 
 

@@ -227,13 +227,9 @@ def remember_far(belief: Belief | None, frame: GridFrame, prediction: Prediction
         frame: frame of the observed map.
         prediction: new prediction; a cell counts as free if all of it is.
     """
-    coarse = coarsened(frame)
-    if belief is None:
-        free, blocked = np.full((2, *coarse.shape), np.nan, dtype=np.float32)
-    else:
-        free, blocked = (values.copy() for values in belief.on(coarse))
+    grown = _on_map(belief, frame)
     cell, (count_rows, count_cols) = prediction.frame.resolution, prediction.frame.shape
-    x, y = coarse.centres()
+    x, y = grown.frame.centres()
     cols, rows = (
         np.floor((centres - origin) / cell).astype(np.int64)
         for centres, origin in zip((x, y), prediction.frame.origin, strict=True)
@@ -241,10 +237,10 @@ def remember_far(belief: Belief | None, frame: GridFrame, prediction: Prediction
     inside_rows, inside_cols = (rows >= 0) & (rows < count_rows), (cols >= 0) & (cols < count_cols)
     here = np.ix_(inside_rows, inside_cols)
     there = np.ix_(rows[inside_rows], cols[inside_cols])
-    free[here] = (prediction.confidence * prediction.p_free)[there]
+    grown.free[here] = (prediction.confidence * prediction.p_free)[there]
     not_free = np.minimum(1.0 - prediction.p_free, prediction.confidence)
-    blocked[here] = (not_free ** (FAR_LANES / LANES))[there]
-    return Belief(coarse, free, blocked)
+    grown.blocked[here] = (not_free ** (FAR_LANES / LANES))[there]
+    return grown
 
 
 def coarsening(frame: GridFrame) -> int:
@@ -269,14 +265,10 @@ def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) ->
         frame: frame of the observed map.
         prediction: new prediction, on the same lattice.
     """
-    coarse, factor = coarsened(frame), coarsening(frame)
-    if belief is None:
-        free, blocked = np.full((2, *coarse.shape), np.nan, dtype=np.float32)
-    else:
-        free, blocked = (values.copy() for values in belief.on(coarse))
+    grown, factor = _on_map(belief, frame), coarsening(frame)
     row, col = frame.offset(prediction.frame)
-    rows, inside_rows = _coarse_index(row, prediction.frame.shape[0], factor, coarse.shape[0])
-    cols, inside_cols = _coarse_index(col, prediction.frame.shape[1], factor, coarse.shape[1])
+    rows, inside_rows = _coarse_index(row, prediction.frame.shape[0], factor, grown.frame.shape[0])
+    cols, inside_cols = _coarse_index(col, prediction.frame.shape[1], factor, grown.frame.shape[1])
     if len(rows) and len(cols):
         here = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
         p_free, confidence = (
@@ -284,10 +276,18 @@ def remember(belief: Belief | None, frame: GridFrame, prediction: Prediction) ->
             for values in (prediction.p_free, prediction.confidence)
         )
         counts = _joined(np.ones(p_free.shape, np.float32), rows, cols, np.add)
-        free[here] = _joined(confidence * p_free, rows, cols, np.add) / counts
+        grown.free[here] = _joined(confidence * p_free, rows, cols, np.add) / counts
         not_free = np.minimum(1.0 - p_free, confidence)
-        blocked[here] = _joined(not_free, rows, cols, np.maximum)
-    return Belief(coarse, free, blocked)
+        grown.blocked[here] = _joined(not_free, rows, cols, np.maximum)
+    return grown
+
+
+def _on_map(belief: Belief | None, frame: GridFrame) -> Belief:
+    """Return a copy of a belief on the cost map of a map's frame; None: nothing was predicted."""
+    coarse = coarsened(frame)
+    if belief is None:
+        return Belief(coarse, *np.full((2, *coarse.shape), np.nan, dtype=np.float32))
+    return Belief(coarse, *(values.copy() for values in belief.on(coarse)))
 
 
 def _coarse_index(
